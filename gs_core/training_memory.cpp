@@ -196,7 +196,7 @@ TrainingSize training_size(const Config& config, const PictureSizes& pictures, d
   size.growth = rises_to_cap(config) ? RowGrowth::reserved : RowGrowth::by_need;
   size.relocates = config.density.strategy == "mcmc";
   size.batch = config.train.batch;
-  if (config.optimizer.moments == MomentForm::compact) size.moment_bytes = 4;
+  size.moment_bytes = moment_bytes(config.optimizer.moments);
   size.is_lazy =
       config.optimizer.lazy == LazyMode::on || config.optimizer.lazy == LazyMode::automatic;
   size.has_time = config.model.dynamic;

@@ -138,24 +138,24 @@ class CurrentRow {
  private:
   void catch_up(const LazySh& lazy) {
     const CatchUp missed = lazy.missed_by(i_);
-    const auto bring = [&](LazyQuantity quantity, auto& row, const auto& m, const auto& v,
-                           const auto& codes) {
+    const auto bring = [&](LazyQuantity quantity, auto& row, const auto&... moments) {
+      constexpr std::size_t kInRow = sizeof(row) / sizeof(float);
+      const MomentNumbers of_quantity = moment_numbers(lazy.moments.form, moments...);
       float* const numbers = reinterpret_cast<float*>(&row);
-      for (std::size_t k = 0; k < sizeof(row) / sizeof(float); ++k) {
-        const float of_m = lazy.has_codes ? first_moment(codes[i_].number[k])
-                                          : reinterpret_cast<const float*>(&m[i_])[k];
-        const float of_v = lazy.has_codes ? second_moment(codes[i_].number[k])
-                                          : reinterpret_cast<const float*>(&v[i_])[k];
-        numbers[k] = caught_up(numbers[k], of_m, of_v, missed.length[quantity], missed.epsilon);
+      for (std::size_t k = 0; k < kInRow; ++k) {
+        float m, v;
+        of_quantity.load(i_ * kInRow + k, m, v);
+        numbers[k] = caught_up(numbers[k], m, v, missed.length[quantity], missed.epsilon);
       }
     };
-    const GaussiansSpan &m = lazy.first_moment, &v = lazy.second_moment;
-    const MomentCodesSpan& codes = lazy.moment_codes;
+    const GaussiansSpan &m = lazy.moments.first, &v = lazy.moments.second;
+    const MomentCodesSpan<CompactCode>& compact = lazy.moments.compact;
+    const MomentCodesSpan<TinyCode>& tiny = lazy.moments.tiny;
     sh_rest_ = gaussians_.sh_rest[i_];
-    bring(kLazySh0, parameters_.sh0, m.sh0, v.sh0, codes.sh0);
-    bring(kLazyShRest, sh_rest_, m.sh_rest, v.sh_rest, codes.sh_rest);
+    bring(kLazySh0, parameters_.sh0, m.sh0, v.sh0, compact.sh0, tiny.sh0);
+    bring(kLazyShRest, sh_rest_, m.sh_rest, v.sh_rest, compact.sh_rest, tiny.sh_rest);
     if (gaussians_.has_slope)
-      bring(kLazySh0Slope, sh0_slope_, m.sh0_slope, v.sh0_slope, codes.sh0_slope);
+      bring(kLazySh0Slope, sh0_slope_, m.sh0_slope, v.sh0_slope, compact.sh0_slope, tiny.sh0_slope);
     parameters_.sh_rest = sh_rest_.coefficient;
   }
 

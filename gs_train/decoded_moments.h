@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Compact moments as floats, to be compared.
+// Moments that are codes as floats, to be compared.
 #pragma once
 
 #include "gs_train/training_model.h"
@@ -9,19 +9,21 @@ namespace gs {
 /// The same model in host memory, with codes as moments of floats.
 inline TrainingModel decoded(const TrainingModel& from) {
   TrainingModel model = copy_to(host_memory(), from);
-  if (!model.has_codes) return model;
+  if (!are_codes(model.moment_form)) return model;
   model.first_moment.resize(model.count());
   model.second_moment.resize(model.count());
-  for_each_array(
-      [](const char*, const auto& m, const auto& v, const auto& moments) {
-        const Span<MomentCode> codes = codes_of(moments);
-        for (std::size_t i = 0; i < codes.size; ++i) {
-          numbers_of(m)[i] = first_moment(codes[i]);
-          numbers_of(v)[i] = second_moment(codes[i]);
-        }
-      },
-      model.first_moment, model.second_moment, model.moment_codes);
-  model.has_codes = false;
+  with_code(model.moment_form, [&]<class Code>(Code) {
+    for_each_array(
+        [](const char*, const auto& m, const auto& v, const auto& moments) {
+          const Span<Code> codes = codes_of(moments);
+          for (std::size_t i = 0; i < codes.size; ++i) {
+            numbers_of(m)[i] = first_moment(codes[i]);
+            numbers_of(v)[i] = second_moment(codes[i]);
+          }
+        },
+        model.first_moment, model.second_moment, codes_in<Code>(model));
+  });
+  model.moment_form = MomentForm::floats;
   return model;
 }
 

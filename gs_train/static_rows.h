@@ -79,18 +79,6 @@ GS_HD void make_color_static(const GaussiansSpan& rows, std::size_t i,
   rows.sh0_slope[i] = Vec3f(0.0f);
 }
 
-/// Adam's moments of rows, in the form that they have (TrainingModel); the arrays of the other one
-/// are empty.
-struct MomentsSpan {
-  GaussiansSpan first, second;
-  bool has_codes = false;
-  MomentCodesSpan codes;
-};
-inline MomentsSpan moments_of(const TrainingModel& model) {
-  return {model.first_moment.span(), model.second_moment.span(), model.has_codes,
-          model.moment_codes.span()};
-}
-
 /// Clears the moments of what has another meaning in a static row.
 template <class Arrays>
 GS_HD void clear_for_static(const Arrays& moments, std::size_t i) {
@@ -124,8 +112,10 @@ GS_HD bool make_static(const GaussiansSpan& rows, const MomentsSpan& moments, st
   rows.logit_opacity[i] = float(made.logit_opacity);
   rows.time_mean[i] = 0.5f;
   rows.log_time_scale[i] = kStaticLogTimeScale;
-  if (moments.has_codes) {
-    clear_for_static(moments.codes, i);
+  if (moments.form == MomentForm::compact) {
+    clear_for_static(moments.compact, i);
+  } else if (moments.form == MomentForm::tiny) {
+    clear_for_static(moments.tiny, i);
   } else {
     clear_for_static(moments.first, i);
     clear_for_static(moments.second, i);

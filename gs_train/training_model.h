@@ -4,7 +4,9 @@
 
 #include <string>
 #include <string_view>
+#include <type_traits>
 
+#include "gs_core/error.h"
 #include "gs_core/gaussians.h"
 #include "gs_core/math/growth.h"
 #include "gs_core/math/lazy_adam.h"
@@ -61,11 +63,12 @@ struct ModelMemory {
 /// like the others.
 struct TrainingModel {
   Gaussians gaussians;
-  // Adam's moments: as floats, or both as codes (optimizer.moments). The arrays of the other form
+  // Adam's moments: as floats, or both as codes (optimizer.moments). The arrays of the other forms
   // are empty.
+  MomentForm moment_form = MomentForm::floats;
   Gaussians first_moment, second_moment;
-  bool has_codes = false;
-  MomentCodes moment_codes;
+  MomentCodes<CompactCode> compact_codes;
+  MomentCodes<TinyCode> tiny_codes;
   DensityStatistics statistics;
   LazyState lazy;
   PhotometricState photometric;  // of the photos; empty without photometric.model
@@ -77,11 +80,12 @@ struct TrainingModel {
 
   explicit TrainingModel(const ModelMemory& memory = host_memory())
       : gaussians(memory.rows), first_moment(memory.rows), second_moment(memory.rows),
-        moment_codes(memory.rows), statistics(memory.rows), lazy(memory.rows),
-        photometric(memory.rows) {
+        compact_codes(memory.rows), tiny_codes(memory.rows), statistics(memory.rows),
+        lazy(memory.rows), photometric(memory.rows) {
     for (Gaussians* const arrays : {&gaussians, &first_moment, &second_moment})
       arrays->sh_rest = Buffer<ShRest>(memory.sh_rest);
-    moment_codes.sh_rest = decltype(moment_codes.sh_rest)(memory.sh_rest);
+    compact_codes.sh_rest = decltype(compact_codes.sh_rest)(memory.sh_rest);
+    tiny_codes.sh_rest = decltype(tiny_codes.sh_rest)(memory.sh_rest);
   }
   std::size_t count() const { return gaussians.count(); }
   /// Where its arrays lie.
@@ -91,14 +95,34 @@ struct TrainingModel {
   void set_learned_arrays(const Gaussians& like) {
     for (Gaussians* const arrays : {&gaussians, &first_moment, &second_moment})
       take_learned_arrays(*arrays, like);
-    take_learned_arrays(moment_codes, like);
+    take_learned_arrays(compact_codes, like);
+    take_learned_arrays(tiny_codes, like);
   }
 };
+
+/// The codes of the form that a model has; the others are empty.
+template <class Code, class Model>
+auto& codes_in(Model& model) {
+  if constexpr (std::is_same_v<Code, TinyCode>)
+    return model.tiny_codes;
+  else
+    return model.compact_codes;
+}
+/// Calls f(Code()) with the kind of code of a model whose moments are codes.
+template <class F>
+void with_code(MomentForm form, F&& f) {
+  GS_CHECK(are_codes(form));
+  if (form == MomentForm::tiny)
+    f(TinyCode());
+  else
+    f(CompactCode());
+}
 
 /// Calls f(arrays) for each set of arrays that holds moments of the model.
 template <class F, class Model>
 void for_each_moment(F&& f, Model& model) {
-  if (model.has_codes) return f(model.moment_codes);
+  if (are_codes(model.moment_form))
+    return with_code(model.moment_form, [&]<class Code>(Code) { f(codes_in<Code>(model)); });
   f(model.first_moment);
   f(model.second_moment);
 }
@@ -130,8 +154,11 @@ void for_each_row_array(F&& f, First&& first, Rest&&... rest) {
     };
   };
   for_each_stored_array(visit(RowRole::parameter, "gaussians"), first.gaussians, rest.gaussians...);
-  if (first.has_codes) {
-    for_each_array(visit(RowRole::moment, "moments"), first.moment_codes, rest.moment_codes...);
+  if (are_codes(first.moment_form)) {
+    with_code(first.moment_form, [&]<class Code>(Code) {
+      for_each_array(visit(RowRole::moment, "moments"), codes_in<Code>(first),
+                     codes_in<Code>(rest)...);
+    });
   } else {
     for_each_array(visit(RowRole::moment, "first_moment"), first.first_moment,
                    rest.first_moment...);
@@ -177,13 +204,17 @@ inline void end_lazy(TrainingModel& model) {
   model.lazy = LazyState(model.lazy.updated_at.memory());
 }
 
+/// Adam's moments of all rows.
+inline MomentsSpan moments_of(const TrainingModel& model) {
+  return {model.moment_form, model.first_moment.span(), model.second_moment.span(),
+          model.compact_codes.span(), model.tiny_codes.span()};
+}
+
 /// What a renderer needs to draw rows that are late.
 inline LazySh lazy_sh_of(const TrainingModel& model) {
   const LazyState& lazy = model.lazy;
-  return {std::uint32_t(lazy.updates), lazy.updated_at.data(),
-          lazy.missed.data(),          model.has_codes,
-          model.first_moment.span(),   model.second_moment.span(),
-          model.moment_codes.span()};
+  return {std::uint32_t(lazy.updates), lazy.updated_at.data(), lazy.missed.data(),
+          moments_of(model)};
 }
 
 /// Gives the statistics sums over fragments, zeros, where they have none yet.
@@ -214,7 +245,7 @@ inline void clear_moments(TrainingModel& model, MomentClearing which) {
 /// A copy of everything, in another memory.
 inline TrainingModel copy_to(const ModelMemory& memory, const TrainingModel& from) {
   TrainingModel model(memory);
-  model.has_codes = from.has_codes;
+  model.moment_form = from.moment_form;
   model.set_learned_arrays(from.gaussians);
   model.gaussians.has_filter = from.gaussians.has_filter;
   model.statistics.has_sums = from.statistics.has_sums;

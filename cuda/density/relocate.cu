@@ -9,6 +9,7 @@
 #include <cub/device/device_scan.cuh>
 #include <cub/device/device_select.cuh>
 
+#include "cuda/density/rows.cuh"
 #include "cuda/device/cub_scratch.cuh"
 #include "cuda/stages.cuh"
 #include "gs_train/row_rules.h"
@@ -69,8 +70,8 @@ __global__ void share_kernel(GaussiansSpan rows, Span<const std::uint32_t> drawn
 }
 
 // Rows of kWords words: row to[k], or first + k where `to` is null, becomes row source[k].
-template <int kWords>
-__global__ void copy_rows_kernel(std::uint32_t* rows, Span<const std::uint32_t> source,
+template <int kWords, class Word>
+__global__ void copy_rows_kernel(Word* rows, Span<const std::uint32_t> source,
                                  const std::uint32_t* to, std::size_t first) {
   const std::size_t item = thread_number(), k = item / kWords, word = item % kWords;
   if (k >= source.size) return;
@@ -79,20 +80,13 @@ __global__ void copy_rows_kernel(std::uint32_t* rows, Span<const std::uint32_t> 
 }
 
 // The same rows become zero.
-template <int kWords>
-__global__ void clear_rows_kernel(std::uint32_t* rows, std::size_t count, const std::uint32_t* to,
+template <int kWords, class Word>
+__global__ void clear_rows_kernel(Word* rows, std::size_t count, const std::uint32_t* to,
                                   std::size_t first) {
   const std::size_t item = thread_number(), k = item / kWords, word = item % kWords;
   if (k >= count) return;
   const std::size_t row = to ? to[k] : first + k;
   rows[row * kWords + word] = 0;
-}
-
-template <class T>
-constexpr int kWordsOf = sizeof(T) / sizeof(std::uint32_t);
-template <class T>
-std::uint32_t* words_of(const Buffer<T>& rows) {
-  return reinterpret_cast<std::uint32_t*>(rows.data());
 }
 
 }  // namespace
@@ -149,8 +143,9 @@ void Relocation::share_sources(TrainingModel& model, float least_opacity) {
   for_each_row_array(
       [&]<class T>(const RowArray& which, Buffer<T>& rows) {
         if (which.role == RowRole::moment)
-          launch(clear_rows_kernel<kWordsOf<T>>, source_.size() * kWordsOf<T>, words_of(rows),
-                 source_.size(), static_cast<const std::uint32_t*>(source_.data()), std::size_t(0));
+          launch(clear_rows_kernel<kWordsOf<T>, WordOf<T>>, source_.size() * kWordsOf<T>,
+                 words_of(rows), source_.size(), static_cast<const std::uint32_t*>(source_.data()),
+                 std::size_t(0));
       },
       model);
 }
@@ -162,9 +157,11 @@ void Relocation::copy_rows(TrainingModel& model, const std::uint32_t* to, std::s
       [&]<class T>(const RowArray& which, Buffer<T>& rows) {
         const std::size_t words = source.size * kWordsOf<T>;
         if (which.role == RowRole::parameter)
-          launch(copy_rows_kernel<kWordsOf<T>>, words, words_of(rows), source, to, first);
+          launch(copy_rows_kernel<kWordsOf<T>, WordOf<T>>, words, words_of(rows), source, to,
+                 first);
         if (which.role == RowRole::moment)
-          launch(clear_rows_kernel<kWordsOf<T>>, words, words_of(rows), source.size, to, first);
+          launch(clear_rows_kernel<kWordsOf<T>, WordOf<T>>, words, words_of(rows), source.size, to,
+                 first);
       },
       model);
 }

@@ -4,6 +4,7 @@
 #pragma once
 
 #include <algorithm>
+#include <type_traits>
 
 #include "cuda/device/context.cuh"
 #include "gs_core/buffer.h"
@@ -83,13 +84,25 @@ Span<const std::uint32_t> morton_order(Context& context, RowOrderWorkspace& work
 
 inline constexpr int kGatherThreads = 256;  // threads of a block, and rows that it copies
 
+/// What rows of T are copied in: words of 4 bytes, or of 2 where their codes are tiny.
+template <class T>
+using WordOf =
+    std::conditional_t<sizeof(T) % sizeof(std::uint32_t) == 0, std::uint32_t, std::uint16_t>;
+template <class T>
+inline constexpr int kWordsOf = sizeof(T) / sizeof(WordOf<T>);
+template <class T>
+WordOf<T>* words_of(const Buffer<T>& rows) {
+  static_assert(sizeof(T) % sizeof(WordOf<T>) == 0);
+  return reinterpret_cast<WordOf<T>*>(rows.data());
+}
+
 /// Copies kCopied words of each row. Rows lie kFrom words apart in `from`, and kTo words apart in
 /// `to`. Row i comes from row source[i], or from row i without a source.
 /// A block takes kGatherThreads rows. Its threads take one word after another, so that neighboring
 /// threads read and write neighboring words.
-template <int kCopied, int kFrom, int kTo>
-__global__ void copy_columns_kernel(const std::uint32_t* from, const std::uint32_t* source,
-                                    std::size_t rows, std::uint32_t* to) {
+template <int kCopied, int kFrom, int kTo, class Word>
+__global__ void copy_columns_kernel(const Word* from, const std::uint32_t* source, std::size_t rows,
+                                    Word* to) {
   const std::size_t first = std::size_t(blockIdx.x) * kGatherThreads;
   const unsigned words = unsigned(min_of(rows - first, std::size_t(kGatherThreads))) * kCopied;
   for (unsigned k = threadIdx.x; k < words; k += kGatherThreads) {
@@ -115,10 +128,8 @@ class RowGather {
   /// zeros.
   template <class T>
   void gather(Buffer<T>& array, Span<const std::uint32_t> source, std::size_t count) {
-    static_assert(sizeof(T) % sizeof(std::uint32_t) == 0);
     array.reserve(count);
-    gather_columns<sizeof(T) / sizeof(std::uint32_t)>(
-        reinterpret_cast<std::uint32_t*>(array.data()), source);
+    gather_columns<kWordsOf<T>>(words_of(array), source);
     array.resize(count);
     if (count > source.size)
       array.memory().fill_zero(array.data() + source.size, (count - source.size) * sizeof(T));
@@ -130,15 +141,15 @@ class RowGather {
 
  private:
   // The words from kFirst on of each row. A pass changes no word that a later one reads.
-  template <int kWords, int kFirst = 0>
-  void gather_columns(std::uint32_t* rows, Span<const std::uint32_t> source) {
+  template <int kWords, int kFirst = 0, class Word>
+  void gather_columns(Word* rows, Span<const std::uint32_t> source) {
     constexpr int kCopied = std::min(kWords - kFirst, BorrowedRoom::kWordsOfRow);
-    std::uint32_t* const room = room_.words(source.size);
+    Word* const room = reinterpret_cast<Word*>(room_.words(source.size));
     const std::size_t blocks = blocks_for(source.size, kGatherThreads);
-    context_.launch("gather", copy_columns_kernel<kCopied, kWords, kCopied>, blocks, kGatherThreads,
-                    rows + kFirst, source.data, source.size, room);
-    context_.launch("gather", copy_columns_kernel<kCopied, kCopied, kWords>, blocks, kGatherThreads,
-                    room, nullptr, source.size, rows + kFirst);
+    context_.launch("gather", copy_columns_kernel<kCopied, kWords, kCopied, Word>, blocks,
+                    kGatherThreads, rows + kFirst, source.data, source.size, room);
+    context_.launch("gather", copy_columns_kernel<kCopied, kCopied, kWords, Word>, blocks,
+                    kGatherThreads, room, nullptr, source.size, rows + kFirst);
     if constexpr (kFirst + kCopied < kWords) gather_columns<kWords, kFirst + kCopied>(rows, source);
   }
 

@@ -9,32 +9,17 @@
 
 namespace gs::cuda {
 
-/// The moments of one quantity, in whichever form the model has them.
-struct MomentNumbers {
-  const float *m, *v;
-  const MomentCode* codes;  // null: floats
-
-  __device__ void load(std::size_t at, float& of_m, float& of_v) const {
-    if (codes) {
-      const MomentCode code = codes[at];
-      of_m = first_moment(code);
-      of_v = second_moment(code);
-    } else {
-      of_m = m[at];
-      of_v = v[at];
-    }
+/// The color of row i, three numbers, after the updates that it has missed.
+__device__ inline Vec3f caught_up_color(const MomentNumbers& moments, std::size_t i,
+                                        const Vec3f& color, float length, float epsilon) {
+  Vec3f result;
+  for (int c = 0; c < 3; ++c) {
+    float m, v;
+    moments.load(3 * i + c, m, v);
+    result[c] = caught_up(color[c], m, v, length, epsilon);
   }
-  /// Those of three numbers of row i, whose parameters are `value`.
-  __device__ Vec3f caught_up(std::size_t i, const Vec3f& value, float length, float epsilon) const {
-    Vec3f result;
-    for (int c = 0; c < 3; ++c) {
-      float of_m, of_v;
-      load(3 * i + c, of_m, of_v);
-      result[c] = gs::caught_up(value[c], of_m, of_v, length, epsilon);
-    }
-    return result;
-  }
-};
+  return result;
+}
 
 /// LazySh, as kernels take it.
 struct LazyColors {
@@ -48,12 +33,10 @@ struct LazyColors {
 inline LazyColors lazy_colors(const LazySh& lazy) {
   LazyColors colors{lazy.updates, lazy.updated_at, lazy.missed};
   for_each_lazy_array(
-      [&](LazyQuantity quantity, const auto& m, const auto& v, const auto& codes) {
-        colors.of[quantity] = {
-            reinterpret_cast<const float*>(m.data), reinterpret_cast<const float*>(v.data),
-            lazy.has_codes ? reinterpret_cast<const MomentCode*>(codes.data) : nullptr};
+      [&](LazyQuantity quantity, const auto&... moments) {
+        colors.of[quantity] = moment_numbers(lazy.moments.form, moments...);
       },
-      lazy.first_moment, lazy.second_moment, lazy.moment_codes);
+      lazy.moments.first, lazy.moments.second, lazy.moments.compact, lazy.moments.tiny);
   return colors;
 }
 

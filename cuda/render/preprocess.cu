@@ -173,7 +173,8 @@ __device__ void catch_up(WarpShared<true>& shared, const SomeLate& late, Gaussia
   if (!is_due) return;
   const int lane = lane_of_thread();
   const auto current = [&](LazyQuantity quantity, const Vec3f& value) {
-    return late.of[quantity].caught_up(i, value, lazy.length[quantity][lane], lazy.epsilon[lane]);
+    return caught_up_color(late.of[quantity], i, value, lazy.length[quantity][lane],
+                           lazy.epsilon[lane]);
   };
   if constexpr (has_slope) {
     // Both are late, and the color is that of the moment already.

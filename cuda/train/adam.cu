@@ -17,8 +17,8 @@ __global__ void adam_kernel(Span<float> parameters, Span<float> m, Span<float> v
 }
 
 // The same with moments that are codes. `place` is that of the quantity (NumberPlaces).
-template <int kInRow>
-__global__ void adam_codes_kernel(Span<float> parameters, Span<MomentCode> moments,
+template <int kInRow, class Code>
+__global__ void adam_codes_kernel(Span<float> parameters, Span<Code> moments,
                                   Span<const float> gradient, AdamStep step, AdamRule rule,
                                   MomentRounding rounding, int place) {
   const std::size_t i = std::size_t(blockIdx.x) * kThreads + threadIdx.x;
@@ -75,9 +75,10 @@ __global__ void update_by_sums_kernel(SummedArray array, int in_use, AdamStep st
 }
 
 // The same for an array whose moments are codes.
+template <class Code>
 struct SummedCodes {
   float* parameters;
-  MomentCode* moments;
+  Code* moments;
   float* sums;
   std::size_t size;              // numbers
   const std::uint32_t* touched;  // BatchSums
@@ -86,9 +87,10 @@ struct SummedCodes {
   Shard shard;
 };
 
-template <int kInRow>
-__global__ void update_codes_by_sums_kernel(SummedCodes array, int in_use, AdamStep step,
+template <int kInRow, class Code>
+__global__ void update_codes_by_sums_kernel(SummedCodes<Code> array, int in_use, AdamStep step,
                                             AdamRule rule, const std::uint32_t* halted) {
+  using FourCodes = std::conditional_t<sizeof(Code) == sizeof(float), uint4, ushort4>;
   const std::size_t first = 4 * (std::size_t(blockIdx.x) * kThreads + threadIdx.x);
   if (first >= array.size || *halted) return;
   std::size_t row = first / kInRow;
@@ -96,7 +98,7 @@ __global__ void update_codes_by_sums_kernel(SummedCodes array, int in_use, AdamS
     return array.rounding.of_row(array.shard.row_of_all(i));
   };
   std::uint32_t of_row = random_of(row);
-  const auto update = [&](std::size_t at, float& p, MomentCode& moments, float gradient) {
+  const auto update = [&](std::size_t at, float& p, Code& moments, float gradient) {
     if (at / kInRow != row) of_row = random_of(row = at / kInRow);
     const int number = int(at - row * kInRow);
     if (number < in_use)
@@ -105,12 +107,12 @@ __global__ void update_codes_by_sums_kernel(SummedCodes array, int in_use, AdamS
   if (first + 4 <= array.size) {
     const bool is_touched = has_gradients(array.touched, first / kInRow, (first + 3) / kInRow);
     float4 p = *reinterpret_cast<float4*>(array.parameters + first);
-    uint4 codes = *reinterpret_cast<uint4*>(array.moments + first);
+    FourCodes codes = *reinterpret_cast<FourCodes*>(array.moments + first);
     float4& sums = *reinterpret_cast<float4*>(array.sums + first);
     float4 gradient{0, 0, 0, 0};
     if (is_touched) gradient = sums;
-    const auto update_code = [&](std::size_t at, float& of_p, unsigned& code, float of_gradient) {
-      MomentCode moments{code};
+    const auto update_code = [&](std::size_t at, float& of_p, auto& code, float of_gradient) {
+      Code moments{code};
       update(at, of_p, moments, of_gradient);
       code = moments.bits;
     };
@@ -119,7 +121,7 @@ __global__ void update_codes_by_sums_kernel(SummedCodes array, int in_use, AdamS
     update_code(first + 2, p.z, codes.z, gradient.z);
     update_code(first + 3, p.w, codes.w, gradient.w);
     *reinterpret_cast<float4*>(array.parameters + first) = p;
-    *reinterpret_cast<uint4*>(array.moments + first) = codes;
+    *reinterpret_cast<FourCodes*>(array.moments + first) = codes;
     if (is_touched) sums = float4{0, 0, 0, 0};
   } else {
     for (std::size_t i = first; i < array.size; ++i) {
@@ -131,9 +133,9 @@ __global__ void update_codes_by_sums_kernel(SummedCodes array, int in_use, AdamS
 
 // One array of color where SH is updated lazily, and the sums of its gradients.
 struct LazySums {
-  float *parameters, *m, *v, *sums;
-  MomentCode* codes;  // null: the moments are floats
-  std::size_t size;   // numbers
+  float *parameters, *sums;
+  MomentNumbers moments;
+  std::size_t size;  // numbers
   const std::uint32_t* touched;
   LazyColors lazy;
   MomentRounding rounding;
@@ -151,19 +153,16 @@ __global__ void update_lazily_by_sums_kernel(LazySums array, int in_use, AdamSte
   const int number = int(i - row * kInRow);
   if (number >= in_use || !has_gradients(array.touched, row, row)) return;
   float p = array.parameters[i], m, v;
-  MomentNumbers{array.m, array.v, array.codes}.load(i, m, v);
+  array.moments.load(i, m, v);
   if (array.lazy.is_late(row))
     catch_up(p, m, v, array.lazy.missed[array.lazy.updated_at[row]].catch_up, array.quantity);
   adam_update(p, m, v, array.sums[i], step, rule);
   array.parameters[i] = p;
   array.sums[i] = 0;
-  if (array.codes) {
-    array.codes[i] =
-        moment_code(m, v, random_of_number(array.rounding.of_row(row), array.place + number));
-  } else {
-    array.m[i] = m;
-    array.v[i] = v;
-  }
+  std::uint32_t random = 0;
+  if (array.moments.are_codes())
+    random = random_of_number(array.rounding.of_row(row), array.place + number);
+  array.moments.store(i, m, v, random);
 }
 
 // After the updates: statistics += their sums, which are cleared. A warp has 32 rows with one word
@@ -204,8 +203,10 @@ class CudaOptimizer final : public Optimizer {
     const AdamRule& rule = update.rule;
     const int t = model.adam_steps += rule.steps;
     const AdamSteps steps = adam_steps(t, update.rates, rule);
-    if (model.has_codes)
-      update_codes(model, gradients, steps, rule, {update.rounding_seed, t});
+    if (are_codes(model.moment_form))
+      with_code(model.moment_form, [&]<class Code>(Code) {
+        update_codes<Code>(model, gradients, steps, rule, {update.rounding_seed, t});
+      });
     else
       update_floats(model, gradients, steps, rule);
   }
@@ -222,6 +223,7 @@ class CudaOptimizer final : public Optimizer {
         },
         model.gaussians, model.first_moment, model.second_moment, gradients, steps);
   }
+  template <class Code>
   void update_codes(const TrainingModel& model, const Gaussians& gradients, const AdamSteps& steps,
                     const AdamRule& rule, const MomentRounding& rounding) {
     for_each_array(
@@ -229,11 +231,11 @@ class CudaOptimizer final : public Optimizer {
             const AdamStep& step, int place) {
           constexpr int kInRow = int(sizeof(parameters[0]) / sizeof(float));
           const Span<float> numbers = numbers_of(parameters);
-          context_.launch("adam", adam_codes_kernel<kInRow>, blocks_for(numbers.size, kThreads),
-                          kThreads, numbers, codes_of(moments), numbers_of(gradient), step, rule,
-                          rounding, place);
+          context_.launch("adam", adam_codes_kernel<kInRow, Code>,
+                          blocks_for(numbers.size, kThreads), kThreads, numbers, codes_of(moments),
+                          numbers_of(gradient), step, rule, rounding, place);
         },
-        model.gaussians, model.moment_codes, gradients, steps, number_places());
+        model.gaussians, codes_in<Code>(model), gradients, steps, number_places());
   }
 
   Context& context_;
@@ -256,35 +258,43 @@ void update_by_sums(Context& context, TrainingModel& model, const AdamSteps& ste
   // One array with its moments, which are floats in m and v, or codes.
   const auto update = [&]<class Row>(const std::uint32_t* touched, const Buffer<Row>& rows,
                                      const Buffer<Row>& m, const Buffer<Row>& v,
-                                     const Buffer<CodedRow<Row>>& codes, const Buffer<Row>& sum,
-                                     const AdamStep& step, int place) {
+                                     const Buffer<CodedRow<CompactCode, Row>>& compact,
+                                     const Buffer<CodedRow<TinyCode, Row>>& tiny,
+                                     const Buffer<Row>& sum, const AdamStep& step, int place) {
     constexpr int kInRow = int(sizeof(Row) / sizeof(float));
     const Span<float> numbers = numbers_of(rows);
-    if (model.has_codes)
-      launch(update_codes_by_sums_kernel<kInRow>,
-             SummedCodes{numbers.data, codes_of(codes).data, numbers_of(sum).data, numbers.size,
-                         touched, rounding, place, shard},
+    const auto update_codes = [&]<class Code>(Span<Code> codes) {
+      launch(update_codes_by_sums_kernel<kInRow, Code>,
+             SummedCodes<Code>{numbers.data, codes.data, numbers_of(sum).data, numbers.size,
+                               touched, rounding, place, shard},
              rows, step, 4);
-    else
-      launch(update_by_sums_kernel<kInRow>,
-             SummedArray{numbers.data, numbers_of(m).data, numbers_of(v).data, numbers_of(sum).data,
-                         numbers.size, touched},
-             rows, step, 4);
+    };
+    switch (model.moment_form) {
+      case MomentForm::compact: return update_codes(codes_of(compact));
+      case MomentForm::tiny: return update_codes(codes_of(tiny));
+      case MomentForm::floats:
+        launch(update_by_sums_kernel<kInRow>,
+               SummedArray{numbers.data, numbers_of(m).data, numbers_of(v).data,
+                           numbers_of(sum).data, numbers.size, touched},
+               rows, step, 4);
+    }
   };
   const auto update_late = [&]<class Row>(LazyQuantity quantity, const Buffer<Row>& rows,
                                           const Buffer<Row>& m, const Buffer<Row>& v,
-                                          const Buffer<CodedRow<Row>>& codes,
+                                          const Buffer<CodedRow<CompactCode, Row>>& compact,
+                                          const Buffer<CodedRow<TinyCode, Row>>& tiny,
                                           const Buffer<Row>& sum, const AdamStep& step, int place) {
     const Span<float> numbers = numbers_of(rows);
     launch(update_lazily_by_sums_kernel<int(sizeof(Row) / sizeof(float))>,
-           LazySums{numbers.data, numbers_of(m).data, numbers_of(v).data, numbers_of(sum).data,
-                    model.has_codes ? codes_of(codes).data : nullptr, numbers.size,
-                    sums.touched.data(), lazy_colors(*lazy_sh), rounding, quantity, place},
+           LazySums{
+               numbers.data, numbers_of(sum).data,
+               moment_numbers(model.moment_form, m.span(), v.span(), compact.span(), tiny.span()),
+               numbers.size, sums.touched.data(), lazy_colors(*lazy_sh), rounding, quantity, place},
            rows, step, 1);
   };
   const auto for_all = [&](auto&& for_each, auto&& f) {
-    for_each(f, model.gaussians, model.first_moment, model.second_moment, model.moment_codes,
-             sums.gradients, steps, number_places());
+    for_each(f, model.gaussians, model.first_moment, model.second_moment, model.compact_codes,
+             model.tiny_codes, sums.gradients, steps, number_places());
   };
   const std::uint32_t* const touched = sums.touched.data();
   for_all([](auto&&... arguments) { for_each_prompt_array(arguments...); },

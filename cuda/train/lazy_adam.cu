@@ -23,11 +23,10 @@ __global__ void extend_missed_kernel(MissedUpdates* missed, std::uint32_t update
   missed[k] = sums;
 }
 
-// The numbers of one quantity of all rows. The moments are floats or codes; the others are null.
+// The numbers of one quantity of all rows.
 struct LazyArray {
   float* parameters;
-  float *m, *v;
-  MomentCode* codes;
+  MomentNumbers moments;
   std::size_t size;  // numbers
   int quantity, place;
 };
@@ -42,16 +41,13 @@ __global__ void catch_up_kernel(LazyArray array, LazyColors lazy, MomentRounding
   if (!lazy.is_late(row)) return;
   const CatchUp missed = lazy.missed[lazy.updated_at[row]].catch_up;
   float m, v;
-  MomentNumbers{array.m, array.v, array.codes}.load(i, m, v);
+  array.moments.load(i, m, v);
   catch_up(array.parameters[i], m, v, missed, array.quantity);
   if (!changes_moments) return;
-  if (array.codes) {
-    array.codes[i] =
-        moment_code(m, v, random_of_number(rounding.of_row(row), array.place + int(i % kInRow)));
-  } else {
-    array.m[i] = m;
-    array.v[i] = v;
-  }
+  std::uint32_t random = 0;
+  if (array.moments.are_codes())
+    random = random_of_number(rounding.of_row(row), array.place + int(i % kInRow));
+  array.moments.store(i, m, v, random);
 }
 
 __global__ void clear_updates_kernel(Span<std::uint32_t> updated_at, const std::uint32_t* halted) {
@@ -64,22 +60,17 @@ void catch_up_arrays(Context& context, const TrainingModel& model, const LazySh&
                      const std::uint32_t* halted) {
   const LazyColors lazy = lazy_colors(late);
   for_each_lazy_array(
-      [&]<class Row>(LazyQuantity quantity, const Buffer<Row>& rows, const Buffer<Row>& m,
-                     const Buffer<Row>& v, const Buffer<CodedRow<Row>>& codes, int place) {
+      [&]<class Row>(LazyQuantity quantity, const Buffer<Row>& rows, int place,
+                     const auto&... moments) {
         const Span<float> numbers = numbers_of(rows);
-        const LazyArray array{numbers.data,
-                              numbers_of(m).data,
-                              numbers_of(v).data,
-                              model.has_codes ? codes_of(codes).data : nullptr,
-                              numbers.size,
-                              quantity,
-                              place};
+        const LazyArray array{numbers.data, moment_numbers(late.moments.form, moments...),
+                              numbers.size, quantity, place};
         context.launch("lazy Adam", catch_up_kernel<int(sizeof(Row) / sizeof(float))>,
                        blocks_for(numbers.size, kThreads), kThreads, array, lazy, rounding,
                        changes_moments, halted);
       },
-      model.gaussians, model.first_moment, model.second_moment, model.moment_codes,
-      number_places());
+      model.gaussians, number_places(), late.moments.first, late.moments.second,
+      late.moments.compact, late.moments.tiny);
 }
 
 }  // namespace

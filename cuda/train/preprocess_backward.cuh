@@ -12,6 +12,7 @@
 #include "cuda/render/sh_rows.cuh"
 #include "cuda/stages.cuh"
 #include "cuda/train/row_updates.cuh"
+#include "cuda/train/updates_of_codes.cuh"
 #include "gs_core/math/filtered_splat.h"
 #include "gs_core/math/spacetime_color.h"
 
@@ -23,9 +24,9 @@ inline constexpr int kBasisStride =
     kShBasisCount + 1;  // odd, so that 32 rows begin in different banks
 
 template <class Numbers, class Rows, bool is_lazy>
-struct GradientShared : RandomRows<Numbers::kAreCodes>, MissedRows<is_lazy> {
+struct GradientShared : CodeRows<Numbers::kCodeBytes>, MissedRows<is_lazy> {
   // of the parameters, and what goes along; aligned for copies of 16 bytes
-  alignas(16) float sh_rows[Numbers::kArrays][kWarp * kShRowNumbers];
+  alignas(16) float sh_rows[kFloatArrays<Numbers>][kWarp * kShRowNumbers];
   union {
     Rows numbers;                       // parameters at first, gradients in the end
     float basis[kWarp * kBasisStride];  // of the viewing direction of each Gaussian, between
@@ -44,9 +45,14 @@ __device__ float sh_gradient(const Shared& shared, int row, int number) {
 template <int degree, class Shared, class Numbers, class Which>
 __device__ void start_sh_rows(Shared& shared, const Numbers& numbers, std::size_t first, int rows,
                               Which which) {
-  for (int a = 0; a < Numbers::kArrays; ++a)
+  for (int a = 0; a < kFloatArrays<Numbers>; ++a)
     start_sh_copy<degree>(shared.sh_rows[a], numbers.arrays[a] + first * kShRowNumbers, rows,
                           which);
+  if constexpr (degree > 0 && kFloatArrays<Numbers> < Numbers::kArrays)
+    start_copy_of_codes<degree>(
+        shared.sh_codes,
+        reinterpret_cast<const std::uint16_t*>(numbers.arrays[1]) + first * kShRowNumbers, rows,
+        which);
   __pipeline_commit();
 }
 
@@ -59,7 +65,7 @@ __device__ void finish_sh_numbers(Shared& shared, const Numbers& numbers, std::s
     const int row = item / kInUse, number = item % kInUse, at = row * kShRowNumbers + number;
     if (!which.has(row)) continue;
     float loaded[Numbers::kArrays];
-    for (int a = 0; a < Numbers::kArrays; ++a) loaded[a] = shared.sh_rows[a][at];
+    load_sh(shared, numbers, at, loaded);
     numbers.finish(first * kShRowNumbers + at, loaded, sh_gradient(shared, row, number),
                    NumberPlace<Shared>{shared, row, number, kShRowNumbers});
   }
@@ -79,8 +85,7 @@ __device__ void finish_sh_vectors(Shared& shared, const Numbers& numbers, std::s
       gradient[k] = sh_gradient(shared, row + is_next, number + k - (is_next ? kShRowNumbers : 0));
     }
     float4 loaded[Numbers::kArrays];
-    for (int a = 0; a < Numbers::kArrays; ++a)
-      loaded[a] = reinterpret_cast<const float4*>(shared.sh_rows[a])[item];
+    load_sh(shared, numbers, item, loaded);
     numbers.finish(base + item, loaded, float4{gradient[0], gradient[1], gradient[2], gradient[3]},
                    NumberPlace<Shared>{shared, row, number, kShRowNumbers});
   }
@@ -109,8 +114,7 @@ __device__ Vec3f color_backward(Shared& shared, const Vec3f& mean, const Camera&
     catch_up_sh_rows<degree>(shared.sh_rows[0], shared.missed, rows,
                              [&](int at, float& m, float& v) {
                                float loaded[Numbers::kArrays];
-                               for (int a = 0; a < Numbers::kArrays; ++a)
-                                 loaded[a] = shared.sh_rows[a][at];
+                               load_sh(shared, numbers, at, loaded);
                                numbers.load_moments(first * kShRowNumbers + at, loaded, m, v);
                              });
   if (degree == kMaxShDegree && rows == kWarp)
@@ -204,7 +208,7 @@ __device__ void pull_back_rows(SharedOf<Sink>& shared, const Input<Source>& in, 
   if constexpr (Sink::kSkipsInvisible)
     if (lane_of_thread() == 0) sink.touched[first / kWarp] |= which.bits;
 
-  if constexpr (Sink::Numbers::kAreCodes)  // the lanes wait for each other in row()
+  if constexpr (Sink::Numbers::kCodeBytes > 0)  // the lanes wait for each other in row()
     shared.random[lane_of_thread()] = sink.mean.rounding.of_row(projected);
   if constexpr (kIsLazy<Sink>) {
     shared.missed.take(sink.lazy, i, colored);
@@ -350,11 +354,20 @@ inline auto floats_by(const AdamRule& rule) {
         return AdamNumbersByRule{{numbers_of(p), numbers_of(m), numbers_of(v)}, step, rule};
       };
 }
-inline auto codes_by(const AdamRule& rule, const MomentRounding& rounding) {
+template <class Code>
+auto codes_by(const AdamRule& rule, const MomentRounding& rounding) {
   return [rule, rounding](const auto& p, const auto&, const auto&, const auto& codes,
                           const AdamStep& step, int place) {
-    return AdamCodes{{numbers_of(p), numbers_of(codes)}, step, rule, rounding, place};
+    return AdamCodes<Code>{{numbers_of(p), numbers_of(codes)}, step, rule, rounding, place};
   };
+}
+// The codes that such numbers take; those that are empty for floats.
+template <class Numbers>
+const auto& codes_for(const TrainingModel& model) {
+  if constexpr (Numbers::kCodeBytes > 0)
+    return codes_in<typename Numbers::Code>(model);
+  else
+    return model.compact_codes;
 }
 
 // A sink that updates the model: of(parameters, first and second moments, codes of both, step,
@@ -364,7 +377,7 @@ Sink update_of(const TrainingModel& model, const AdamSteps& steps, const GatherS
                Numbers&& of, ColorNumbers&& of_color) {
   const GaussiansSpan rows = model.gaussians.span(), m = model.first_moment.span(),
                       v = model.second_moment.span();
-  const MomentCodesSpan codes = model.moment_codes.span();
+  const auto codes = codes_for<typename Sink::Numbers>(model).span();
   const NumberPlaces places = number_places();
   return {
       gather,
@@ -384,12 +397,13 @@ Sink update_of(const TrainingModel& model, const AdamSteps& steps, const GatherS
          steps.log_time_scale, places.log_time_scale)};
 }
 
-// The same of the changes of color.
-template <class ColorNumbers>
+// The same of the changes of color, of the numbers that such a sink takes.
+template <class Sink, class ColorNumbers>
 auto slope_of(const TrainingModel& model, const AdamSteps& steps, ColorNumbers&& of_color) {
   return of_color(model.gaussians.sh0_slope.span(), model.first_moment.sh0_slope.span(),
-                  model.second_moment.sh0_slope.span(), model.moment_codes.sh0_slope.span(),
-                  steps.sh0_slope, number_places().sh0_slope);
+                  model.second_moment.sh0_slope.span(),
+                  codes_for<typename Sink::Numbers>(model).sh0_slope.span(), steps.sh0_slope,
+                  number_places().sh0_slope);
 }
 
 }  // namespace gs::cuda

@@ -21,7 +21,7 @@ void launch_update(Context& context, const TrainingModel& model, const Camera& c
   const Lazily<UpdateAsAsked<Numbers, ColorNumbers>> sink{as_asked, lazy_colors(*settings.lazy_sh),
                                                           model.lazy.updated_at.data()};
   launch(context, model.gaussians.span(), camera, settings, workspace, pass, sink,
-         slope_of(model, steps, of_color));
+         slope_of<decltype(sink)>(model, steps, of_color));
 }
 
 }  // namespace
@@ -30,13 +30,16 @@ void update_lazily(Context& context, TrainingModel& model, const Camera& camera,
                    const RenderSettings& settings, const AdamSteps& steps, const AdamRule& rule,
                    const MomentRounding& rounding, const DensityStep& density, Workspace& workspace,
                    RenderPass& pass) {
-  if (model.has_codes)
-    launch_update<AdamCodes, LazyAdamCodes>(
-        context, model, camera, settings, steps, density, workspace, pass, codes_by(rule, rounding),
-        [&](const auto& p, const auto&, const auto&, const auto& codes, const AdamStep& step,
-            int place) {
-          return LazyAdamCodes{{numbers_of(p), numbers_of(codes)}, step, rule, place};
-        });
+  if (are_codes(model.moment_form))
+    with_code(model.moment_form, [&]<class Code>(Code) {
+      launch_update<AdamCodes<Code>, LazyAdamCodes<Code>>(
+          context, model, camera, settings, steps, density, workspace, pass,
+          codes_by<Code>(rule, rounding),
+          [&](const auto& p, const auto&, const auto&, const auto& codes, const AdamStep& step,
+              int place) {
+            return LazyAdamCodes<Code>{{numbers_of(p), numbers_of(codes)}, step, rule, place};
+          });
+    });
   else
     launch_update<AdamNumbersByRule, LazyAdamNumbers>(
         context, model, camera, settings, steps, density, workspace, pass, floats_by(rule),

@@ -5,12 +5,10 @@
 // handles numbers of other lanes' Gaussians.
 #pragma once
 
-#include "cuda/device/warp.cuh"
-#include "cuda/render/lazy_rows.cuh"
 #include "cuda/render/sh_rows.cuh"
 #include "cuda/stages.cuh"
+#include "cuda/train/number_updates.cuh"
 #include "gs_core/math/density.h"
-#include "gs_core/math/moment_code.h"
 #include "gs_core/math/spacetime_regularizer.h"
 
 namespace gs::cuda {
@@ -26,228 +24,6 @@ struct RowNumbers {
 /// The same with colors that change.
 struct SlopeRowNumbers : RowNumbers {
   float sh0_slope[3 * kWarp];
-};
-
-/// The random words of a warp's rows, in shared memory, by which moments that are codes are
-/// rounded; nothing for moments that are floats.
-template <bool are_codes>
-struct RandomRows {
-  std::uint32_t random[kWarp];
-};
-template <>
-struct RandomRows<false> {};
-
-/// What a warp's rows have missed, in shared memory; nothing where SH is not updated lazily.
-template <bool is_lazy>
-struct MissedRows {
-  static constexpr bool kIsLazy = true;
-  LazyRows missed;
-};
-template <>
-struct MissedRows<false> {
-  static constexpr bool kIsLazy = false;
-};
-
-/// Which numbers a finish() takes: number `number` of row `row` of the warp, or four from there on,
-/// which may be in two rows of `in_row` numbers each.
-template <class RandomSource>
-struct NumberPlace {
-  const RandomSource& rows;
-  int row, number, in_row;
-};
-/// The random numbers of these `kCount` numbers, if the quantity's numbers begin at `begin`.
-template <int kCount, class RandomSource>
-__device__ void load_random(const NumberPlace<RandomSource>& place, int begin,
-                            std::uint32_t (&to)[kCount]) {
-  const bool are_of_two_rows = place.number + kCount > place.in_row;
-  const std::uint32_t of_row = place.rows.random[place.row],
-                      of_next = kCount > 1 ? place.rows.random[place.row + are_of_two_rows] : 0;
-  for (int k = 0; k < kCount; ++k) {
-    const bool is_next = place.number + k >= place.in_row;
-    to[k] = random_of_number(is_next ? of_next : of_row,
-                             begin + place.number + k - (is_next ? place.in_row : 0));
-  }
-}
-
-/// The numbers of one quantity, for WriteGradients: finish() writes the gradient to an array.
-/// Vector is float or float4.
-struct GradientNumbers {
-  static constexpr int kArrays = 1;
-  static constexpr bool kAreCodes = false;
-  float* arrays[kArrays];
-  float* gradients;
-
-  template <class Vector, class Place>
-  __device__ void finish(std::size_t at, Vector (&)[kArrays], const Vector& gradient,
-                         const Place&) const {
-    reinterpret_cast<Vector*>(gradients)[at] = gradient;
-  }
-};
-
-/// The numbers of one quantity, for AddGradients: finish() adds the gradient to a sum.
-struct SumNumbers {
-  static constexpr int kArrays = 2;
-  static constexpr bool kAreCodes = false;
-  float* arrays[kArrays];  // parameters and sums
-  float weight;
-
-  template <class Vector, class Place>
-  __device__ void finish(std::size_t at, Vector (&numbers)[kArrays], const Vector& gradient,
-                         const Place&) const {
-    for (int k = 0; k < int(sizeof(Vector) / sizeof(float)); ++k)
-      reinterpret_cast<float*>(&numbers[1])[k] +=
-          weight * reinterpret_cast<const float*>(&gradient)[k];
-    reinterpret_cast<Vector*>(arrays[1])[at] = numbers[1];
-  }
-};
-
-/// Updates a parameter and its moments, or four neighbors at a time, and writes them back.
-template <class Vector>
-__device__ void update_by_adam(float* const (&arrays)[3], std::size_t at, Vector (&numbers)[3],
-                               const Vector& gradient, const AdamStep& step, const AdamRule& rule) {
-  for (int k = 0; k < int(sizeof(Vector) / sizeof(float)); ++k)
-    adam_update(reinterpret_cast<float*>(&numbers[0])[k], reinterpret_cast<float*>(&numbers[1])[k],
-                reinterpret_cast<float*>(&numbers[2])[k],
-                reinterpret_cast<const float*>(&gradient)[k], step, rule);
-  for (int a = 0; a < 3; ++a) reinterpret_cast<Vector*>(arrays[a])[at] = numbers[a];
-}
-/// The numbers of one quantity, for UpdateByAdam: finish() updates the parameter and its moments.
-struct AdamNumbers {
-  static constexpr int kArrays = 3;
-  static constexpr bool kAreCodes = false;
-  float* arrays[kArrays];  // parameters, first and second moments
-  AdamStep step;
-
-  template <class Vector, class Place>
-  __device__ void finish(std::size_t at, Vector (&numbers)[kArrays], const Vector& gradient,
-                         const Place&) const {
-    update_by_adam(arrays, at, numbers, gradient, step, AdamRule());
-  }
-};
-
-/// The same by a rule that is not the usual one.
-struct AdamNumbersByRule {
-  static constexpr int kArrays = 3;
-  static constexpr bool kAreCodes = false;
-  float* arrays[kArrays];  // parameters, first and second moments
-  AdamStep step;
-  AdamRule rule;
-
-  template <class Vector, class Place>
-  __device__ void finish(std::size_t at, Vector (&numbers)[kArrays], const Vector& gradient,
-                         const Place&) const {
-    update_by_adam(arrays, at, numbers, gradient, step, rule);
-  }
-};
-
-/// The same with moments that are codes. A number of a parameter and its moments are 16 bytes to
-/// read and write instead of 24, so that an update of all 59 numbers of a Gaussian moves 944 bytes
-/// instead of 1,416.
-struct AdamCodes {
-  static constexpr int kArrays = 2;
-  static constexpr bool kAreCodes = true;
-  // Parameters, and codes: they are moved as floats, whose bits stay as they are.
-  float* arrays[kArrays];
-  AdamStep step;
-  AdamRule rule;
-  MomentRounding rounding;  // all quantities have the same
-  int place;                // NumberPlaces
-
-  template <class Vector, class Place>
-  __device__ void finish(std::size_t at, Vector (&numbers)[kArrays], const Vector& gradient,
-                         const Place& of_numbers) const {
-    constexpr int kCount = int(sizeof(Vector) / sizeof(float));
-    std::uint32_t random[kCount];
-    load_random(of_numbers, place, random);
-    for (int k = 0; k < kCount; ++k) {
-      float& code = reinterpret_cast<float*>(&numbers[1])[k];
-      MomentCode moments{__float_as_uint(code)};
-      adam_update(reinterpret_cast<float*>(&numbers[0])[k], moments,
-                  reinterpret_cast<const float*>(&gradient)[k], step, rule, random[k]);
-      code = __uint_as_float(moments.bits);
-    }
-    for (int a = 0; a < kArrays; ++a) reinterpret_cast<Vector*>(arrays[a])[at] = numbers[a];
-  }
-};
-
-/// Numbers of color where SH is updated lazily: those of rows that are visible. The parameter is up
-/// to date already (catch_up_sh_rows, Share::catch_up), and the moments become so here. Numbers of
-/// other rows, which a vector may hold, stay as they are.
-struct LazyAdamNumbers {
-  static constexpr int kArrays = 3;
-  static constexpr bool kAreCodes = false;
-  float* arrays[kArrays];  // parameters, first and second moments
-  AdamStep step;
-  AdamRule rule;
-
-  __device__ void load_moments(std::size_t, const float (&loaded)[kArrays], float& m,
-                               float& v) const {
-    m = loaded[1];
-    v = loaded[2];
-  }
-  template <class Vector, class Place>
-  __device__ void finish(std::size_t at, Vector (&numbers)[kArrays], const Vector& gradient,
-                         const Place& of_numbers) const {
-    const LazyRows& missed = of_numbers.rows.missed;
-    for (int k = 0; k < int(sizeof(Vector) / sizeof(float)); ++k) {
-      const int row = of_numbers.row + (of_numbers.number + k >= of_numbers.in_row);
-      if (!missed.is_due(row)) continue;
-      float& m = reinterpret_cast<float*>(&numbers[1])[k];
-      float& v = reinterpret_cast<float*>(&numbers[2])[k];
-      m *= missed.m_decay[row];
-      v *= missed.v_decay[row];
-      adam_update(reinterpret_cast<float*>(&numbers[0])[k], m, v,
-                  reinterpret_cast<const float*>(&gradient)[k], step, rule);
-    }
-    for (int a = 0; a < kArrays; ++a) reinterpret_cast<Vector*>(arrays[a])[at] = numbers[a];
-  }
-};
-
-/// The same with moments that are codes. They are rounded once for all updates.
-struct LazyAdamCodes {
-  static constexpr int kArrays = 2;
-  static constexpr bool kAreCodes = true;
-  float* arrays[kArrays];  // parameters, and codes as in AdamCodes
-  AdamStep step;
-  AdamRule rule;
-  int place;  // NumberPlaces
-
-  __device__ void load_moments(std::size_t, const float (&loaded)[kArrays], float& m,
-                               float& v) const {
-    const MomentCode code{__float_as_uint(loaded[1])};
-    m = first_moment(code);
-    v = second_moment(code);
-  }
-  template <class Vector, class Place>
-  __device__ void finish(std::size_t at, Vector (&numbers)[kArrays], const Vector& gradient,
-                         const Place& of_numbers) const {
-    constexpr int kCount = int(sizeof(Vector) / sizeof(float));
-    const LazyRows& missed = of_numbers.rows.missed;
-    std::uint32_t random[kCount];
-    load_random(of_numbers, place, random);
-    for (int k = 0; k < kCount; ++k) {
-      const int row = of_numbers.row + (of_numbers.number + k >= of_numbers.in_row);
-      if (!missed.is_due(row)) continue;
-      float& code = reinterpret_cast<float*>(&numbers[1])[k];
-      const MomentCode before{__float_as_uint(code)};
-      float m = first_moment(before) * missed.m_decay[row];
-      float v = second_moment(before) * missed.v_decay[row];
-      adam_update(reinterpret_cast<float*>(&numbers[0])[k], m, v,
-                  reinterpret_cast<const float*>(&gradient)[k], step, rule);
-      code = __uint_as_float(moment_code(m, v, random[k]).bits);
-    }
-    for (int a = 0; a < kArrays; ++a) reinterpret_cast<Vector*>(arrays[a])[at] = numbers[a];
-  }
-};
-
-/// The numbers of one quantity of color whose gradients are added to a sum. Only their parameters
-/// in shared memory and registers catch up; the update of the batch does it in the model.
-struct LazySumNumbers : SumNumbers {
-  MomentNumbers moments;
-
-  __device__ void load_moments(std::size_t at, const float (&)[kArrays], float& m, float& v) const {
-    moments.load(at, m, v);
-  }
 };
 
 /// The parameters of one Gaussian without color. Those of time and the change of color are
@@ -460,7 +236,7 @@ struct Share {
       const int item = lane_of_thread() + k * kWarp;
       for (int a = 0; a < Numbers::kArrays; ++a)
         if (item < rows * kInRow && which.has(item / kInRow))
-          loaded[k][a] = numbers.arrays[a][first * kInRow + item];
+          loaded[k][a] = vector_at<Numbers>(numbers.arrays[a], a, first * kInRow + item);
     }
   }
   /// Brings the parameters of rows that are due up to date.

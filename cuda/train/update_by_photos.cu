@@ -33,9 +33,9 @@ struct BatchInput {
 };
 
 template <class Numbers>
-struct BatchShared : RandomRows<Numbers::kAreCodes> {
+struct BatchShared : CodeRows<Numbers::kCodeBytes> {
   // of the parameters, and what goes along; aligned for copies of 16 bytes
-  alignas(16) float sh_rows[Numbers::kArrays][kWarp * kShRowNumbers];
+  alignas(16) float sh_rows[kFloatArrays<Numbers>][kWarp * kShRowNumbers];
   RowNumbers numbers;  // parameters at first, gradients in the end
   union {
     float4 gradients[kMostTogether][kWarp * sizeof(SplatGradientSum) / sizeof(float4)];
@@ -134,8 +134,7 @@ __device__ void finish_sh_rows(Shared& shared, const Numbers& numbers, std::size
     const std::size_t base = first / 4 * kShRowNumbers;  // `first` is a multiple of 32
     for (int item = lane_of_thread(); item < kWarp * kShRowNumbers / 4; item += kWarp) {
       float4 loaded[Numbers::kArrays];
-      for (int a = 0; a < Numbers::kArrays; ++a)
-        loaded[a] = reinterpret_cast<const float4*>(shared.sh_rows[a])[item];
+      load_sh(shared, numbers, item, loaded);
       numbers.finish(base + item, loaded,
                      reinterpret_cast<const float4*>(shared.sh_gradients)[item],
                      NumberPlace<Shared>{shared, 4 * item / kShRowNumbers, 4 * item % kShRowNumbers,
@@ -147,7 +146,7 @@ __device__ void finish_sh_rows(Shared& shared, const Numbers& numbers, std::size
   for (int item = lane_of_thread(); item < rows * kInUse; item += kWarp) {
     const int row = item / kInUse, number = item % kInUse, at = row * kShRowNumbers + number;
     float loaded[Numbers::kArrays];
-    for (int a = 0; a < Numbers::kArrays; ++a) loaded[a] = shared.sh_rows[a][at];
+    load_sh(shared, numbers, at, loaded);
     numbers.finish(first * kShRowNumbers + at, loaded, shared.sh_gradients[at],
                    NumberPlace<Shared>{shared, row, number, kShRowNumbers});
   }
@@ -185,7 +184,7 @@ __global__ void __launch_bounds__(kWarp, kBlocks)
     if (is_visible[p]) color[p] = in.of[p].splats[projected].color;
   }
   __pipeline_commit();
-  if constexpr (Sink::Numbers::kAreCodes)  // the lanes wait for each other in row()
+  if constexpr (Sink::Numbers::kCodeBytes > 0)  // the lanes wait for each other in row()
     shared.random[lane] = sink.mean.rounding.of_row(projected);
   const Shape shape = shares.row(shared.numbers, rows, EveryRow(), EveryRow());
   __pipeline_wait_prior(0);
@@ -255,11 +254,13 @@ void update_by_photos(Context& context, TrainingModel& model, Span<const PhotoRo
                   launch_with(update_by_photos_kernel<degree(), Sink>, sink);
               });
   };
-  if (model.has_codes) {
-    const auto by_codes = codes_by(rule, rounding);
-    launch_sink(UpdateAsAsked<AdamCodes>{
-        update_of<UpdateAll<AdamCodes>>(model, steps, gather, by_codes, by_codes), is_absolute,
-        of_each});
+  if (are_codes(model.moment_form)) {
+    with_code(model.moment_form, [&]<class Code>(Code) {
+      const auto by_codes = codes_by<Code>(rule, rounding);
+      launch_sink(UpdateAsAsked<AdamCodes<Code>>{
+          update_of<UpdateAll<AdamCodes<Code>>>(model, steps, gather, by_codes, by_codes),
+          is_absolute, of_each});
+    });
   } else {
     const auto by_rule = floats_by(rule);
     launch_sink(UpdateAsAsked<AdamNumbersByRule>{

@@ -96,8 +96,7 @@ constexpr double kOverlapOfBlocks = 1.5;
 constexpr std::size_t kAnyPhotos = 1;  // whatever their number, the run is long enough to grow
 
 double bytes_on_cpu(const Config& config) {
-  const bool has_codes = config.optimizer.moments == MomentForm::compact;
-  return kGaussianBytesOnCpu - (has_codes ? bytes_saved_by_codes(kParameterBytes) : 0);
+  return kGaussianBytesOnCpu - bytes_saved_by_codes(config.optimizer.moments, kParameterBytes);
 }
 
 /// The config of a run that has as many Gaussians as the scene asks for.

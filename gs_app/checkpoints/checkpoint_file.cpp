@@ -68,21 +68,25 @@ constexpr std::uint64_t kHasFilter = 4;        // that of the 3D filter
 constexpr std::uint64_t kHasSlope = 8;         // colors that change; only with kHasTime
 constexpr std::uint64_t kHasPhotometric = 16;  // those of a photometric model, which are no rows
 constexpr std::uint64_t kHasPoses = 32;        // those of poses, which are no rows either
-constexpr std::uint64_t kHasCodes = 64;        // moments as codes, in place of those as floats
+constexpr std::uint64_t kIsCompact = 64;       // moments as codes, in place of those as floats
 constexpr std::uint64_t kIsLazy = 128;         // SH of some rows is late (LazyState)
+constexpr std::uint64_t kIsTiny = 256;         // moments as tiny codes; not with kIsCompact
 
 std::uint64_t kind_of(const TrainingModel& model) {
   return (model.gaussians.has_time ? kHasTime : 0) | (model.statistics.has_sums ? kHasSums : 0) |
          (model.gaussians.has_filter ? kHasFilter : 0) |
          (model.gaussians.has_slope ? kHasSlope : 0) |
          (model.photometric.empty() ? 0 : kHasPhotometric) | (model.poses.empty() ? 0 : kHasPoses) |
-         (model.has_codes ? kHasCodes : 0) | (model.lazy.is_on ? kIsLazy : 0);
+         (model.moment_form == MomentForm::compact ? kIsCompact : 0) |
+         (model.moment_form == MomentForm::tiny ? kIsTiny : 0) | (model.lazy.is_on ? kIsLazy : 0);
 }
 
 void set_kind(TrainingModel& model, std::uint64_t kind) {
   model.gaussians.has_time = kind & kHasTime;
   model.gaussians.has_slope = kind & kHasSlope;
-  model.has_codes = kind & kHasCodes;
+  model.moment_form = kind & kIsCompact ? MomentForm::compact
+                      : kind & kIsTiny  ? MomentForm::tiny
+                                        : MomentForm::floats;
   model.lazy.is_on = kind & kIsLazy;
   model.set_learned_arrays(model.gaussians);
   model.statistics.has_sums = kind & kHasSums;
@@ -91,8 +95,8 @@ void set_kind(TrainingModel& model, std::uint64_t kind) {
 
 bool is_kind(std::uint64_t kind) {
   return kind <= (kHasTime | kHasSums | kHasFilter | kHasSlope | kHasPhotometric | kHasPoses |
-                  kHasCodes | kIsLazy) &&
-         (!(kind & kHasSlope) || (kind & kHasTime));
+                  kIsCompact | kIsLazy | kIsTiny) &&
+         (!(kind & kHasSlope) || (kind & kHasTime)) && !((kind & kIsCompact) && (kind & kIsTiny));
 }
 
 struct ViewNumbers {

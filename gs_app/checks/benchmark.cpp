@@ -196,7 +196,7 @@ Workload mean_workload(Backend& backend, const TrainingModel& model, const std::
     backend.renderer().forward(model.gaussians.span(), view.camera, settings, pass);
     add_to_mean(workload_of(pass, settings), views.size(), mean);
   }
-  mean.has_codes = model.has_codes;
+  mean.moments = model.moment_form;
   return mean;
 }
 
@@ -205,8 +205,8 @@ void begin_lazy_as_asked(const Config& config, const Backend& backend, TrainingM
   check_lazy(config, backend);
   const double seen = workload.visible / std::max(workload.gaussians, 1.0);
   const bool pays = backend.has_updates_bound_by_memory() &&
-                    lazy_update_bytes(model.gaussians, model.has_codes, {seen, seen, 1}) <
-                        prompt_update_bytes(model.gaussians, model.has_codes);
+                    lazy_update_bytes(model.gaussians, model.moment_form, {seen, seen, 1}) <
+                        prompt_update_bytes(model.gaussians, model.moment_form);
   const LazyMode mode = config.optimizer.lazy;
   workload.is_lazy = mode == LazyMode::on || (mode == LazyMode::automatic && pays) ||
                      (mode == LazyMode::with_offload && model.memory().offloads_sh());

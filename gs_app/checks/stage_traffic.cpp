@@ -25,6 +25,8 @@ double packed_color_bytes(const Workload& w) {
   const double bytes = w.has_packed_sh ? 16 + 2 * numbers : 12 + 4 * numbers;
   return 16 * std::ceil(bytes / 16);
 }
+// The size of both moments, as a share of that of the parameters.
+double moments_per_parameter(const Workload& w) { return moment_bytes(w.moments) / 4.0; }
 double tile_bits(const Workload& w) { return std::bit_width(std::uint64_t(w.tiles)); }
 double tile_key(const Workload& w) { return w.tiles < 65536 ? 2 : 4; }
 /// A sort of `items` keys with an index each: the keys are read once, then each pass reads and
@@ -48,7 +50,7 @@ constexpr Rule kRules[] = {
          return w.gaussians * (kEllipsoid + kCount + kDepth) +
                 w.visible * (packed_color_bytes(w) + w.splat_bytes + sizeof(Rect));
        // Where it is late, its moments come along.
-       const double moments = w.has_codes ? 1 : 2;  // of the parameters' size
+       const double moments = moments_per_parameter(w);
        const double late = w.is_lazy ? kStamp + moments * (12 + sh_rest_bytes(w)) : 0;
        return w.gaussians * (kShape + 12 + kCount + kDepth) +
               w.visible * (sh_rest_bytes(w) + late + w.splat_bytes + (w.has_depths ? kDepth : 0) +
@@ -81,7 +83,7 @@ constexpr Rule kRules[] = {
     // the visible's dL/d(splat), reads their color, reads and writes their statistics.
     {"preprocess backward, Adam",
      [](const Workload& w) {
-       const double arrays = w.has_codes ? 2 : 3;  // of the parameters' size
+       const double arrays = 1 + moments_per_parameter(w);
        const double color = 2 * arrays * (12 + sh_rest_bytes(w)),
                     stamp = w.is_lazy ? 2 * kStamp : 0;
        return w.gaussians * (2 * arrays * kShape + kCount) +

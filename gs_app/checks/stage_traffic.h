@@ -7,6 +7,8 @@
 #include <optional>
 #include <string>
 
+#include "gs_core/math/moment_form.h"
+
 namespace gs {
 
 /// The size of the work on one view.
@@ -22,7 +24,7 @@ struct Workload {
   bool has_packed_sh = true;  // whose SH is packed, too
   bool has_depths = true;     // stage 1 writes depths, which a packed model does not have
   double splat_bytes = 48;    // one splat
-  bool has_codes = false;     // both moments are codes (optimizer.moments)
+  MomentForm moments = MomentForm::floats;
   bool is_lazy = false;  // SH is updated lazily, and all that is visible is late (optimizer.lazy)
 };
 

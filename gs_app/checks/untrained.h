@@ -11,7 +11,7 @@ namespace gs {
 inline TrainingModel untrained(const GaussianModel& from, const ModelMemory& memory,
                                MomentForm moments = MomentForm::floats) {
   TrainingModel model(memory);
-  model.has_codes = moments == MomentForm::compact;
+  model.moment_form = moments;
   Gaussians& gaussians = model.gaussians;
   take_learned_arrays(gaussians, from.gaussians);
   gaussians.has_filter = from.gaussians.has_filter;

@@ -12,13 +12,13 @@ namespace {
 constexpr int kStepsUntilSomethingIsSeen = 100;
 
 bool has_nonzero(float number) { return number != 0; }
-bool has_nonzero(MomentCode code) { return code.bits != 0; }
 bool has_nonzero(const Vec3f& v) {
   return has_nonzero(v.x) || has_nonzero(v.y) || has_nonzero(v.z);
 }
-bool has_nonzero(const CodedRow<Vec3f>& row) {
+template <class Code>
+bool has_nonzero(const CodedRow<Code, Vec3f>& row) {
   return std::any_of(std::begin(row.number), std::end(row.number),
-                     [](MomentCode code) { return has_nonzero(code); });
+                     [](Code code) { return code.bits != 0; });
 }
 template <class T>
 bool has_nonzero(const Buffer<T>& rows) {

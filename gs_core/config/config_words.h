@@ -12,6 +12,7 @@
 #include "gs_core/error.h"
 #include "gs_core/math/depth_kind.h"
 #include "gs_core/math/growth.h"
+#include "gs_core/math/moment_form.h"
 #include "gs_core/math/render_rules.h"
 
 namespace gs {
@@ -35,8 +36,6 @@ enum class PhotoTimes { none, frames, names };
 /// Whether all photos were taken through one lens.
 enum class SingleCamera { automatic, yes, no };
 
-/// How Adam's moments are kept: as floats, or as codes of 16 bits each (math/moment_code.h).
-enum class MomentForm { floats, compact };
 /// Whether Adam leaves SH of rows that no photo of an update sees for later (math/lazy_adam.h);
 /// `with_offload`: where SH lies in host memory.
 enum class LazyMode { with_offload, off, on, automatic };
@@ -173,8 +172,8 @@ struct Words<MomentClearing> {
 };
 template <>
 struct Words<MomentForm> {
-  static constexpr Word<MomentForm> kTable[] = {{"float", MomentForm::floats},
-                                                {"compact", MomentForm::compact}};
+  static constexpr Word<MomentForm> kTable[] = {
+      {"float", MomentForm::floats}, {"compact", MomentForm::compact}, {"tiny", MomentForm::tiny}};
 };
 template <>
 struct Words<LazyMode> {

@@ -96,9 +96,7 @@ struct LazySh {
   std::uint32_t updates = 0;                  // since all rows were up to date
   const std::uint32_t* updated_at = nullptr;  // (N)  the last of these that each row has had
   const MissedUpdates* missed = nullptr;      // (updates)  those after each of these
-  bool has_codes = false;                     // which form of the moments there is
-  GaussiansSpan first_moment, second_moment;
-  MomentCodesSpan moment_codes;
+  MomentsSpan moments;
 
   GS_HD bool is_late(std::size_t row) const { return updated_at[row] < updates; }
   GS_HD CatchUp missed_by(std::size_t row) const {

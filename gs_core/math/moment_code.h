@@ -1,62 +1,34 @@
 // SPDX-License-Identifier: Apache-2.0
-// Stage 8: both of Adam's moments of one number in 32 bits, rounded at random.
+// Stage 8: Adam with moments that are codes, which are rounded at random; and the moments of rows in
+// each of their forms.
 #pragma once
-
-#include <cstring>
 
 #include "gs_core/gaussians.h"
 #include "gs_core/math/adam.h"
+#include "gs_core/math/compact_code.h"
+#include "gs_core/math/moment_form.h"
+#include "gs_core/math/tiny_code.h"
 #include "gs_core/random.h"
 
 namespace gs {
 
-/// Both moments of one number. The upper 16 bits are the first 16 of the float m: sign, exponent
-/// and 7 bits of the mantissa. The lower 16 bits are those of the float v without its sign:
-/// exponent and 8 bits of the mantissa. Both have the whole range of a float, and zero is exact.
-struct MomentCode {
-  std::uint32_t bits = 0;
-};
-
-inline constexpr int kDroppedBitsOfM = 16, kDroppedBitsOfV = 15;
-
-GS_HD float first_moment(MomentCode code) {
-  const std::uint32_t bits = code.bits & 0xffff0000u;
-  float m;
-  memcpy(&m, &bits, sizeof m);
-  return m;
-}
-GS_HD float second_moment(MomentCode code) {
-  const std::uint32_t bits = (code.bits & 0xffffu) << kDroppedBitsOfV;
-  float v;
-  memcpy(&v, &bits, sizeof v);
-  return v;
-}
-
-/// The codes of m and v >= 0, each rounded to one of its two neighbors among the codes:
-///
-///   to the one away from zero with the probability (|x| - low) / (high - low)
-///
-/// so that the mean over `random`, uniform in 32 bits, is x itself. A decay by less than half a
-/// step of the codes therefore goes on, on average, instead of being stuck. Floats of one sign are
-/// ordered as their bits are, so that this is one addition below the bits that are kept. m and v
-/// use different bits of `random`. What NaN becomes is undefined.
-///                                             stochastic rounding: Gupta et al. 2015, Eq. 1
-GS_HD MomentCode moment_code(float m, float v, std::uint32_t random) {
-  std::uint32_t bits_of_m, bits_of_v;
-  memcpy(&bits_of_m, &m, sizeof m);
-  memcpy(&bits_of_v, &v, sizeof v);
-  bits_of_m += random >> (32 - kDroppedBitsOfM);
-  bits_of_v += random & ((1u << kDroppedBitsOfV) - 1);
-  return {(bits_of_m & 0xffff0000u) | (bits_of_v >> kDroppedBitsOfV & 0xffffu)};
-}
+// A Code holds both moments of one number. Code::of(m, v, random) rounds each to one of its two
+// neighbors among the codes:
+//
+//   to the one away from zero with the probability (|x| - low) / (high - low)
+//
+// so that the mean over `random`, uniform in 32 bits, is x itself. A decay by less than half a step
+// of the codes therefore goes on, on average, instead of being stuck.
+//                                             stochastic rounding: Gupta et al. 2015, Eq. 1
 
 /// One update by Adam whose moments are codes. The parameter moves by the moments before they are
 /// rounded.
-GS_HD void adam_update(float& parameter, MomentCode& moments, float gradient, const AdamStep& step,
+template <class Code>
+GS_HD void adam_update(float& parameter, Code& moments, float gradient, const AdamStep& step,
                        const AdamRule& rule, std::uint32_t random) {
   float m = first_moment(moments), v = second_moment(moments);
   adam_update(parameter, m, v, gradient, step, rule);
-  moments = moment_code(m, v, random);
+  moments = Code::of(m, v, random);
 }
 
 /// The random numbers of one update. They depend on seed, t and the row of the whole model alone,
@@ -95,49 +67,114 @@ inline NumberPlaces number_places() {
 }
 
 /// The codes of the moments of a row of a quantity.
-template <class T>
+template <class Code, class T>
 struct CodedRow {
-  MomentCode number[sizeof(T) / sizeof(float)];
+  Code number[sizeof(T) / sizeof(float)];
 };
-template <class T>
-using CodeBuffer = Buffer<CodedRow<T>>;
-template <class T>
-using CodeSpan = Span<CodedRow<T>>;
-using MomentCodesSpan = GaussianArrays<CodeSpan>;
 
 /// The codes one after another, whatever the rows are.
-template <class T>
-Span<MomentCode> codes_of(const Buffer<CodedRow<T>>& rows) {
-  return {reinterpret_cast<MomentCode*>(rows.data()),
-          rows.size() * (sizeof(CodedRow<T>) / sizeof(MomentCode))};
+template <class Code, class T>
+Span<Code> codes_of(const Buffer<CodedRow<Code, T>>& rows) {
+  return {reinterpret_cast<Code*>(rows.data()), rows.size() * (sizeof(T) / sizeof(float))};
 }
 
-/// Owns the codes of the moments of N Gaussians: in the place of two `Gaussians` it has the size of
-/// one.
-struct MomentCodes : GaussianArrays<CodeBuffer> {
-  explicit MomentCodes(Memory& memory = host_memory())
-      : GaussianArrays<CodeBuffer>{CodeBuffer<Vec3f>(memory),
-                                   CodeBuffer<Vec3f>(memory),
-                                   CodeBuffer<Quatf>(memory),
-                                   CodeBuffer<float>(memory),
-                                   CodeBuffer<Vec3f>(memory),
-                                   CodeBuffer<ShRest>(memory),
-                                   false,
-                                   CodeBuffer<Quatf>(memory),
-                                   CodeBuffer<float>(memory),
-                                   CodeBuffer<float>(memory),
-                                   false,
-                                   CodeBuffer<Vec3f>(memory),
-                                   false,
-                                   CodeBuffer<float>(memory)} {}
+/// The arrays of codes of one kind.
+template <class Code>
+struct CodeArrays {
+  template <class T>
+  using RowBuffer = Buffer<CodedRow<Code, T>>;
+  template <class T>
+  using RowSpan = Span<CodedRow<Code, T>>;
+};
+template <class Code>
+using MomentCodesSpan = GaussianArrays<CodeArrays<Code>::template RowSpan>;
 
-  MomentCodesSpan span() const {
-    MomentCodesSpan result;
+/// Owns the codes of the moments of N Gaussians, in the place of two `Gaussians`.
+template <class Code>
+struct MomentCodes : GaussianArrays<CodeArrays<Code>::template RowBuffer> {
+  template <class T>
+  using Rows = Buffer<CodedRow<Code, T>>;
+
+  explicit MomentCodes(Memory& memory = host_memory())
+      : GaussianArrays<CodeArrays<Code>::template RowBuffer>{Rows<Vec3f>(memory),
+                                                             Rows<Vec3f>(memory),
+                                                             Rows<Quatf>(memory),
+                                                             Rows<float>(memory),
+                                                             Rows<Vec3f>(memory),
+                                                             Rows<ShRest>(memory),
+                                                             false,
+                                                             Rows<Quatf>(memory),
+                                                             Rows<float>(memory),
+                                                             Rows<float>(memory),
+                                                             false,
+                                                             Rows<Vec3f>(memory),
+                                                             false,
+                                                             Rows<float>(memory)} {}
+
+  MomentCodesSpan<Code> span() const {
+    MomentCodesSpan<Code> result;
     take_learned_arrays(result, *this);
     for_each_array([](const char*, auto& to, const auto& from) { to = from.span(); }, result,
                    *this);
     return result;
   }
 };
+
+/// Adam's moments of rows, in the form that they have; the arrays of the other forms are empty.
+struct MomentsSpan {
+  MomentForm form = MomentForm::floats;
+  GaussiansSpan first, second;
+  MomentCodesSpan<CompactCode> compact;
+  MomentCodesSpan<TinyCode> tiny;
+};
+
+/// The moments of the numbers of one quantity, in the form that they have; the other pointers are
+/// null.
+struct MomentNumbers {
+  float *m, *v;
+  CompactCode* compact;
+  TinyCode* tiny;
+
+  GS_HD bool are_codes() const { return compact || tiny; }
+  GS_HD void load(std::size_t at, float& of_m, float& of_v) const {
+    if (compact) {
+      of_m = first_moment(compact[at]);
+      of_v = second_moment(compact[at]);
+    } else if (tiny) {
+      of_m = first_moment(tiny[at]);
+      of_v = second_moment(tiny[at]);
+    } else {
+      of_m = m[at];
+      of_v = v[at];
+    }
+  }
+  /// `random` rounds codes; floats do not need it.
+  GS_HD void store(std::size_t at, float of_m, float of_v, std::uint32_t random) const {
+    if (compact) {
+      compact[at] = CompactCode::of(of_m, of_v, random);
+    } else if (tiny) {
+      tiny[at] = TinyCode::of(of_m, of_v, random);
+    } else {
+      m[at] = of_m;
+      v[at] = of_v;
+    }
+  }
+};
+/// Of the arrays of one quantity, of which those of `form` are taken.
+template <class T>
+MomentNumbers moment_numbers(MomentForm form, const Span<T>& m, const Span<T>& v,
+                             const Span<CodedRow<CompactCode, T>>& compact,
+                             const Span<CodedRow<TinyCode, T>>& tiny) {
+  MomentNumbers numbers{};
+  if (form == MomentForm::compact) {
+    numbers.compact = reinterpret_cast<CompactCode*>(compact.data);
+  } else if (form == MomentForm::tiny) {
+    numbers.tiny = reinterpret_cast<TinyCode*>(tiny.data);
+  } else {
+    numbers.m = reinterpret_cast<float*>(m.data);
+    numbers.v = reinterpret_cast<float*>(v.data);
+  }
+  return numbers;
+}
 
 }  // namespace gs

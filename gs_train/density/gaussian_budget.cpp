@@ -25,9 +25,9 @@ std::int64_t gaussians_for(const RoomForGaussians& room) {
   const double parameters = kParameterBytes + time;
   const double sums = room.batch > 1 ? parameters + kBytesOfStatistics : 0;
   const double of_gaussian = kGaussianBytesOnCpu + kTimeParametersAtATime * time + sums -
-                             (room.has_codes ? bytes_saved_by_codes(parameters) : 0);
+                             bytes_saved_by_codes(room.moments, parameters);
   // Parameters and moments, floats or codes, are in use.
-  const double of_present = (room.has_codes ? 2 : 3) * parameters;
+  const double of_present = (1 + moment_bytes(room.moments) / double(sizeof(float))) * parameters;
   const double present = double(room.present);
   const double usable = kShareOfFree * double(room.free_bytes) -
                         kBytesOfPixel * double(room.pixels) + of_present * present;
@@ -57,9 +57,9 @@ std::int64_t affordable_gaussians(const Scene& scene, const TrainingModel& model
   const std::size_t free = memory.free_bytes();
   std::int64_t count;
   if (&memory == &host_memory()) {
-    count = gaussians_for({free, std::size_t(pictures.pixels), model.count(),
-                           model.gaussians.has_time, config.train.batch, model.gaussians.has_slope,
-                           config.optimizer.moments == MomentForm::compact});
+    count =
+        gaussians_for({free, std::size_t(pictures.pixels), model.count(), model.gaussians.has_time,
+                       config.train.batch, model.gaussians.has_slope, config.optimizer.moments});
   } else {
     TrainingSize size = training_size(config, pictures, 0);
     size.growth = RowGrowth::by_need;

@@ -17,7 +17,7 @@ struct RoomForGaussians {
   bool has_time = false;   // they have a place in time
   int batch = 1;           // photos of one update
   bool has_slope = false;  // their colors change
-  bool has_codes = false;  // both moments are codes (optimizer.moments)
+  MomentForm moments = MomentForm::floats;
 };
 
 /// The number of Gaussians that the CPU backend can train.
@@ -27,7 +27,7 @@ struct RoomForGaussians {
 /// bytes of one Gaussian   parameters, two moments and gradients 4 * 236, half of that again since
 ///                         arrays grow, statistics 8, splat and sorting about 150, eight instances
 ///                         in a view about 320
-///   moments as codes      236 less, and half of that again
+///   moments as codes      236 less, 354 if they are tiny, and half of that again
 ///   in time               six more parameters: 24 bytes where there are 236
 ///   colors that change    three more: 12 bytes
 ///   in batches            sums of the gradients 236, and of the statistics 8

@@ -138,7 +138,7 @@ TrainingModel initial_model(const Scene& scene, const Config& config, const Mode
   if (start.has_slope) start.sh0_slope.fill_zero();
 
   TrainingModel model(memory);
-  model.has_codes = config.optimizer.moments == MomentForm::compact;
+  model.moment_form = config.optimizer.moments;
   model.set_learned_arrays(start);
   for_each_array([](const char*, auto& to, const auto& from) { to.upload(from.download()); },
                  model.gaussians, start);

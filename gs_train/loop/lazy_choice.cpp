@@ -14,7 +14,8 @@ namespace {
 constexpr int kMostUpdates = 16, kLeastUpdates = 4;  // whose views are rendered for the choice
 constexpr double kNumber = sizeof(float);
 // With compact moments a lazy update takes so many times as long as its bytes say, because each
-// code is decoded twice and rounded (measured, docs/lazy_adam.md).
+// code is decoded twice and rounded (measured, docs/lazy_adam.md). With tiny ones it was not
+// measured; they are taken to be alike.
 constexpr double kTimeOfCodes = 1.6;
 
 int numbers_updated_promptly(const Gaussians& arrays) {
@@ -33,10 +34,8 @@ int numbers_updated_lazily(const Gaussians& arrays) {
   return count;
 }
 
-double moment_bytes(bool has_codes) { return has_codes ? sizeof(MomentCode) : 2 * kNumber; }
-
 // Both ways of one number.
-double bytes_of_number(bool has_codes) { return 2 * (kNumber + moment_bytes(has_codes)); }
+double bytes_of_number(MomentForm form) { return 2 * (kNumber + moment_bytes(form)); }
 
 bool is_possible(const Config& config, const Backend& backend) {
   return backend.can_update_lazily() && !config.poses.refine;
@@ -76,18 +75,18 @@ SeenShares measure_seen(TrainingRun& run) {
 
 }  // namespace
 
-double prompt_update_bytes(const Gaussians& arrays, bool has_codes) {
+double prompt_update_bytes(const Gaussians& arrays, MomentForm form) {
   return (numbers_updated_promptly(arrays) + numbers_updated_lazily(arrays)) *
-         bytes_of_number(has_codes);
+         bytes_of_number(form);
 }
 
 // A photo that sees a row also reads its moments: to draw it, and among several photos of an update
 // once more for its gradients.
-double lazy_update_bytes(const Gaussians& arrays, bool has_codes, const SeenShares& seen) {
+double lazy_update_bytes(const Gaussians& arrays, MomentForm form, const SeenShares& seen) {
   const double stamp = 2 * sizeof(std::uint32_t), numbers = numbers_updated_lazily(arrays);
   const double looks = (seen.photos > 1 ? 2 : 1) * seen.by_photos;
-  return numbers_updated_promptly(arrays) * bytes_of_number(has_codes) + stamp +
-         numbers * (seen.by_update * bytes_of_number(has_codes) + looks * moment_bytes(has_codes));
+  return numbers_updated_promptly(arrays) * bytes_of_number(form) + stamp +
+         numbers * (seen.by_update * bytes_of_number(form) + looks * moment_bytes(form));
 }
 
 void check_lazy(const Config& config, const Backend& backend) {
@@ -137,9 +136,9 @@ void choose_lazy(TrainingRun& run, int step) {
   }
   run.backend.synchronize(run.model);
   const SeenShares seen = measure_seen(run);
-  const double prompt = prompt_update_bytes(run.model.gaussians, run.model.has_codes),
-               lazy = lazy_update_bytes(run.model.gaussians, run.model.has_codes, seen);
-  const bool pays = lazy * (run.model.has_codes ? kTimeOfCodes : 1) < prompt;
+  const double prompt = prompt_update_bytes(run.model.gaussians, run.model.moment_form),
+               lazy = lazy_update_bytes(run.model.gaussians, run.model.moment_form, seen);
+  const bool pays = lazy * (are_codes(run.model.moment_form) ? kTimeOfCodes : 1) < prompt;
   log_info(
       "step {}: an update sees {:.0f} % of the Gaussians: optimizer.lazy=auto is {} ({:.0f} "
       "instead of {:.0f} bytes a Gaussian)",

@@ -14,9 +14,9 @@ struct SeenShares {
 };
 
 /// Bytes that an update of a row moves on a GPU in the mean, if all of it is updated at once and if
-/// SH is left for later. `arrays` and `has_codes` say what a row has.
-double prompt_update_bytes(const Gaussians& arrays, bool has_codes);
-double lazy_update_bytes(const Gaussians& arrays, bool has_codes, const SeenShares& seen);
+/// SH is left for later. `arrays` and `form` say what a row has.
+double prompt_update_bytes(const Gaussians& arrays, MomentForm form);
+double lazy_update_bytes(const Gaussians& arrays, MomentForm form, const SeenShares& seen);
 
 /// Throws UsageError where optimizer.lazy = "on" does not go with the backend or other settings.
 void check_lazy(const Config& config, const Backend& backend);

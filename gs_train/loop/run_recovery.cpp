@@ -205,7 +205,7 @@ void RunRecovery::resume(TrainingState from) {
     throw Error(fmt::format(
         "{} has {} training views, but the run had {}; train on the scene of the run",
         run_.scene.source, run_.scene.train_views.size(), from.progress.strikes.size()));
-  const MomentForm form = from.model.has_codes ? MomentForm::compact : MomentForm::floats;
+  const MomentForm form = from.model.moment_form;
   if (form != run_.config.optimizer.moments)
     throw UsageError(
         fmt::format("the state to resume has its moments as optimizer.moments={0} keeps them; set "

@@ -21,7 +21,8 @@ struct ShardHead {
   Deal deal;
   std::uint64_t rows, first_count;
   int adam_steps;
-  bool has_time, has_slope, has_filter, has_codes, has_sums;
+  MomentForm moment_form;
+  bool has_time, has_slope, has_filter, has_sums;
 };
 
 ShardHead head_of(const Deal& deal, const TrainingModel& shard) {
@@ -30,10 +31,10 @@ ShardHead head_of(const Deal& deal, const TrainingModel& shard) {
           shard.count(),
           shard.first_count,
           shard.adam_steps,
+          shard.moment_form,
           gaussians.has_time,
           gaussians.has_slope,
           gaussians.has_filter,
-          shard.has_codes,
           shard.statistics.has_sums};
 }
 
@@ -41,7 +42,7 @@ void take_shape(const ShardHead& head, TrainingModel& shard) {
   shard.gaussians.has_time = head.has_time;
   shard.gaussians.has_slope = head.has_slope;
   shard.gaussians.has_filter = head.has_filter;
-  shard.has_codes = head.has_codes;
+  shard.moment_form = head.moment_form;
   shard.statistics.has_sums = head.has_sums;
   shard.adam_steps = head.adam_steps;
   shard.first_count = std::size_t(head.first_count);

@@ -40,7 +40,7 @@ void catch_up_floats(const TrainingModel& model, std::size_t i, const CatchUp& m
 
 // The same with moments that are codes. They are rounded once, however many updates they have
 // missed.
-template <class UpdateNumber>
+template <class Code, class UpdateNumber>
 void catch_up_codes(const TrainingModel& model, std::size_t i, const CatchUp& missed,
                     const UpdateNumber& update, std::uint32_t random) {
   static const NumberPlaces kPlaces = number_places();
@@ -48,22 +48,24 @@ void catch_up_codes(const TrainingModel& model, std::size_t i, const CatchUp& mi
       [&]<class Row>(LazyQuantity quantity, const Buffer<Row>& rows, const auto& codes, int place) {
         float* const p = row_of(rows, i);
         for (int k = 0; k < int(sizeof(Row) / sizeof(float)); ++k) {
-          MomentCode& code = codes[i].number[k];
+          Code& code = codes[i].number[k];
           float m = first_moment(code), v = second_moment(code);
           catch_up(p[k], m, v, missed, quantity);
           update(p[k], m, v, quantity, k);
-          code = moment_code(m, v, random_of_number(random, place + k));
+          code = Code::of(m, v, random_of_number(random, place + k));
         }
       },
-      model.gaussians, model.moment_codes, kPlaces);
+      model.gaussians, codes_in<Code>(model), kPlaces);
 }
 
 template <class UpdateNumber>
 void catch_up_row(const TrainingModel& model, std::size_t i, const CatchUp& missed,
                   const UpdateNumber& update) {
-  if (!model.has_codes) return catch_up_floats(model, i, missed, update);
+  if (!are_codes(model.moment_form)) return catch_up_floats(model, i, missed, update);
   const MomentRounding rounding{model.lazy.rounding_seed, model.adam_steps};
-  catch_up_codes(model, i, missed, update, rounding.of_row(i));
+  with_code(model.moment_form, [&]<class Code>(Code) {
+    catch_up_codes<Code>(model, i, missed, update, rounding.of_row(i));
+  });
 }
 
 }  // namespace
@@ -112,17 +114,18 @@ void show_current_sh(const TrainingModel& model) {
     if (!late.is_late(i)) return;
     const CatchUp missed = late.missed_by(i);
     for_each_lazy_array(
-        [&]<class Row>(LazyQuantity quantity, const Buffer<Row>& rows, const auto& of_m,
-                       const auto& of_v, const auto& codes) {
+        [&]<class Row>(LazyQuantity quantity, const Buffer<Row>& rows, const auto&... moments) {
+          constexpr int kInRow = int(sizeof(Row) / sizeof(float));
+          const MomentNumbers numbers = moment_numbers(late.moments.form, moments...);
           float* const p = row_of(rows, i);
-          for (int k = 0; k < int(sizeof(Row) / sizeof(float)); ++k) {
-            const float m = model.has_codes ? first_moment(codes[i].number[k]) : row_of(of_m, i)[k];
-            const float v =
-                model.has_codes ? second_moment(codes[i].number[k]) : row_of(of_v, i)[k];
+          for (int k = 0; k < kInRow; ++k) {
+            float m, v;
+            numbers.load(i * kInRow + std::size_t(k), m, v);
             p[k] = caught_up(p[k], m, v, missed.length[quantity], missed.epsilon);
           }
         },
-        model.gaussians, model.first_moment, model.second_moment, model.moment_codes);
+        model.gaussians, late.moments.first, late.moments.second, late.moments.compact,
+        late.moments.tiny);
   });
 }
 

@@ -32,9 +32,9 @@ using ::testing::HasSubstr;
 
 /// A model in which all numbers differ, in the state after some step.
 TrainingState telling_state(std::size_t gaussians, int step, bool has_time = false,
-                            bool has_slope = false, bool has_codes = false) {
+                            bool has_slope = false, MomentForm form = MomentForm::floats) {
   TrainingState state;
-  state.model.has_codes = has_codes;
+  state.model.moment_form = form;
   state.model.gaussians.has_time = has_time;
   state.model.gaussians.has_slope = has_slope;
   state.model.gaussians.resize(gaussians);
@@ -46,8 +46,7 @@ TrainingState telling_state(std::size_t gaussians, int step, bool has_time = fal
   for_each_array(fill, state.model.gaussians);
   for_each_array(fill, state.model.first_moment);
   for_each_array(fill, state.model.second_moment);
-  for_each_array([](const char*, const auto& array) { number_codes(array, 0x3f801234); },
-                 state.model.moment_codes);
+  if (are_codes(form)) number_codes(state.model, 0x3f801234);
   fill("", state.model.statistics.visits);
   fill("", state.model.statistics.gradient_norm);
   state.model.adam_steps = step + 5;
@@ -219,21 +218,23 @@ TEST_F(Checkpoints, WithColorsThatChangeComeBackBitForBit) {
             checkpoint_bytes(telling_state(100, 12, true).model, 4) + 3 * 1200);
 }
 
-TEST_F(Checkpoints, WithCompactMomentsComeBackBitForBitAndAreSmaller) {
-  for (const bool has_time : {false, true}) {
-    const TrainingState expected = telling_state(100, 12, has_time, has_time, true);
-    fs::create_directories(path());
-    write_checkpoint(file(12), telling_config(), telling_scene(), expected.progress,
-                     expected.model);
-    const TrainingModel read = read_checkpoint(file(12)).state.model;
-    ASSERT_TRUE(read.has_codes);
-    EXPECT_TRUE(same_bits(read, expected.model));
-    EXPECT_EQ(checkpoint_bytes(expected.model, 4),
-              checkpoint_bytes(telling_state(100, 12, has_time, has_time).model, 4) -
-                  100 * (has_time ? 68 : 59) * 4);
-    EXPECT_NEAR(double(fs::file_size(file(12))), double(checkpoint_bytes(expected.model, 4)),
-                16384);
-  }
+TEST_F(Checkpoints, WithMomentsAsCodesComeBackBitForBitAndAreSmaller) {
+  for (const bool has_time : {false, true})
+    for (const MomentForm form : kCodeForms) {
+      const TrainingState expected = telling_state(100, 12, has_time, has_time, form);
+      fs::create_directories(path());
+      write_checkpoint(file(12), telling_config(), telling_scene(), expected.progress,
+                       expected.model);
+      const TrainingModel read = read_checkpoint(file(12)).state.model;
+      ASSERT_EQ(read.moment_form, form);
+      EXPECT_TRUE(same_bits(read, expected.model));
+      const unsigned saved = form == MomentForm::tiny ? 6 : 4;  // bytes of a number
+      EXPECT_EQ(checkpoint_bytes(expected.model, 4),
+                checkpoint_bytes(telling_state(100, 12, has_time, has_time).model, 4) -
+                    100 * (has_time ? 68 : 59) * saved);
+      EXPECT_NEAR(double(fs::file_size(file(12))), double(checkpoint_bytes(expected.model, 4)),
+                  16384);
+    }
 }
 
 TEST_F(Checkpoints, WithSomeUpdatesLeftForLaterComeBackBitForBit) {
@@ -264,14 +265,14 @@ TEST_F(Checkpoints, WithSomeUpdatesLeftForLaterComeBackBitForBit) {
 }
 
 TEST_F(Checkpoints, OfAModelInTwoMemoriesAreTheSameFile) {
-  for (const bool has_codes : {false, true}) {
+  for (const MomentForm form : kMomentForms) {
     TrainingState state = telling_state(100, 12);
-    state.model.has_codes = has_codes;
+    state.model.moment_form = form;
     clear_history(state.model);
     begin_lazy(state.model, 42);
     CountedMemory device, host;
     const TrainingModel parted = copy_to({device, host}, state.model);
-    EXPECT_EQ(host.allocated, 100u * (has_codes ? 360 : 540));
+    EXPECT_EQ(host.allocated, 100u * 45 * unsigned(4 + moment_bytes(form)));
     fs::create_directories(path());
     write_checkpoint(file(12), telling_config(), telling_scene(), state.progress, state.model);
     write_checkpoint(file(13), telling_config(), telling_scene(), state.progress, parted);

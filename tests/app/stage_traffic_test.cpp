@@ -31,6 +31,20 @@ TEST(StageTraffic, APackedModelHasNoDepths) {
   EXPECT_EQ(stage_bytes("preprocess", work), with_depths);
 }
 
+// Each Gaussian has its count, and 59 parameters with moments to read and write; the visible one
+// gradients of 48 bytes to read and clear, its color, and two statistics to read and write.
+TEST(StageTraffic, AnUpdateMovesTheBytesOfTheMoments) {
+  Workload work = one_visible_of_three();
+  const double of_visible = 2 * 48 + 12 + 2 * 8;
+  const auto bytes_with = [&](MomentForm form) {
+    work.moments = form;
+    return stage_bytes("preprocess backward, Adam", work);
+  };
+  EXPECT_EQ(bytes_with(MomentForm::floats), 3 * (1416 + 4) + of_visible);
+  EXPECT_EQ(bytes_with(MomentForm::compact), 3 * (944 + 4) + of_visible);
+  EXPECT_EQ(bytes_with(MomentForm::tiny), 3 * (708 + 4) + of_visible);
+}
+
 TEST(StageTraffic, StagesThatArithmeticLimitsHaveNone) {
   EXPECT_FALSE(stage_bytes("blend", one_visible_of_three()).has_value());
 }

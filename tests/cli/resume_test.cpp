@@ -338,21 +338,23 @@ TEST_F(Resume, SettingsThatARunKeepsAreNamedWhereTheyDiffer) {
   EXPECT_THAT(added.err, HasSubstr("finish it"));
 }
 
-TEST_F(Resume, CompactMomentsGoOnAsTheyAre) {
-  const std::string compact = "--set optimizer.moments=compact ";
-  ASSERT_EQ(run(command("whole", compact)).code, 0);
-  const auto expected = contents_of(path("whole"));
-  ASSERT_EQ(run_and_signal(command("out", compact), checkpoint(path("out"), 12), SIGKILL).code,
-            -SIGKILL);
-  const Outcome floats = run(command("out", "--resume auto --set optimizer.moments=float"));
-  EXPECT_EQ(floats.code, 2);
-  EXPECT_THAT(floats.err, AllOf(HasSubstr("optimizer.moments = \"compact\" (now \"float\")"),
-                                HasSubstr("start a new run in another folder")));
-  const Outcome resumed = run(command("out", compact + "--resume auto"));
-  ASSERT_EQ(resumed.code, 0) << resumed.err;
-  EXPECT_EQ(contents_of(path("out")), expected);
-  const Outcome from = run(command("from", compact + "--from " + text("out")));
-  EXPECT_EQ(from.code, 0) << from.err;
+TEST_F(Resume, MomentsAsCodesGoOnAsTheyAre) {
+  for (const std::string form : {"compact", "tiny"}) {
+    const std::string setting = "--set optimizer.moments=" + form + " ", out = "out_" + form;
+    ASSERT_EQ(run(command("whole_" + form, setting)).code, 0);
+    const auto expected = contents_of(path("whole_" + form));
+    ASSERT_EQ(run_and_signal(command(out, setting), checkpoint(path(out), 12), SIGKILL).code,
+              -SIGKILL);
+    const Outcome floats = run(command(out, "--resume auto --set optimizer.moments=float"));
+    EXPECT_EQ(floats.code, 2);
+    EXPECT_THAT(floats.err, AllOf(HasSubstr("optimizer.moments = \"" + form + "\" (now \"float\")"),
+                                  HasSubstr("start a new run in another folder")));
+    const Outcome resumed = run(command(out, setting + "--resume auto"));
+    ASSERT_EQ(resumed.code, 0) << resumed.err;
+    EXPECT_EQ(contents_of(path(out)), expected);
+    const Outcome from = run(command("from_" + form, setting + "--from " + text(out)));
+    EXPECT_EQ(from.code, 0) << from.err;
+  }
 }
 
 TEST_F(Resume, UpdatesLeftForLaterAreMadeAsIfTheRunHadGoneOn) {

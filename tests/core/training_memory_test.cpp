@@ -34,7 +34,7 @@ double row_bytes(const TrainingModel& model) {
 }
 
 TEST(TrainingMemory, TheStateIsThatOfTheModelsArrays) {
-  for (int form = 0; form < 16; ++form) {
+  for (int form = 0; form < 48; ++form) {
     SCOPED_TRACE(form);
     TrainingSize size;
     TrainingModel model;
@@ -42,11 +42,14 @@ TEST(TrainingMemory, TheStateIsThatOfTheModelsArrays) {
     size.has_slope = model.gaussians.has_slope = form & 1 && form & 2;
     size.has_filter = model.gaussians.has_filter = form & 4;
     size.has_sums = model.statistics.has_sums = form & 8;
+    model.moment_form = MomentForm(form / 16);
+    size.moment_bytes = moment_bytes(model.moment_form);
     model.set_learned_arrays(model.gaussians);
     EXPECT_DOUBLE_EQ(state_bytes(size, 1000), 1000 * row_bytes(model));
   }
   EXPECT_DOUBLE_EQ(state_bytes({}, 1), 716);  // 59 * 4 * 3 + 8
   EXPECT_DOUBLE_EQ(state_bytes({.moment_bytes = 4}, 1), 716 - 59 * 4);
+  EXPECT_DOUBLE_EQ(state_bytes({.moment_bytes = 2}, 1), 362);
   EXPECT_DOUBLE_EQ(state_bytes({.is_lazy = true}, 1), 716 + 4);
 }
 
@@ -75,7 +78,7 @@ TEST(TrainingMemory, AGaussianTakesTheSumOfItsArrays) {
   EXPECT_NEAR(more([](TrainingSize& size) { size.instance_places += 1; }), 12, 0.01);
 }
 
-// 45 numbers of 12 bytes with their moments, or of 8.
+// 45 numbers of 12 bytes with their moments, or of 8 or 6.
 TEST(TrainingMemory, WithOffloadShIsInHostMemory) {
   const TrainingSize whole = steady(1e6), rest = with_offload(whole);
   EXPECT_DOUBLE_EQ(state_bytes(rest, 1), 716 - 540 + 4);  // lazy updates have 4 bytes more
@@ -85,12 +88,17 @@ TEST(TrainingMemory, WithOffloadShIsInHostMemory) {
   TrainingSize compact = rest;
   compact.moment_bytes = 4;
   EXPECT_DOUBLE_EQ(offloaded_bytes(compact), 1e6 * (360 + 180));
+  TrainingSize tiny = rest;
+  tiny.moment_bytes = 2;
+  EXPECT_DOUBLE_EQ(offloaded_bytes(tiny), 1e6 * (270 + 180));
   TrainingSize growing = rest;
   growing.growth = RowGrowth::by_need;
   EXPECT_DOUBLE_EQ(offloaded_bytes(growing), 1e6 * (540 * 1.0625 + 180));
 
   Config config;
   EXPECT_FALSE(training_size(config, {}, 1).offloads_sh);
+  config.optimizer.moments = MomentForm::tiny;
+  EXPECT_EQ(training_size(config, {}, 1).moment_bytes, 2);
   config.train.offload = OffloadMode::sh;
   EXPECT_TRUE(training_size(config, {}, 1).offloads_sh);
   EXPECT_TRUE(training_size(config, {}, 1).is_lazy);

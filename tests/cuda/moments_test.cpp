@@ -6,6 +6,7 @@
 #include <cmath>
 #include <string>
 
+#include "gs_core/config/config_words.h"
 #include "gs_core/math/activations.h"
 #include "gs_train/poses/poses.h"
 #include "tests/cuda/every_form.h"
@@ -24,7 +25,7 @@ class CudaMoments : public CudaTest {
  protected:
   /// Compares parameters, decoded moments and statistics.
   void expect_same(const TrainingModel& actual, const TrainingModel& expected, double tolerance) {
-    ASSERT_TRUE(actual.has_codes);
+    ASSERT_EQ(actual.moment_form, expected.moment_form);
     const TrainingModel a = decoded(actual), b = decoded(expected);
     const auto compare = [](const std::string& what, const auto& x, const auto& y, double most) {
       EXPECT_LT(norm_difference(downloaded(x), downloaded(y)), most) << what;
@@ -36,17 +37,20 @@ class CudaMoments : public CudaTest {
                      x, y);
     };
     compare_all("", a.gaussians, b.gaussians, tolerance);
-    compare_all("m of ", a.first_moment, b.first_moment, tolerance);
-    compare_all("v of ", a.second_moment, b.second_moment, 2 * tolerance);
+    // Where the last bits of two gradients decide, tiny codes differ by an eighth or a quarter.
+    const double of_moments = (actual.moment_form == MomentForm::tiny ? 5 : 1) * tolerance;
+    compare_all("m of ", a.first_moment, b.first_moment, of_moments);
+    compare_all("v of ", a.second_moment, b.second_moment, 2 * of_moments);
     compare("visits", a.statistics.visits, b.statistics.visits, tolerance);
     compare("gradient_norm", a.statistics.gradient_norm, b.statistics.gradient_norm, tolerance);
     EXPECT_EQ(actual.adam_steps, expected.adam_steps);
   }
   /// Steps of both backends by each view: on the GPU fused, and by one contract after the other.
-  void expect_same_steps(const Gaussians& start, const RenderSettings& settings,
+  void expect_same_steps(const Gaussians& start, MomentForm form, const RenderSettings& settings,
                          const DensityStep& density) {
+    SCOPED_TRACE(word_of(form));
     const std::vector<View> views = some_views();
-    TrainingModel expected = model_of(start, true);
+    TrainingModel expected = model_of(start, form);
     TrainingModel fused = on_gpu(expected), unfused = on_gpu(expected);
     for (const View& view : views) {
       const TrainingPhoto photo{&view, settings};
@@ -60,12 +64,25 @@ class CudaMoments : public CudaTest {
   }
 };
 
+/// Differences of codes that are rounded the other way: of m in sqrt(v), and of v in v.
+template <class Code>
+struct Apart;
+template <>
+struct Apart<CompactCode> {  // a step of m is 2^-7 of it at most, and m is at most 7.7 sqrt(v)
+  static constexpr double kM = 0.1, kV = 0.03;
+};
+template <>
+struct Apart<TinyCode> {  // 1/8 of m, up to 15 sqrt(v), and 1/4 of v; two of them at most
+  static constexpr double kM = 4, kV = 0.6;
+};
+
 // The same gradients on both sides, so that products rounded once instead of twice are all that
 // differs: a code is another one where that meets the threshold of its rounding, at some 3 of
-// 100,000 roundings.
-TEST_F(CudaMoments, AreRoundedAsByTheScalarTwin) {
-  TrainingModel host = model_of(random_gaussians(kTypical, 1001, random_camera(40, 30), 1), true);
-  TrainingModel device = on_gpu(host);
+// 100,000 roundings, and at fewer of tiny codes.
+template <class Code>
+void expect_same_rounding(MomentForm form, Backend& cpu, Backend& gpu) {
+  TrainingModel host = model_of(random_gaussians(kTypical, 1001, random_camera(40, 30), 1), form);
+  TrainingModel device = copy_to(gpu.memory(), host);
   Draws draws(2);
   Gaussians gradients(1001, host_memory());
   for (int step = 0; step < 20; ++step) {
@@ -75,29 +92,34 @@ TEST_F(CudaMoments, AreRoundedAsByTheScalarTwin) {
             number = draws.chance(0.1f) ? 0 : draws.normal() * draws.log_uniform(1e-8f, 1);
         },
         gradients);
-    cpu().optimizer().step(host, gradients, update_of());
-    gpu().optimizer().step(device, on_gpu(gradients), update_of());
+    cpu.optimizer().step(host, gradients, update_of());
+    const GaussianModel to_upload{copy_of(gradients), kMaxShDegree, true, false};
+    gpu.optimizer().step(device, copy_to(gpu.memory(), to_upload), update_of());
   }
-  const TrainingModel actual = on_host(device);
+  const TrainingModel actual = copy_to(host_memory(), device);
   std::size_t numbers = 0, different = 0;
   for_each_array(
       [&](const char* name, const auto& a, const auto& b) {
         for (std::size_t i = 0; i < codes_of(b).size; ++i, ++numbers) {
-          const MomentCode x = codes_of(a)[i], y = codes_of(b)[i];
+          const Code x = codes_of(a)[i], y = codes_of(b)[i];
           different += x.bits != y.bits;
-          // A step of m is 2^-7 of it at most, and m is at most 7.7 sqrt(v); a step of v is 2^-8.
           const double v = second_moment(y);
-          ASSERT_NEAR(first_moment(x), first_moment(y), 0.1 * std::sqrt(v)) << name << " " << i;
-          ASSERT_NEAR(second_moment(x), v, 0.03 * v) << name << " " << i;
+          ASSERT_NEAR(first_moment(x), first_moment(y), Apart<Code>::kM * std::sqrt(v))
+              << name << " " << i;
+          ASSERT_NEAR(second_moment(x), v, Apart<Code>::kV * v) << name << " " << i;
         }
       },
-      actual.moment_codes, host.moment_codes);
+      codes_in<Code>(actual), codes_in<Code>(host));
   EXPECT_LT(double(different), 0.01 * double(numbers));
   for_each_array(
       [](const char* name, const auto& a, const auto& b) {
         EXPECT_LT(norm_difference(downloaded(a), downloaded(b)), 1e-3) << name;
       },
       actual.gaussians, host.gaussians);
+}
+TEST_F(CudaMoments, AreRoundedAsByTheScalarTwin) {
+  expect_same_rounding<CompactCode>(MomentForm::compact, cpu(), gpu());
+  expect_same_rounding<TinyCode>(MomentForm::tiny, cpu(), gpu());
 }
 
 TEST_F(CudaMoments, OfAFusedStepAreThoseOfTheScalarTwin) {
@@ -106,7 +128,7 @@ TEST_F(CudaMoments, OfAFusedStepAreThoseOfTheScalarTwin) {
       SCOPED_TRACE(degree);
       RenderSettings settings;
       settings.sh_degree = degree;
-      expect_same_steps(start, settings, {true});
+      for (const MomentForm form : kCodeForms) expect_same_steps(start, form, settings, {true});
     }
 }
 
@@ -116,32 +138,33 @@ TEST_F(CudaMoments, OfAStepWithRegularizersAndAbsoluteGradientsAreThoseOfTheScal
     settings.absolute_gradient = true;
     DensityStep density{.gather_statistics = true, .regularizers = {1e-3f, 1e-3f}};
     density.noise = {5e4f, {3, RandomStream::position_noise}, 1};
-    expect_same_steps(start, settings, density);
+    for (const MomentForm form : kCodeForms) expect_same_steps(start, form, settings, density);
   }
 }
 
 TEST_F(CudaMoments, OfABatchAreThoseOfTheScalarTwin) {
   const std::vector<View> views = some_views();
   for (const Gaussians& start : all_forms(views[0].camera))
-    for (const int degree : {1, 3}) {
-      SCOPED_TRACE(degree);
-      RenderSettings settings;
-      settings.sh_degree = degree;
-      std::vector<TrainingPhoto> batch;
-      for (const View& view : views) batch.push_back({&view, settings});
-      TrainingModel expected = model_of(start, true);
-      TrainingModel fused = on_gpu(expected), unfused = on_gpu(expected);
-      const DensityStep density{.gather_statistics = true, .regularizers = {1e-3f, 1e-3f}};
-      for (int i = 0; i < 3; ++i) {
-        cpu().step(expected, {batch.data(), batch.size()}, {0.2f}, update_of(3), density);
-        gpu().step(fused, {batch.data(), batch.size()}, {0.2f}, update_of(3), density);
-        gpu().Backend::step(unfused, {batch.data(), batch.size()}, {0.2f}, update_of(3), density);
+    for (const int degree : {1, 2, 3})
+      for (const MomentForm form : kCodeForms) {
+        SCOPED_TRACE(testing::Message() << "degree " << degree << ", " << word_of(form));
+        RenderSettings settings;
+        settings.sh_degree = degree;
+        std::vector<TrainingPhoto> batch;
+        for (const View& view : views) batch.push_back({&view, settings});
+        TrainingModel expected = model_of(start, form);
+        TrainingModel fused = on_gpu(expected), unfused = on_gpu(expected);
+        const DensityStep density{.gather_statistics = true, .regularizers = {1e-3f, 1e-3f}};
+        for (int i = 0; i < 3; ++i) {
+          cpu().step(expected, {batch.data(), batch.size()}, {0.2f}, update_of(3), density);
+          gpu().step(fused, {batch.data(), batch.size()}, {0.2f}, update_of(3), density);
+          gpu().Backend::step(unfused, {batch.data(), batch.size()}, {0.2f}, update_of(3), density);
+        }
+        gpu().synchronize(fused);
+        EXPECT_EQ(fused.adam_steps, 9);
+        expect_same(on_host(fused), expected, 2e-2);
+        expect_same(on_host(unfused), expected, 2e-2);
       }
-      gpu().synchronize(fused);
-      EXPECT_EQ(fused.adam_steps, 9);
-      expect_same(on_host(fused), expected, 2e-2);
-      expect_same(on_host(unfused), expected, 2e-2);
-    }
 }
 
 // Counts of rows that fill neither a warp nor a vector of four numbers.
@@ -150,14 +173,16 @@ TEST_F(CudaMoments, OfAnyNumberOfRowsAreThoseOfTheScalarTwin) {
   for (const std::size_t count : {1, 2, 31, 32, 33, 65}) {
     SCOPED_TRACE(count);
     const Gaussians start = random_gaussians(kTypical, count, views[0].camera, 4);
-    expect_same_steps(start, {}, {true});
-    TrainingModel expected = model_of(start, true);
-    TrainingModel fused = on_gpu(expected);
-    const TrainingPhoto batch[] = {{&views[0], {}}, {&views[1], {}}};
-    cpu().step(expected, {batch, 2}, {0.2f}, update_of(2), {true});
-    gpu().step(fused, {batch, 2}, {0.2f}, update_of(2), {true});
-    gpu().synchronize(fused);
-    expect_same(on_host(fused), expected, 2e-2);
+    for (const MomentForm form : kCodeForms) {
+      expect_same_steps(start, form, {}, {true});
+      TrainingModel expected = model_of(start, form);
+      TrainingModel fused = on_gpu(expected);
+      const TrainingPhoto batch[] = {{&views[0], {}}, {&views[1], {}}};
+      cpu().step(expected, {batch, 2}, {0.2f}, update_of(2), {true});
+      gpu().step(fused, {batch, 2}, {0.2f}, update_of(2), {true});
+      gpu().synchronize(fused);
+      expect_same(on_host(fused), expected, 2e-2);
+    }
   }
 }
 
@@ -166,25 +191,27 @@ TEST_F(CudaMoments, OfAStepThatRefinesPosesAreThoseOfTheScalarTwin) {
   scene.train_views = some_views();
   scene.extent = 0.5f;
   const Camera& camera = scene.train_views[0].camera;
-  for (const Gaussians& start : all_forms(camera)) {
-    TrainingModel expected = model_of(start, true);
-    Config config = adaptive_config();
-    config.poses.refine = true;
-    begin_poses(config, scene, expected);
-    disturb(expected.poses, 0.005, 0.01);
-    TrainingModel actual = on_gpu(expected);
-    Update update = update_of();
-    update.pose_rate = 1e-4f;
-    update.photo_rule = batch_rule(1);
-    for (std::size_t row = 0; row < 3; ++row) {
-      TrainingPhoto photo{&scene.train_views[row], {}, 1, row};
-      gpu().step(actual, {&photo, 1}, {0.2f}, update, {true});
-      photo.refined = refined_camera(expected.poses, scene.train_views, row);
-      cpu().step(expected, {&photo, 1}, {0.2f}, update, {true});
+  for (const Gaussians& start : all_forms(camera))
+    for (const MomentForm form : kCodeForms) {
+      SCOPED_TRACE(word_of(form));
+      TrainingModel expected = model_of(start, form);
+      Config config = adaptive_config();
+      config.poses.refine = true;
+      begin_poses(config, scene, expected);
+      disturb(expected.poses, 0.005, 0.01);
+      TrainingModel actual = on_gpu(expected);
+      Update update = update_of();
+      update.pose_rate = 1e-4f;
+      update.photo_rule = batch_rule(1);
+      for (std::size_t row = 0; row < 3; ++row) {
+        TrainingPhoto photo{&scene.train_views[row], {}, 1, row};
+        gpu().step(actual, {&photo, 1}, {0.2f}, update, {true});
+        photo.refined = refined_camera(expected.poses, scene.train_views, row);
+        cpu().step(expected, {&photo, 1}, {0.2f}, update, {true});
+      }
+      gpu().synchronize(actual);
+      expect_same(on_host(actual), expected, 2e-2);
     }
-    gpu().synchronize(actual);
-    expect_same(on_host(actual), expected, 2e-2);
-  }
 }
 
 // Pairs of quaternions stay turns of space to the last bit, since both are rounded alike.
@@ -192,27 +219,29 @@ TEST_F(CudaMoments, LeaveStaticRowsATurnOfSpace) {
   const std::vector<View> views = some_views();
   Gaussians start = in_spacetime(random_gaussians(kTypical, 3000, views[0].camera, 1), 8);
   make_half_static(start);
-  TrainingModel model = on_gpu(model_of(start, true));
-  for (int step = 0; step < 30; ++step) {
-    const TrainingPhoto photo{&views[std::size_t(step % 3)], {}};
-    gpu().step(model, {&photo, 1}, {0.2f}, update_of(), {true});
+  for (const MomentForm form : kCodeForms) {
+    TrainingModel model = on_gpu(model_of(start, form));
+    for (int step = 0; step < 30; ++step) {
+      const TrainingPhoto photo{&views[std::size_t(step % 3)], {}};
+      gpu().step(model, {&photo, 1}, {0.2f}, update_of(), {true});
+    }
+    gpu().synchronize(model);
+    const TrainingModel result = on_host(model);
+    const Gaussians& rows = result.gaussians;
+    int off = 0;
+    for (std::size_t i = 0; i < rows.count(); i += 2) {
+      const Quatf wanted = mirrored(rows.rotation[i]), right = rows.right_rotation[i];
+      off += !(right.w == wanted.w && right.x == wanted.x && right.y == wanted.y &&
+               right.z == wanted.z && is_static(rows.log_time_scale[i]));
+    }
+    EXPECT_EQ(off, 0) << word_of(form);
   }
-  gpu().synchronize(model);
-  const TrainingModel result = on_host(model);
-  const Gaussians& rows = result.gaussians;
-  int off = 0;
-  for (std::size_t i = 0; i < rows.count(); i += 2) {
-    const Quatf wanted = mirrored(rows.rotation[i]), right = rows.right_rotation[i];
-    off += !(right.w == wanted.w && right.x == wanted.x && right.y == wanted.y &&
-             right.z == wanted.z && is_static(rows.log_time_scale[i]));
-  }
-  EXPECT_EQ(off, 0);
 }
 
 // ---- rows --------------------------------------------------------------------------------------
 
 /// Codes that tell rows and quantities apart.
-TrainingModel numbered_model(std::size_t count, bool has_time = false) {
+TrainingModel numbered_model(MomentForm form, std::size_t count, bool has_time = false) {
   Draws draws(7);
   Gaussians rows = random_gaussians(kTypical, count, random_camera(40, 30), 5);
   if (has_time) rows = in_spacetime(rows, 8);
@@ -221,15 +250,17 @@ TrainingModel numbered_model(std::size_t count, bool has_time = false) {
     rows.logit_opacity[i] = logit(draws.log_uniform(0.003f, 0.9f));
     if (has_time) rows.log_time_scale[i] = draws.uniform(-1, 3);
   }
-  TrainingModel model = model_of(rows, true);
-  std::uint32_t first = 1;
-  for_each_array([&](const char*, const auto& array) { number_codes(array, first += 1'000'000); },
-                 model.moment_codes);
+  TrainingModel model = model_of(rows, form);
+  number_codes(model, 1, form == MomentForm::tiny ? 6'001 : 1'000'001);
   for (std::size_t i = 0; i < count; ++i) {
     model.statistics.visits[i] = float(draws.below(9));
     model.statistics.gradient_norm[i] = model.statistics.visits[i] * float(draws.below(32)) / 16;
   }
   return model;
+}
+
+bool same_codes(const TrainingModel& a, const TrainingModel& b) {
+  return same_bits(a.compact_codes, b.compact_codes) && same_bits(a.tiny_codes, b.tiny_codes);
 }
 
 TEST_F(CudaMoments, FollowTheirRowsAsOnTheScalarTwin) {
@@ -238,54 +269,59 @@ TEST_F(CudaMoments, FollowTheirRowsAsOnTheScalarTwin) {
                                  .prune_opacity = 0.05f,
                                  .prune_scale = 1,
                                  .max_gaussians = 0};
-  for (const std::size_t count : {0, 1, 257, 3000}) {
-    SCOPED_TRACE(count);
-    TrainingModel host = numbered_model(count);
-    const auto change_both = [&](const char* what, const auto& change) {
-      TrainingModel device = on_gpu(host);
-      change(cpu().rows(), host);
-      change(gpu().rows(), device);
-      EXPECT_TRUE(same_bits(on_host(device).moment_codes, host.moment_codes)) << what;
-    };
-    change_both("refine", [&](RowOps& rows, TrainingModel& model) {
-      rows.refine(model, kRules, {1, RandomStream::split_gaussians}, 600);
-    });
-    change_both("relocate", [&](RowOps& rows, TrainingModel& model) {
-      rows.relocate(model, {0.1f, std::int64_t(count) + 100}, 1, 600);
-    });
-    change_both("prune", [](RowOps& rows, TrainingModel& model) { rows.prune(model, 0.1f); });
-    for (const MomentClearing clears : {MomentClearing::opacity, MomentClearing::all})
-      change_both("reset", [&](RowOps& rows, TrainingModel& model) {
-        rows.lower_opacity(model, {OpacityPolicy::reset, 0.01f, clears});
+  for (const MomentForm form : kCodeForms)
+    for (const std::size_t count : {0, 1, 257, 3000}) {
+      SCOPED_TRACE(testing::Message() << word_of(form) << " " << count);
+      TrainingModel host = numbered_model(form, count);
+      const auto change_both = [&](const char* what, const auto& change) {
+        TrainingModel device = on_gpu(host);
+        change(cpu().rows(), host);
+        change(gpu().rows(), device);
+        EXPECT_TRUE(same_codes(on_host(device), host)) << what;
+      };
+      change_both("refine", [&](RowOps& rows, TrainingModel& model) {
+        rows.refine(model, kRules, {1, RandomStream::split_gaussians}, 600);
       });
-  }
+      change_both("relocate", [&](RowOps& rows, TrainingModel& model) {
+        rows.relocate(model, {0.1f, std::int64_t(count) + 100}, 1, 600);
+      });
+      change_both("prune", [](RowOps& rows, TrainingModel& model) { rows.prune(model, 0.1f); });
+      for (const MomentClearing clears : {MomentClearing::opacity, MomentClearing::all})
+        change_both("reset", [&](RowOps& rows, TrainingModel& model) {
+          rows.lower_opacity(model, {OpacityPolicy::reset, 0.01f, clears});
+        });
+    }
 }
 
 TEST_F(CudaMoments, AreSortedWithTheirRows) {
-  TrainingModel host = numbered_model(3000);
-  TrainingModel device = on_gpu(host);
-  cpu().rows().sort_by_morton(host);
-  gpu().rows().sort_by_morton(device);
-  EXPECT_TRUE(same_bits(on_host(device), host));
+  for (const MomentForm form : kCodeForms) {
+    TrainingModel host = numbered_model(form, 3000);
+    TrainingModel device = on_gpu(host);
+    cpu().rows().sort_by_morton(host);
+    gpu().rows().sort_by_morton(device);
+    EXPECT_TRUE(same_bits(on_host(device), host)) << word_of(form);
+  }
 }
 
 TEST_F(CudaMoments, OfStaticRowsAreClearedAsByTheScalarTwin) {
-  TrainingModel host = numbered_model(3000, true);
-  TrainingModel device = on_gpu(host);
-  const std::size_t expected = cpu().rows().make_static(host, 2);
-  EXPECT_EQ(gpu().rows().make_static(device, 2), expected);
-  EXPECT_GT(expected, 30u);
-  EXPECT_TRUE(same_bits(on_host(device).moment_codes, host.moment_codes));
+  for (const MomentForm form : kCodeForms) {
+    TrainingModel host = numbered_model(form, 3000, true);
+    TrainingModel device = on_gpu(host);
+    const std::size_t expected = cpu().rows().make_static(host, 2);
+    EXPECT_EQ(gpu().rows().make_static(device, 2), expected);
+    EXPECT_GT(expected, 30u);
+    EXPECT_TRUE(same_codes(on_host(device), host)) << word_of(form);
+  }
 }
 
 // ---- runs --------------------------------------------------------------------------------------
 
-Config compact(Config config) {
-  config.optimizer.moments = MomentForm::compact;
+Config with(MomentForm form, Config config) {
+  config.optimizer.moments = form;
   return config;
 }
 
-class CudaCompactRun : public CudaTest {
+class CudaCodedRun : public CudaTest {
  protected:
   double mean_psnr(Config config) {
     constexpr int kSeeds = 6;
@@ -309,23 +345,28 @@ class CudaCompactRun : public CudaTest {
 };
 
 // Rounding makes another run of it, as another seed does.
-TEST_F(CudaCompactRun, EndsAsGoodAsWithFloats) {
-  const double floats = mean_psnr(short_run()), codes = mean_psnr(compact(short_run()));
+TEST_F(CudaCodedRun, EndsAsGoodAsWithFloats) {
+  const double floats = mean_psnr(short_run());
   RecordProperty("psnr_of_floats", std::to_string(floats));
-  RecordProperty("psnr_of_codes", std::to_string(codes));
-  EXPECT_NEAR(codes, floats, 0.3);
+  for (const MomentForm form : kCodeForms) {
+    const double codes = mean_psnr(with(form, short_run()));
+    RecordProperty("psnr_of_" + std::string(word_of(form)), std::to_string(codes));
+    EXPECT_NEAR(codes, floats, form == MomentForm::tiny ? 0.5 : 0.3) << word_of(form);
+  }
 }
 
-TEST_F(CudaCompactRun, RepeatsItselfAndGoesOnWhereItWasStoppedInDeterministicSteps) {
-  for (const int batch : {1, 3}) {
-    Config config = compact(busy_run());
-    config.train.deterministic = true;
-    config.train.batch = batch;
-    const TrainingModel whole = trained(config);
-    EXPECT_TRUE(whole.has_codes);
-    EXPECT_TRUE(same_bits(trained(config), whole)) << "batch " << batch;
-    EXPECT_TRUE(same_bits(resumed_after(43, scene_, config, gpu()), whole)) << "batch " << batch;
-  }
+TEST_F(CudaCodedRun, RepeatsItselfAndGoesOnWhereItWasStoppedInDeterministicSteps) {
+  for (const MomentForm form : kCodeForms)
+    for (const int batch : {1, 3}) {
+      SCOPED_TRACE(testing::Message() << word_of(form) << ", batch " << batch);
+      Config config = with(form, busy_run());
+      config.train.deterministic = true;
+      config.train.batch = batch;
+      const TrainingModel whole = trained(config);
+      EXPECT_EQ(whole.moment_form, form);
+      EXPECT_TRUE(same_bits(trained(config), whole));
+      EXPECT_TRUE(same_bits(resumed_after(43, scene_, config, gpu()), whole));
+    }
 }
 
 }  // namespace

@@ -51,14 +51,14 @@ class CudaOffload : public CudaTest {
 
 TEST_F(CudaOffload, StepsHaveTheBitsOfThoseOnTheGpuAlone) {
   const std::vector<View> views = shifted_views(3, 50, true);
-  for (const Gaussians& form : all_forms())
-    for (const bool has_codes : {false, true})
+  for (const Gaussians& gaussians : all_forms())
+    for (const MomentForm form : kMomentForms)
       for (const bool is_lazy : {false, true})
         for (const bool is_batch : {false, true})
           for (const int degree : {0, 2, 3}) {
-            SCOPED_TRACE(testing::Message() << "codes " << has_codes << ", lazy " << is_lazy
-                                            << ", batch " << is_batch << ", degree " << degree);
-            TrainingModel start = model_of(form, has_codes);
+            SCOPED_TRACE(testing::Message() << word_of(form) << ", lazy " << is_lazy << ", batch "
+                                            << is_batch << ", degree " << degree);
+            TrainingModel start = model_of(gaussians, form);
             if (is_lazy) begin_lazy(start, 11);
             expect_same(start,
                         [&](TrainingModel& model) { take_steps(model, views, is_batch, degree); });
@@ -72,17 +72,17 @@ TEST_F(CudaOffload, RowOperationsBetweenStepsHaveTheBitsOfThoseOnTheGpuAlone) {
                                  .prune_opacity = 0.05f,
                                  .prune_scale = 1,
                                  .max_gaussians = 0};
-  for (const Gaussians& form : all_forms())
-    for (const bool has_codes : {false, true})
+  for (const Gaussians& gaussians : all_forms())
+    for (const MomentForm form : kMomentForms)
       for (const bool is_lazy : {false, true}) {
-        SCOPED_TRACE(testing::Message() << "codes " << has_codes << ", lazy " << is_lazy);
-        TrainingModel start = model_of(form, has_codes);
+        SCOPED_TRACE(testing::Message() << word_of(form) << ", lazy " << is_lazy);
+        TrainingModel start = model_of(gaussians, form);
         if (is_lazy) begin_lazy(start, 11);
         expect_same(start, [&](TrainingModel& model) {
           RowOps& rows = gpu().rows();
           take_steps(model, views, false, 3);
           rows.refine(model, kRules, {1, RandomStream::split_gaussians}, 600);
-          EXPECT_GT(model.count(), form.count());  // arrays have grown
+          EXPECT_GT(model.count(), gaussians.count());  // arrays have grown
           take_steps(model, views, false, 3);
           rows.sort_by_morton(model);
           rows.relocate(model, {0.05f, std::int64_t(model.count()) + 500}, 1, 700);
@@ -117,8 +117,8 @@ TEST_F(CudaOffload, LooksSeeTheSameAndChangeNothing) {
 }
 
 TEST_F(CudaOffload, TheGpuHoldsExactlyTheseArraysLess) {
-  for (const bool has_codes : {false, true}) {
-    const TrainingModel start = model_of(all_forms()[0], has_codes);
+  for (const MomentForm form : kMomentForms) {
+    const TrainingModel start = model_of(all_forms()[0], form);
     const auto usage_of = [&](const ModelMemory& memory) {
       const cuda::Usage before = cuda::usage();
       const TrainingModel model = copy_to(memory, start);
@@ -129,7 +129,7 @@ TEST_F(CudaOffload, TheGpuHoldsExactlyTheseArraysLess) {
     const auto [whole, none] = usage_of(gpu().memory());
     const auto [rest, mapped] = usage_of(offloaded());
     EXPECT_EQ(none, 0u);
-    EXPECT_EQ(mapped, start.count() * (has_codes ? 360 : 540));
+    EXPECT_EQ(mapped, start.count() * 45u * unsigned(4 + moment_bytes(form)));
     EXPECT_EQ(whole - rest, mapped);
   }
   EXPECT_EQ(cuda::usage().mapped_host_bytes, 0u);
@@ -195,7 +195,7 @@ class CudaOffloadedRun : public CudaTest {
 TEST_F(CudaOffloadedRun, EndsWithTheBitsOfARunOnTheGpuAlone) {
   for (Config config : {deterministic(busy_run()), deterministic(short_mcmc_run())})
     for (const LazyMode lazy : {LazyMode::on, LazyMode::off})
-      for (const MomentForm moments : {MomentForm::floats, MomentForm::compact})
+      for (const MomentForm moments : kMomentForms)
         for (const int batch : {1, 3}) {
           SCOPED_TRACE(testing::Message() << config.density.strategy << int(lazy) << int(moments)
                                           << ", batch " << batch);

@@ -101,12 +101,11 @@ TEST_F(CudaRanks, ScoresRegularizersAndNoiseHaveTheBytesOfOneGpu) {
     }
 }
 
-TEST_F(CudaRanks, CompactMomentsHaveTheBytesOfOneGpu) {
+TEST_F(CudaRanks, MomentsAsCodesHaveTheBytesOfOneGpu) {
   const std::vector<View> views = some_views(131, 77, 3);
-  TrainingModel start = model_of(random_gaussians(kTypical, 3000, views[0].camera, 5));
-  start.has_codes = true;
-  clear_history(start);
-  expect_bytes_of_one_gpu(start, views, {}, {true});
+  for (const MomentForm form : kCodeForms)
+    expect_bytes_of_one_gpu(model_of(random_gaussians(kTypical, 3000, views[0].camera, 5), form),
+                            views, {}, {true});
 }
 
 // The photos of a batch share a camera, to which all of them add.

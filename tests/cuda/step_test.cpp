@@ -370,10 +370,14 @@ TEST_F(CudaStep, SelectingTheVisibleRowsChangesNothing) {
 
 TEST_F(CudaStep, SteadyStepsNeitherWaitNorAllocate) {
   const std::vector<View> views = some_views(200, 150, 5);
-  for (const auto& [has_codes, is_lazy] :
-       {std::pair{false, false}, {true, false}, {false, true}, {true, true}}) {
+  for (const auto& [form, is_lazy] : {std::pair{MomentForm::floats, false},
+                                      {MomentForm::compact, false},
+                                      {MomentForm::tiny, false},
+                                      {MomentForm::floats, true},
+                                      {MomentForm::compact, true},
+                                      {MomentForm::tiny, true}}) {
     TrainingModel model =
-        on_gpu(model_of(random_gaussians(kTypical, 20000, views[0].camera, 7), has_codes));
+        on_gpu(model_of(random_gaussians(kTypical, 20000, views[0].camera, 7), form));
     if (is_lazy) begin_lazy(model, 1);
     RenderSettings settings;
     gpu().upload_views(views, 1 << 30);

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Adam's moments as codes of 16 bits: what is exact, what is right on average, and how far rounding
-// leads.
+// Adam's moments as codes of 32 and of 16 bits: what is exact, what is right on average, and how far
+// rounding leads.
 #include "gs_core/math/moment_code.h"
 
 #include <gtest/gtest.h>
@@ -9,6 +9,8 @@
 #include <cmath>
 #include <limits>
 #include <set>
+#include <string>
+#include <utility>
 #include <vector>
 
 #include "tests/support/scenes.h"
@@ -16,101 +18,198 @@
 namespace gs {
 namespace {
 
-constexpr double kStepOfM = 0x1p-7, kStepOfV = 0x1p-8;  // largest relative distance of two codes
 constexpr float kFloatMin = std::numeric_limits<float>::min();
 
 std::uint32_t random_bits(Draws& draws) { return draws.below(0xffffffffu); }
 
-TEST(MomentCode, KeepsZeroWhateverTheRandomNumberIs) {
-  for (const std::uint32_t random : {0u, 1u, 0x7fffu, 0xffffu, 0xffff0000u, 0xffffffffu}) {
-    EXPECT_EQ(moment_code(0, 0, random).bits, 0u);
-    EXPECT_EQ(first_moment(moment_code(-0.0f, 0, random)), 0);
-    EXPECT_EQ(first_moment(moment_code(0, 0.3f, random)), 0);
-    EXPECT_EQ(second_moment(moment_code(0.3f, 0, random)), 0);
+/// What is expected of a kind of code.
+template <class Code>
+struct Expected;
+template <>
+struct Expected<CompactCode> {
+  static constexpr double kStepOfM = 0x1p-7, kStepOfV = 0x1p-8;  // largest distance of two codes
+  static constexpr double kFinestStep = 0;                       // of m, in sqrt(v)
+  static constexpr float kLeastV = kFloatMin, kMostV = 1e37f;
+  static constexpr int kRandomBitsOfM = 16, kRandomBitsOfV = 15;
+  static constexpr double kErrorOfMean = 1e-9;
+  static constexpr float kLargestQuotient = 7.7f;
+  static constexpr double kErrorOfStep = 0.015, kErrorOfWay = 0.03, kErrorOfV = 0.04;
+};
+template <>
+struct Expected<TinyCode> {
+  static constexpr double kStepOfM = 0x1p-3, kStepOfV = 0x1p-2;
+  static constexpr double kFinestStep = 0x1p-6;
+  static constexpr float kLeastV = 1.25f * 0x1p-100f, kMostV = 1.75f * 0x1p27f;
+  static constexpr int kRandomBitsOfM = 14, kRandomBitsOfV = 18;
+  static constexpr double kErrorOfMean = 0x1p-18;  // of 2^-15 of a step
+  static constexpr float kLargestQuotient = 15;
+  static constexpr double kErrorOfStep = 0.19, kErrorOfWay = 0.3, kErrorOfV = 0.4;
+};
+
+template <class Code>
+class MomentCode : public testing::Test {};
+using Codes = testing::Types<CompactCode, TinyCode>;
+TYPED_TEST_SUITE(MomentCode, Codes);
+
+TYPED_TEST(MomentCode, KeepsZeroWhateverTheRandomNumberIs) {
+  for (const std::uint32_t random :
+       {0u, 1u, 0x7fffu, 0x3ffffu, 0xffffu, 0xffff0000u, 0xffffffffu}) {
+    EXPECT_EQ(TypeParam::of(0, 0, random).bits, 0u);
+    EXPECT_EQ(first_moment(TypeParam::of(-0.0f, 0, random)), 0);
+    EXPECT_EQ(first_moment(TypeParam::of(0, 0.3f, random)), 0);
+    EXPECT_EQ(second_moment(TypeParam::of(0.3f, 0, random)), 0);
   }
 }
 
 // Also denormal numbers: they are not flushed.
-TEST(MomentCode, ComesBackFromItsNumbers) {
+TEST(CompactCode, ComesBackFromItsNumbers) {
   constexpr std::uint32_t kFinite = 0xff00;  // exponents below that of infinity
   for (std::uint32_t v = 0; v < kFinite; ++v) {
     const std::uint32_t m = v % 0x7f80;
     for (const std::uint32_t sign : {0u, 0x80000000u}) {
-      const MomentCode code{sign | m << 16 | v};
+      const CompactCode code{sign | m << 16 | v};
       for (const std::uint32_t random : {0u, 0xffffffffu})
-        ASSERT_EQ(moment_code(first_moment(code), second_moment(code), random).bits, code.bits);
+        ASSERT_EQ(CompactCode::of(first_moment(code), second_moment(code), random).bits, code.bits);
+    }
+  }
+}
+TEST(TinyCode, ComesBackFromItsNumbers) {
+  for (std::uint32_t bits = 0; bits <= 0xffff; ++bits) {
+    const TinyCode code{std::uint16_t(bits)};
+    if (second_moment(code) == 0) continue;
+    for (const std::uint32_t random : {0u, 0xffffffffu})
+      ASSERT_EQ(TinyCode::of(first_moment(code), second_moment(code), random).bits, code.bits);
+  }
+}
+
+// The formula of tiny_code.h in double.
+TEST(TinyCode, HasTheNumbersOfItsFormula) {
+  for (std::uint32_t c = 0; c < 512; ++c)
+    for (std::uint32_t k = 0; k < 64; ++k) {
+      const TinyCode code{std::uint16_t(k << 9 | c)};
+      const double v = c ? (1 + (c % 4) / 4.0) * std::pow(2, int(c / 4) - 100) : 0;
+      const double n = k < 8 ? k : (8 + k % 8) * std::pow(2, int(k / 8) - 1);
+      ASSERT_EQ(second_moment(code), v);
+      ASSERT_EQ(first_moment(code), n * std::pow(2, int(c / 8) - 56));
+      ASSERT_EQ(first_moment(TinyCode{std::uint16_t(code.bits | 0x8000)}), -first_moment(code));
+    }
+}
+
+// A step would be m / epsilon.
+TEST(TinyCode, HasNoFirstMomentWithoutASecondOne) {
+  Draws draws(6);
+  for (int i = 0; i < 100'000; ++i) {
+    const float v = i % 2 ? draws.log_uniform(1e-44f, 1e-20f) : 0;
+    const TinyCode code = TinyCode::of(draws.normal() * 1e-10f, v, random_bits(draws));
+    EXPECT_EQ(second_moment(code) > 0, v > 0);
+    if (v == 0) {
+      ASSERT_EQ(code.bits, 0);
+    } else if (v < Expected<TinyCode>::kLeastV) {
+      ASSERT_EQ(second_moment(code), Expected<TinyCode>::kLeastV);
     }
   }
 }
 
-TEST(MomentCode, IsWithinOneStepOfTheNumber) {
+TEST(TinyCode, HasItsLargestNumbersForWhatIsLarger) {
+  constexpr float kInfinity = std::numeric_limits<float>::infinity();
+  for (const float large : {4e8f, 1e38f, kInfinity}) {
+    const TinyCode code = TinyCode::of(-large, large, 0xffffffffu);
+    EXPECT_EQ(second_moment(code), Expected<TinyCode>::kMostV);
+    EXPECT_EQ(first_moment(TinyCode::of(-large, 1, 0)), -15);
+  }
+}
+
+TYPED_TEST(MomentCode, IsWithinOneStepOfTheNumber) {
+  using E = Expected<TypeParam>;
   Draws draws(1);
   for (int i = 0; i < 100'000; ++i) {
-    const float m = draws.normal() * draws.log_uniform(1e-30f, 1e30f);
-    const float v = draws.log_uniform(kFloatMin, 1e37f);
-    const MomentCode code = moment_code(m, v, random_bits(draws));
-    ASSERT_LT(std::abs(double(first_moment(code)) / m - 1), kStepOfM) << m;
-    ASSERT_LT(std::abs(double(second_moment(code)) / v - 1), kStepOfV) << v;
+    const float v = draws.log_uniform(E::kLeastV, E::kMostV);
+    const float m = draws.uniform(-7, 7) * std::sqrt(v) * (i % 2 ? 1 : draws.log_uniform(1e-6f, 1));
+    const TypeParam code = TypeParam::of(m, v, random_bits(draws));
+    const double step = std::max(E::kStepOfM * std::abs(m),
+                                 E::kFinestStep * std::sqrt(double(second_moment(code))));
+    ASSERT_LE(std::abs(double(first_moment(code)) - m), step) << m << " of " << v;
+    ASSERT_LT(std::abs(double(second_moment(code)) / v - 1), E::kStepOfV) << v;
   }
 }
 
 // Over all values of the random bits that a number uses.
-TEST(MomentCode, IsTheNumberOnAverage) {
+TYPED_TEST(MomentCode, IsTheNumberOnAverage) {
+  using E = Expected<TypeParam>;
+  constexpr std::uint32_t kWaysOfM = 1u << E::kRandomBitsOfM, kWaysOfV = 1u << E::kRandomBitsOfV;
   Draws draws(2);
   for (int i = 0; i < 20; ++i) {
-    const float m = draws.normal() * draws.log_uniform(1e-12f, 1e3f);
     const float v = draws.log_uniform(1e-24f, 1e6f);
+    const float m = draws.normal() * std::sqrt(v);
+    const float code_of_v = second_moment(TypeParam::of(0, v, 0));  // steps of m depend on it
     double sum_of_m = 0, sum_of_v = 0;
-    for (std::uint32_t random = 0; random < 1u << kDroppedBitsOfM; ++random)
-      sum_of_m += first_moment(moment_code(m, v, random << 16));
-    for (std::uint32_t random = 0; random < 1u << kDroppedBitsOfV; ++random)
-      sum_of_v += second_moment(moment_code(m, v, random));
-    EXPECT_NEAR(sum_of_m / (1 << kDroppedBitsOfM) / m, 1, 1e-9);
-    EXPECT_NEAR(sum_of_v / (1 << kDroppedBitsOfV) / v, 1, 1e-9);
+    for (std::uint32_t random = 0; random < kWaysOfM; ++random)
+      sum_of_m += first_moment(TypeParam::of(m, code_of_v, random << (32 - E::kRandomBitsOfM)));
+    for (std::uint32_t random = 0; random < kWaysOfV; ++random)
+      sum_of_v += second_moment(TypeParam::of(m, v, random));
+    const double size = std::max(double(std::abs(m)), E::kFinestStep / E::kStepOfM * std::sqrt(v));
+    EXPECT_NEAR(sum_of_m / kWaysOfM / size, m / size, E::kErrorOfMean);
+    EXPECT_NEAR(sum_of_v / kWaysOfV / v, 1, E::kErrorOfMean);
   }
 }
 
 // The right rotation of a static Gaussian stays the mirror of the left one.
-TEST(MomentCode, RoundsNumbersOfOppositeSignAlike) {
+TYPED_TEST(MomentCode, RoundsNumbersOfOppositeSignAlike) {
   Draws draws(3);
   for (int i = 0; i < 1000; ++i) {
     const float m = draws.normal();
     const std::uint32_t random = random_bits(draws);
-    EXPECT_EQ(first_moment(moment_code(-m, 1, random)), -first_moment(moment_code(m, 1, random)));
+    EXPECT_EQ(first_moment(TypeParam::of(-m, 1, random)),
+              -first_moment(TypeParam::of(m, 1, random)));
   }
 }
 
-// Rounded to nearest, v would not fall at all: a thousandth is less than half of its steps.
-TEST(MomentCode, LetsVDecayOverTenThousandStepsAsAFloat) {
-  constexpr int kRows = 2000, kSteps = 10'000;
+// The mean and the standard deviation of v after some updates without gradients, as shares of what
+// it is as a float.
+template <class Code>
+std::pair<double, double> decayed(int rows, int steps) {
   const AdamStep step = adam_step(1, 0);
-  std::vector<MomentCode> codes(kRows, moment_code(0, 1, 0));
-  for (int t = 1; t <= kSteps; ++t) {
+  std::vector<Code> codes(std::size_t(rows), Code::of(0, 1, 0));
+  for (int t = 1; t <= steps; ++t) {
     const MomentRounding rounding{7, t};
-    for (std::size_t i = 0; i < kRows; ++i) {
+    for (std::size_t i = 0; i < codes.size(); ++i) {
       float parameter = 0;
       adam_update(parameter, codes[i], 0, step, AdamRule(), rounding.of_row(i));
     }
   }
   double mean = 0, squares = 0;
-  for (const MomentCode code : codes) {
-    const double ratio = second_moment(code) / std::pow(kAdamBeta2, kSteps);
-    mean += ratio / kRows;
-    squares += ratio * ratio / kRows;
+  for (const Code code : codes) {
+    const double ratio = second_moment(code) / std::pow(kAdamBeta2, steps);
+    mean += ratio / rows;
+    squares += ratio * ratio / rows;
   }
+  return {mean, std::sqrt(squares - mean * mean)};
+}
+
+// Rounded to nearest, v would not fall at all: a thousandth is less than half of its steps.
+TEST(CompactCode, LetsVDecayOverTenThousandStepsAsAFloat) {
+  const auto [mean, scatter] = decayed<CompactCode>(2000, 10'000);
   // One step adds a variance of (0.47 of a step of 0.28 %)^2 at most: 13 % after 10,000. The mean
   // of 2,000 has 0.3 %.
   EXPECT_NEAR(mean, 1, 0.015);
-  EXPECT_LT(std::sqrt(squares - mean * mean), 0.16);
+  EXPECT_LT(scatter, 0.16);
+}
+TEST(TinyCode, LetsVDecayOverAThousandStepsAsAFloat) {
+  const auto [mean, scatter] = decayed<TinyCode>(4000, 1000);
+  // One step of a fifth is taken with a probability of 1/200: a variance of 0.0002, and 0.2 after
+  // 1,000. The mean of 4,000 has 0.7 %.
+  EXPECT_NEAR(mean, 1, 0.03);
+  EXPECT_LT(scatter, 0.55);
+  EXPECT_GT(scatter, 0.3);
 }
 
-TEST(MomentCode, LetsMDecayToZero) {
+TYPED_TEST(MomentCode, LetsMDecayToZero) {
   const AdamStep step = adam_step(1000, 1e-3f);
   double mean = 0;
   constexpr int kRows = 4000;
   for (std::size_t i = 0; i < kRows; ++i) {
     float parameter = 0;
-    MomentCode code = moment_code(1e-3f, 1e-6f, 0);
+    TypeParam code = TypeParam::of(1e-3f, 1e-6f, 0);
     for (int t = 1; t <= 20; ++t)
       adam_update(parameter, code, 0, step, AdamRule(), MomentRounding{1, t}.of_row(i));
     mean += first_moment(code) / (1e-3 * std::pow(kAdamBeta1, 20)) / kRows;
@@ -118,52 +217,66 @@ TEST(MomentCode, LetsMDecayToZero) {
       adam_update(parameter, code, 0, step, AdamRule(), MomentRounding{1, t}.of_row(i));
     ASSERT_LT(std::abs(first_moment(code)), 1e-38f);
   }
-  EXPECT_NEAR(mean, 1, 2e-3);  // 20 roundings of 0.3 % each, over 4,000 rows: 0.02 %
+  // 20 roundings of 0.3 % each, over 4,000 rows: 0.02 %; of tiny codes, of 5 %: 0.3 %
+  EXPECT_NEAR(mean, 1, 0.25 * Expected<TypeParam>::kStepOfM);
 }
 
 // For floats the bound is sqrt(((1 - b1)^2 / (1 - b2)) / (1 - b1^2 / b2)) = 7.27, and gradients
-// that grow by b2 / b1 a step come to it. One rounding changes the quotient by less than (1 + 2^-7)
-// / sqrt(1 - 2^-8), so that the bound becomes 7.7.
-TEST(MomentCode, KeepsTheQuotientThatMovesParametersBounded) {
+// that grow by b2 / b1 a step come to it. One rounding of compact codes changes the quotient by less
+// than (1 + 2^-7) / sqrt(1 - 2^-8), so that the bound becomes 7.7. Tiny codes have none above 15.
+TYPED_TEST(MomentCode, KeepsTheQuotientThatMovesParametersBounded) {
   float largest = 0;
   Draws draws(4);
   const AdamStep step = adam_step(1'000'000, 1e-3f);
   for (int history = 0; history < 200; ++history) {
     const float growth = history % 2 ? 1.11f : draws.uniform(1.0f, 1.2f);
     float parameter = 0, gradient = 1e-12f;
-    MomentCode code;
+    TypeParam code;
     for (int t = 1; t <= 300; ++t, gradient *= growth) {
       adam_update(parameter, code, gradient, step, AdamRule(), random_bits(draws));
       largest = std::max(largest, first_moment(code) / std::sqrt(second_moment(code)));
     }
   }
-  EXPECT_LT(largest, 7.7f);
+  EXPECT_LE(largest, Expected<TypeParam>::kLargestQuotient);
   EXPECT_GT(largest, 7.2f);
 }
 
 // A parameter with noisy gradients, some of which are zero: with codes it goes where it goes with
 // floats, but for a noise that is small beside its way.
-TEST(MomentCode, MovesParametersAsFloatsDo) {
+TYPED_TEST(MomentCode, MovesParametersAsFloatsDo) {
   constexpr int kRows = 500, kSteps = 3000;
+  using E = Expected<TypeParam>;
   Draws draws(5);
-  double way = 0, difference = 0, error_of_v = 0;
+  double way = 0, difference = 0, error_of_v = 0, steps = 0, step_errors = 0, along = 0;
   for (std::size_t i = 0; i < kRows; ++i) {
     float p = 0, m = 0, v = 0, by_codes = 0;
-    MomentCode code;
+    TypeParam code;
     const float size = draws.log_uniform(1e-9f, 1e-2f);
     for (int t = 1; t <= kSteps; ++t) {
       const float gradient = draws.chance(0.5f) ? 0 : size * draws.normal();
       const AdamStep step = adam_step(t, 1e-3f);
+      const float before = p, before_by_codes = by_codes;
       adam_update(p, m, v, gradient, step);
       adam_update(by_codes, code, gradient, step, AdamRule(), MomentRounding{3, t}.of_row(i));
+      if (t <= kSteps / 2) continue;
+      const double taken = double(p) - before, taken_by_codes = double(by_codes) - before_by_codes;
+      steps += taken * taken;
+      along += taken * taken_by_codes;
+      step_errors += (taken_by_codes - taken) * (taken_by_codes - taken);
     }
     way += double(p) * p;
     difference += (double(by_codes) - p) * (double(by_codes) - p);
     error_of_v += std::pow(second_moment(code) / v - 1, 2) / kRows;
   }
-  EXPECT_LT(std::sqrt(difference / way), 0.03);
-  // 0.12 % of each of the last 1,000 steps or so
-  EXPECT_LT(std::sqrt(error_of_v), 0.04);
+  this->RecordProperty("error_of_step", std::to_string(std::sqrt(step_errors / steps)));
+  this->RecordProperty("mean_step", std::to_string(along / steps));
+  this->RecordProperty("error_of_way", std::to_string(std::sqrt(difference / way)));
+  this->RecordProperty("error_of_v", std::to_string(std::sqrt(error_of_v)));
+  EXPECT_LT(std::sqrt(step_errors / steps), 1.1 * E::kErrorOfStep);
+  EXPECT_GT(std::sqrt(step_errors / steps), 0.7 * E::kErrorOfStep);
+  EXPECT_NEAR(along / steps, 1, E::kErrorOfV / 8);  // 1 / sqrt(v) is larger on average
+  EXPECT_LT(std::sqrt(difference / way), E::kErrorOfWay);
+  EXPECT_LT(std::sqrt(error_of_v), E::kErrorOfV);
 }
 
 TEST(MomentRounding, DependsOnSeedStepAndRow) {

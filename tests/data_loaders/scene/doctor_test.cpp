@@ -343,8 +343,8 @@ TEST(Forecast, NamesGpuFiguresForAGpuOnly) {
 }
 
 // 59 parameters take 4 bytes less each, and half of that again, of about 1,700 on a GPU.
-// 236 of 472 bytes of 10 million Gaussians are 2.2 GiB.
-TEST(Forecast, CountsCompactMomentsWithHalfOfTheirBytes) {
+// 236 of 472 bytes of 10 million Gaussians are 2.2 GiB, and 354 are 3.3 GiB.
+TEST(Forecast, CountsTheBytesOfMomentsAsCodes) {
   Config config = adaptive_config();
   config.density.strategy = "mcmc";
   config.density.max_gaussians = 10'000'000;
@@ -353,6 +353,8 @@ TEST(Forecast, CountsCompactMomentsWithHalfOfTheirBytes) {
   EXPECT_THAT(forecast(config, scene, gpu).text, HasSubstr("training takes about 8.5 GiB"));
   config.optimizer.moments = MomentForm::compact;
   EXPECT_THAT(forecast(config, scene, gpu).text, HasSubstr("training takes about 6.3 GiB"));
+  config.optimizer.moments = MomentForm::tiny;
+  EXPECT_THAT(forecast(config, scene, gpu).text, HasSubstr("training takes about 5.2 GiB"));
 }
 
 TEST(Forecast, WarnsOfARunThatDoesNotFit) {

@@ -71,7 +71,7 @@ class OffloadedRun : public ::testing::Test {
 TEST_F(OffloadedRun, EndsWithTheBitsOfARunInOneMemory) {
   for (Config config : {busy_run(), short_mcmc_run()})
     for (const LazyMode lazy : {LazyMode::on, LazyMode::off})
-      for (const MomentForm moments : {MomentForm::floats, MomentForm::compact}) {
+      for (const MomentForm moments : kMomentForms) {
         config.train.iterations = 130;
         config.optimizer.lazy = lazy;
         config.optimizer.moments = moments;
@@ -198,6 +198,9 @@ TEST(Offload, CountsTheBytesOfTheLink) {
   size.batch = 4;
   EXPECT_DOUBLE_EQ(link_bytes(size).by_photo, 720);
   EXPECT_DOUBLE_EQ(link_bytes(size).by_update, 360);
+  size.moment_bytes = 2;
+  EXPECT_DOUBLE_EQ(link_bytes(size).by_photo, 2 * 270);
+  EXPECT_DOUBLE_EQ(link_bytes(size).by_update, 270);
 }
 
 TEST(Offload, SaysWhatItCosts) {

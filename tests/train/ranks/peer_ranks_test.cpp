@@ -113,11 +113,13 @@ TEST_F(PeerRun, HasTheBytesAndTheLossOfOneRank) {
   EXPECT_EQ(loss_, one.loss());
 }
 
-TEST_F(PeerRun, WithABudgetAndCompactMomentsHasTheBytesOfOneRank) {
-  Config config = busy_run();
-  config.train.batch = 3;
-  config.optimizer.moments = MomentForm::compact;
-  expect_same(config);
+TEST_F(PeerRun, WithABudgetAndMomentsAsCodesHasTheBytesOfOneRank) {
+  for (const MomentForm form : kCodeForms) {
+    Config config = busy_run();
+    config.train.batch = 3;
+    config.optimizer.moments = form;
+    expect_same(config);
+  }
 }
 
 TEST_F(PeerRun, WithLightAndPosesHasTheBytesOfOneRank) {

@@ -92,11 +92,12 @@ TEST_F(RankedRun, WithMcmcHasTheBytesOfOneRank) {
   for (const int batch : {1, 4}) expect_same_for_any_number(mcmc_run(batch));
 }
 
-TEST_F(RankedRun, WithCompactMomentsHasTheBytesOfOneRank) {
-  for (Config config : {run_in_batches(4), mcmc_run(1)}) {
-    config.optimizer.moments = MomentForm::compact;
-    expect_same_for_any_number(config);
-  }
+TEST_F(RankedRun, WithMomentsAsCodesHasTheBytesOfOneRank) {
+  for (Config config : {run_in_batches(4), mcmc_run(1)})
+    for (const MomentForm form : kCodeForms) {
+      config.optimizer.moments = form;
+      expect_same_for_any_number(config);
+    }
 }
 
 TEST_F(RankedRun, WithABudgetHasTheBytesOfOneRank) {

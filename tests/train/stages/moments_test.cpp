@@ -5,7 +5,9 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
+#include <string>
 
+#include "gs_core/config/config_words.h"
 #include "gs_core/error.h"
 #include "gs_core/threads/parallel.h"
 #include "gs_train/initialize/initialize.h"
@@ -23,35 +25,28 @@ using ::testing::HasSubstr;
 constexpr LearningRates kRates{1e-4f, 2e-3f, 3e-3f, 4e-2f, 5e-3f, 6e-4f};
 
 /// Row i has the codes `first` + i.
-TrainingModel numbered_model(std::size_t count, std::uint32_t first = 1) {
-  TrainingModel model = model_of(random_gaussians(kTypical, count, random_camera(40, 30), 1), true);
-  for_each_array([&](const char*, const auto& array) { number_codes(array, first); },
-                 model.moment_codes);
+TrainingModel numbered_model(MomentForm form, std::size_t count, std::uint32_t first = 1) {
+  TrainingModel model = model_of(random_gaussians(kTypical, count, random_camera(40, 30), 1), form);
+  number_codes(model, first);
   return model;
 }
 
-bool codes_are(const TrainingModel& model, std::size_t i, std::uint32_t value) {
-  bool same = true;
-  for_each_array([&](const char*, const auto& array) { same &= codes_are(array, i, value); },
-                 model.moment_codes);
-  return same;
-}
-
-TEST(CompactMoments, TakeFourBytesOfANumber) {
-  for (const bool has_codes : {false, true}) {
+TEST(CodedMoments, TakeFourOrTwoBytesOfANumber) {
+  for (const MomentForm form : kMomentForms) {
     const TrainingModel model =
-        model_of(random_gaussians(kTypical, 10, random_camera(40, 30), 1), has_codes);
+        model_of(random_gaussians(kTypical, 10, random_camera(40, 30), 1), form);
     std::size_t bytes = 0;
     for_each_row_array(
         [&](const RowArray&, const auto& array) { bytes += array.size() * sizeof(array[0]); },
         model);
-    EXPECT_EQ(bytes / 10, has_codes ? 480u : 716u);
-    EXPECT_EQ(model.first_moment.count(), has_codes ? 0u : 10u);
+    EXPECT_EQ(bytes / 10, form == MomentForm::tiny ? 362u : are_codes(form) ? 480u : 716u);
+    EXPECT_EQ(model.first_moment.count(), are_codes(form) ? 0u : 10u);
   }
 }
 
-TEST(CompactMoments, AreUpdatedNumberByNumberWithTheRandomNumbersOfTheirRows) {
-  TrainingModel model = model_of(random_gaussians(kTypical, 700, random_camera(40, 30), 1), true);
+template <class Code>
+void expect_updates_by_random_numbers(MomentForm form) {
+  TrainingModel model = model_of(random_gaussians(kTypical, 700, random_camera(40, 30), 1), form);
   const Gaussians start = copy_of(model.gaussians);
   const Gaussians first = random_gradients(700, 2), second = random_gradients(700, 3);
   const auto optimizer = make_scalar_optimizer();
@@ -69,7 +64,7 @@ TEST(CompactMoments, AreUpdatedNumberByNumberWithTheRandomNumbersOfTheirRows) {
           const std::size_t row = i / kInRow;
           const int number = place + int(i % kInRow);
           float value = numbers_of(before)[i];
-          MomentCode expected;
+          Code expected;
           adam_update(value, expected, numbers_of(g1)[i], adam_step(1, rate), AdamRule(),
                       random_of_number(MomentRounding{5, 1}.of_row(row), number));
           adam_update(value, expected, numbers_of(g2)[i], adam_step(2, rate), AdamRule(),
@@ -78,56 +73,70 @@ TEST(CompactMoments, AreUpdatedNumberByNumberWithTheRandomNumbersOfTheirRows) {
           ASSERT_EQ(codes_of(codes)[i].bits, expected.bits) << name << " " << i;
         }
       },
-      start, model.gaussians, model.moment_codes, first, second, kRates, number_places());
+      start, model.gaussians, codes_in<Code>(model), first, second, kRates, number_places());
+}
+TEST(CodedMoments, AreUpdatedNumberByNumberWithTheRandomNumbersOfTheirRows) {
+  expect_updates_by_random_numbers<CompactCode>(MomentForm::compact);
+  expect_updates_by_random_numbers<TinyCode>(MomentForm::tiny);
 }
 
 // ---- rows --------------------------------------------------------------------------------------
 
-TEST(CompactMoments, FollowTheirRowsAndStartAtZeroInNewOnes) {
-  TrainingModel model = numbered_model(6);
-  const std::uint32_t source[] = {4, 1, 1, 5};
-  gather_rows(model, {source, 4});
-  ASSERT_EQ(model.count(), 4u);
-  for (std::size_t i = 0; i < 4; ++i) EXPECT_TRUE(codes_are(model, i, source[i] + 1)) << i;
-  start_new_rows(model, 2);
-  for (std::size_t i = 0; i < 4; ++i)
-    EXPECT_TRUE(codes_are(model, i, i < 2 ? source[i] + 1 : 0)) << i;
-}
-
-TEST(CompactMoments, OfRowsThatAreRelocatedBecomeZero) {
-  TrainingModel model = numbered_model(3);
-  for (std::size_t i = 0; i < 3; ++i)
-    model.gaussians.logit_opacity[i] = i == 1 ? logit(0.5f) : logit(0.001f);
-  make_scalar_row_ops()->relocate(model, {0.005f, 0}, 1, 600);
-  for (std::size_t i = 0; i < 3; ++i) EXPECT_TRUE(codes_are(model, i, 0)) << i;
-}
-
-TEST(CompactMoments, AreClearedAsTheOpacityRuleSays) {
-  for (const MomentClearing which :
-       {MomentClearing::none, MomentClearing::opacity, MomentClearing::all}) {
-    TrainingModel model = numbered_model(3);
-    make_scalar_row_ops()->lower_opacity(model, {OpacityPolicy::reset, 0.01f, which});
-    EXPECT_EQ(codes_are(model.moment_codes.logit_opacity, 2, 0), which != MomentClearing::none);
-    EXPECT_EQ(codes_are(model.moment_codes.logit_opacity, 2, 3), which == MomentClearing::none);
-    EXPECT_EQ(codes_are(model.moment_codes.sh_rest, 2, 0), which == MomentClearing::all);
-    EXPECT_EQ(codes_are(model.moment_codes.mean, 2, 3), which != MomentClearing::all);
+TEST(CodedMoments, FollowTheirRowsAndStartAtZeroInNewOnes) {
+  for (const MomentForm form : kCodeForms) {
+    TrainingModel model = numbered_model(form, 6);
+    const std::uint32_t source[] = {4, 1, 1, 5};
+    gather_rows(model, {source, 4});
+    ASSERT_EQ(model.count(), 4u);
+    for (std::size_t i = 0; i < 4; ++i) EXPECT_TRUE(codes_are(model, i, source[i] + 1)) << i;
+    start_new_rows(model, 2);
+    for (std::size_t i = 0; i < 4; ++i)
+      EXPECT_TRUE(codes_are(model, i, i < 2 ? source[i] + 1 : 0)) << i;
   }
 }
 
-TEST(CompactMoments, AreCopiedBetweenMemories) {
-  const TrainingModel model = numbered_model(9);
-  const TrainingModel copy = copy_to(host_memory(), model);
-  EXPECT_TRUE(copy.has_codes);
-  EXPECT_TRUE(same_bits(copy, model));
+TEST(CodedMoments, OfRowsThatAreRelocatedBecomeZero) {
+  for (const MomentForm form : kCodeForms) {
+    TrainingModel model = numbered_model(form, 3);
+    for (std::size_t i = 0; i < 3; ++i)
+      model.gaussians.logit_opacity[i] = i == 1 ? logit(0.5f) : logit(0.001f);
+    make_scalar_row_ops()->relocate(model, {0.005f, 0}, 1, 600);
+    for (std::size_t i = 0; i < 3; ++i) EXPECT_TRUE(codes_are(model, i, 0)) << i;
+  }
+}
+
+TEST(CodedMoments, AreClearedAsTheOpacityRuleSays) {
+  for (const MomentForm form : kCodeForms)
+    for (const MomentClearing which :
+         {MomentClearing::none, MomentClearing::opacity, MomentClearing::all}) {
+      TrainingModel model = numbered_model(form, 3);
+      make_scalar_row_ops()->lower_opacity(model, {OpacityPolicy::reset, 0.01f, which});
+      with_code(form, [&]<class Code>(Code) {
+        const MomentCodes<Code>& codes = codes_in<Code>(model);
+        EXPECT_EQ(codes_are(codes.logit_opacity, 2, 0), which != MomentClearing::none);
+        EXPECT_EQ(codes_are(codes.logit_opacity, 2, 3), which == MomentClearing::none);
+        EXPECT_EQ(codes_are(codes.sh_rest, 2, 0), which == MomentClearing::all);
+        EXPECT_EQ(codes_are(codes.mean, 2, 3), which != MomentClearing::all);
+      });
+    }
+}
+
+TEST(CodedMoments, AreCopiedBetweenMemories) {
+  for (const MomentForm form : kCodeForms) {
+    const TrainingModel model = numbered_model(form, 9);
+    const TrainingModel copy = copy_to(host_memory(), model);
+    EXPECT_EQ(copy.moment_form, form);
+    EXPECT_TRUE(same_bits(copy, model));
+  }
 }
 
 // ---- runs --------------------------------------------------------------------------------------
 
-class CompactRun : public SceneRun {
+class CodedRun : public SceneRun {
  protected:
-  CompactRun() : SceneRun(small_scene()) {}
-  static Config compact(Config config) {
-    config.optimizer.moments = MomentForm::compact;
+  CodedRun() : SceneRun(small_scene()) {}
+  static Config with(MomentForm form, Config config) {
+    config.optimizer.moments = form;
     return config;
   }
   static Config busy_batches() {
@@ -148,53 +157,67 @@ class CompactRun : public SceneRun {
 };
 
 // Rounding makes another run of it, as another seed does.
-TEST_F(CompactRun, EndsAsGoodAsWithFloats) {
+TEST_F(CodedRun, EndsAsGoodAsWithFloats) {
   for (const Config& config : {short_run(), short_mcmc_run()}) {
-    const double floats = mean_psnr(config), codes = mean_psnr(compact(config));
-    EXPECT_NEAR(codes, floats, 0.3) << config.density.strategy;
+    const double floats = mean_psnr(config);
+    for (const MomentForm form : kCodeForms) {
+      const double codes = mean_psnr(with(form, config));
+      RecordProperty(config.density.strategy + "_" + std::string(word_of(form)),
+                     std::to_string(codes - floats));
+      EXPECT_NEAR(codes, floats, form == MomentForm::tiny ? 0.5 : 0.3)
+          << config.density.strategy << " " << word_of(form);
+    }
   }
 }
 
-TEST_F(CompactRun, KeepsNoMomentsAsFloats) {
-  Config config = compact(short_run());
-  config.train.iterations = 20;
-  const TrainingModel model = trained(config);
-  EXPECT_TRUE(model.has_codes);
-  EXPECT_TRUE(model.first_moment.mean.empty() && model.second_moment.sh_rest.empty());
-  EXPECT_EQ(model.moment_codes.sh_rest.size(), model.count());
-}
-
-TEST_F(CompactRun, GivesTheSameBitsForAnyNumberOfThreads) {
-  for (const Config& config : {compact(busy_run()), compact(busy_batches())}) {
-    set_thread_count(1);
-    const TrainingModel one = trained(config);
-    set_thread_count(0);
-    EXPECT_TRUE(same_bits(trained(config), one));
+TEST_F(CodedRun, KeepsNoMomentsAsFloats) {
+  for (const MomentForm form : kCodeForms) {
+    Config config = with(form, short_run());
+    config.train.iterations = 20;
+    const TrainingModel model = trained(config);
+    EXPECT_EQ(model.moment_form, form);
+    EXPECT_TRUE(model.first_moment.mean.empty() && model.second_moment.sh_rest.empty());
+    const bool is_tiny = form == MomentForm::tiny;
+    EXPECT_EQ(model.compact_codes.sh_rest.size(), is_tiny ? 0 : model.count());
+    EXPECT_EQ(model.tiny_codes.sh_rest.size(), is_tiny ? model.count() : 0);
   }
 }
 
-TEST_F(CompactRun, StoppedAndResumedEndsWithTheSameBits) {
-  expect_goes_on_after({1, 43, 97}, compact(busy_run()));
-  expect_goes_on_after({43}, compact(short_mcmc_run()));
-  expect_goes_on_after({43}, compact(busy_batches()));
+TEST_F(CodedRun, GivesTheSameBitsForAnyNumberOfThreads) {
+  for (const MomentForm form : kCodeForms)
+    for (const Config& config : {with(form, busy_run()), with(form, busy_batches())}) {
+      set_thread_count(1);
+      const TrainingModel one = trained(config);
+      set_thread_count(0);
+      EXPECT_TRUE(same_bits(trained(config), one));
+    }
 }
 
-TEST_F(CompactRun, RefusesAStateWithMomentsOfTheOtherForm) {
+TEST_F(CodedRun, StoppedAndResumedEndsWithTheSameBits) {
+  for (const MomentForm form : kCodeForms) {
+    expect_goes_on_after({1, 43, 97}, with(form, busy_run()));
+    expect_goes_on_after({43}, with(form, short_mcmc_run()));
+    expect_goes_on_after({43}, with(form, busy_batches()));
+  }
+}
+
+TEST_F(CodedRun, RefusesAStateWithMomentsOfAnotherForm) {
   Config config = short_run();
   config.train.iterations = 10;
-  for (const bool has_codes : {false, true}) {
+  for (const MomentForm form : kMomentForms) {
     LastState kept;
     StopAfter stopper(5);
-    Trainer first(scene_, has_codes ? compact(config) : config, *backend_);
+    Trainer first(scene_, with(form, config), *backend_);
     first.keep_checkpoints_in(kept);
     first.add_observer(stopper);
     first.run();
-    EXPECT_THAT(error_of([&] {
-                  Trainer(scene_, has_codes ? config : compact(config), *backend_, *kept.newest());
-                }),
-                AllOf(HasSubstr(has_codes ? "set optimizer.moments=compact"
-                                          : "set optimizer.moments=float"),
-                      HasSubstr("start a new run")));
+    for (const MomentForm other : kMomentForms) {
+      if (other == form) continue;
+      EXPECT_THAT(
+          error_of([&] { Trainer(scene_, with(other, config), *backend_, *kept.newest()); }),
+          AllOf(HasSubstr("set optimizer.moments=" + std::string(word_of(form)) + ","),
+                HasSubstr("start a new run")));
+    }
   }
 }
 

@@ -185,15 +185,15 @@ TEST(MakeStatic, ClearsTheMomentsOfShapeAndTimeAndLeavesOtherRowsAlone) {
   EXPECT_EQ(make_scalar_row_ops()->make_static(model, kAfter), 0u);  // once is enough
 }
 
-TEST(MakeStatic, ClearsCompactMomentsOfTheSameQuantities) {
+template <class Code>
+void expect_cleared_codes(MomentForm form) {
   TrainingModel model = mixed_model(random_camera(96, 64, 3), 100, 6);
-  model.has_codes = true;
+  model.moment_form = form;
   clear_history(model);
-  for_each_array([](const char*, const auto& array) { number_codes(array, 1); },
-                 model.moment_codes);
+  number_codes(model, 1);
   const TrainingModel before = copy_to(host_memory(), model);
   ASSERT_GT(make_scalar_row_ops()->make_static(model, kAfter), 20u);
-  const MomentCodes &codes = model.moment_codes, &old = before.moment_codes;
+  const MomentCodes<Code>&codes = codes_in<Code>(model), &old = codes_in<Code>(before);
   for (std::size_t i = 0; i < model.count(); ++i) {
     const auto number = std::uint32_t(i + 1);
     const std::uint32_t expected = is_static(model.gaussians.log_time_scale[i]) ? 0 : number;
@@ -205,6 +205,10 @@ TEST(MakeStatic, ClearsCompactMomentsOfTheSameQuantities) {
     EXPECT_TRUE(codes_are(codes.mean, i, number) && codes_are(codes.logit_opacity, i, number)) << i;
   }
   EXPECT_TRUE(same_bits(codes.sh_rest, old.sh_rest));
+}
+TEST(MakeStatic, ClearsCodesOfTheSameQuantities) {
+  expect_cleared_codes<CompactCode>(MomentForm::compact);
+  expect_cleared_codes<TinyCode>(MomentForm::tiny);
 }
 
 TEST(MakeStatic, DoesNothingToRowsWithoutTime) {
@@ -282,14 +286,18 @@ Config static_budgeted_run(SplitPlacement split) {
   config.density.split = split;
   return config;
 }
-Config static_compact_run() {
+Config static_run_with(MomentForm form) {
   Config config = static_run();
-  config.optimizer.moments = MomentForm::compact;
+  config.optimizer.moments = form;
   return config;
 }
 std::vector<Config> static_runs() {
-  return {static_run(), static_mcmc_run(), static_compact_run(),
-          static_budgeted_run(SplitPlacement::draw), static_budgeted_run(SplitPlacement::axis)};
+  return {static_run(),
+          static_mcmc_run(),
+          static_run_with(MomentForm::compact),
+          static_run_with(MomentForm::tiny),
+          static_budgeted_run(SplitPlacement::draw),
+          static_budgeted_run(SplitPlacement::axis)};
 }
 
 class StaticRun : public SceneRun {

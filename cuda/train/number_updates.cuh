@@ -1,0 +1,201 @@
+// SPDX-License-Identifier: Apache-2.0
+// What an update does with the numbers of one quantity: their gradients are written to an array or
+// added to a sum, or Adam updates them. Those whose moments are codes are in updates_of_codes.cuh.
+#pragma once
+
+#include <type_traits>
+
+#include "cuda/device/warp.cuh"
+#include "cuda/render/lazy_rows.cuh"
+#include "cuda/render/sh_rows.cuh"
+#include "gs_core/math/moment_code.h"
+
+namespace gs::cuda {
+
+/// What codes of so many bytes need of a warp in shared memory: the random words of its rows, by
+/// which they are rounded, and for tiny codes those of its SH rows, which are no floats. Nothing
+/// for moments that are floats.
+template <int code_bytes>
+struct CodeRows {
+  std::uint32_t random[kWarp];
+};
+template <>
+struct CodeRows<0> {};
+template <>
+struct CodeRows<sizeof(TinyCode)> {
+  std::uint32_t random[kWarp];
+  alignas(16) std::uint16_t sh_codes[kWarp * kShRowNumbers];  // bits of TinyCode
+};
+/// The arrays of a quantity whose SH rows lie in shared memory as floats.
+template <class Numbers>
+inline constexpr int kFloatArrays = Numbers::kArrays - (Numbers::kCodeBytes == sizeof(TinyCode));
+
+/// Array `a` of the SH rows of a warp, for vector_at().
+template <class Numbers, class Shared>
+__device__ const float* sh_rows_of(const Shared& shared, int a) {
+  if constexpr (kFloatArrays<Numbers> < Numbers::kArrays)
+    if (a == kFloatArrays<Numbers>) return reinterpret_cast<const float*>(shared.sh_codes);
+  return shared.sh_rows[a];
+}
+
+/// What a warp's rows have missed, in shared memory; nothing where SH is not updated lazily.
+template <bool is_lazy>
+struct MissedRows {
+  static constexpr bool kIsLazy = true;
+  LazyRows missed;
+};
+template <>
+struct MissedRows<false> {
+  static constexpr bool kIsLazy = false;
+};
+
+/// Which numbers a finish() takes: number `number` of row `row` of the warp, or four from there on,
+/// which may be in two rows of `in_row` numbers each.
+template <class RandomSource>
+struct NumberPlace {
+  const RandomSource& rows;
+  int row, number, in_row;
+};
+
+/// Vector `at` of array `a` of a quantity, or of a copy of that array. Vector is float or float4.
+/// The last array of codes of two bytes has half of the length; its codes become floats of the same
+/// bits.
+template <class Numbers, class Vector = float>
+__device__ Vector vector_at(const float* array, int a, std::size_t at) {
+  if constexpr (Numbers::kCodeBytes == sizeof(std::uint16_t)) {
+    if (a == Numbers::kArrays - 1) {
+      if constexpr (std::is_same_v<Vector, float>) {
+        return __uint_as_float(reinterpret_cast<const std::uint16_t*>(array)[at]);
+      } else {
+        const ushort4 codes = reinterpret_cast<const ushort4*>(array)[at];
+        return {__uint_as_float(codes.x), __uint_as_float(codes.y), __uint_as_float(codes.z),
+                __uint_as_float(codes.w)};
+      }
+    }
+  }
+  return reinterpret_cast<const Vector*>(array)[at];
+}
+
+/// Of a warp's SH rows in shared memory: vector `at` of all arrays.
+template <class Shared, class Numbers, class Vector>
+__device__ void load_sh(const Shared& shared, const Numbers&, int at,
+                        Vector (&loaded)[Numbers::kArrays]) {
+  for (int a = 0; a < Numbers::kArrays; ++a)
+    loaded[a] = vector_at<Numbers, Vector>(sh_rows_of<Numbers>(shared, a), a, at);
+}
+
+/// The numbers of one quantity, for WriteGradients: finish() writes the gradient to an array.
+/// Vector is float or float4.
+struct GradientNumbers {
+  static constexpr int kArrays = 1;
+  static constexpr int kCodeBytes = 0;  // no codes
+  float* arrays[kArrays];
+  float* gradients;
+
+  template <class Vector, class Place>
+  __device__ void finish(std::size_t at, Vector (&)[kArrays], const Vector& gradient,
+                         const Place&) const {
+    reinterpret_cast<Vector*>(gradients)[at] = gradient;
+  }
+};
+
+/// The numbers of one quantity, for AddGradients: finish() adds the gradient to a sum.
+struct SumNumbers {
+  static constexpr int kArrays = 2;
+  static constexpr int kCodeBytes = 0;  // no codes
+  float* arrays[kArrays];               // parameters and sums
+  float weight;
+
+  template <class Vector, class Place>
+  __device__ void finish(std::size_t at, Vector (&numbers)[kArrays], const Vector& gradient,
+                         const Place&) const {
+    for (int k = 0; k < int(sizeof(Vector) / sizeof(float)); ++k)
+      reinterpret_cast<float*>(&numbers[1])[k] +=
+          weight * reinterpret_cast<const float*>(&gradient)[k];
+    reinterpret_cast<Vector*>(arrays[1])[at] = numbers[1];
+  }
+};
+
+/// Updates a parameter and its moments, or four neighbors at a time, and writes them back.
+template <class Vector>
+__device__ void update_by_adam(float* const (&arrays)[3], std::size_t at, Vector (&numbers)[3],
+                               const Vector& gradient, const AdamStep& step, const AdamRule& rule) {
+  for (int k = 0; k < int(sizeof(Vector) / sizeof(float)); ++k)
+    adam_update(reinterpret_cast<float*>(&numbers[0])[k], reinterpret_cast<float*>(&numbers[1])[k],
+                reinterpret_cast<float*>(&numbers[2])[k],
+                reinterpret_cast<const float*>(&gradient)[k], step, rule);
+  for (int a = 0; a < 3; ++a) reinterpret_cast<Vector*>(arrays[a])[at] = numbers[a];
+}
+/// The numbers of one quantity, for UpdateByAdam: finish() updates the parameter and its moments.
+struct AdamNumbers {
+  static constexpr int kArrays = 3;
+  static constexpr int kCodeBytes = 0;  // no codes
+  float* arrays[kArrays];               // parameters, first and second moments
+  AdamStep step;
+
+  template <class Vector, class Place>
+  __device__ void finish(std::size_t at, Vector (&numbers)[kArrays], const Vector& gradient,
+                         const Place&) const {
+    update_by_adam(arrays, at, numbers, gradient, step, AdamRule());
+  }
+};
+
+/// The same by a rule that is not the usual one.
+struct AdamNumbersByRule {
+  static constexpr int kArrays = 3;
+  static constexpr int kCodeBytes = 0;  // no codes
+  float* arrays[kArrays];               // parameters, first and second moments
+  AdamStep step;
+  AdamRule rule;
+
+  template <class Vector, class Place>
+  __device__ void finish(std::size_t at, Vector (&numbers)[kArrays], const Vector& gradient,
+                         const Place&) const {
+    update_by_adam(arrays, at, numbers, gradient, step, rule);
+  }
+};
+
+/// Numbers of color where SH is updated lazily: those of rows that are visible. The parameter is up
+/// to date already (catch_up_sh_rows, Share::catch_up), and the moments become so here. Numbers of
+/// other rows, which a vector may hold, stay as they are.
+struct LazyAdamNumbers {
+  static constexpr int kArrays = 3;
+  static constexpr int kCodeBytes = 0;  // no codes
+  float* arrays[kArrays];               // parameters, first and second moments
+  AdamStep step;
+  AdamRule rule;
+
+  __device__ void load_moments(std::size_t, const float (&loaded)[kArrays], float& m,
+                               float& v) const {
+    m = loaded[1];
+    v = loaded[2];
+  }
+  template <class Vector, class Place>
+  __device__ void finish(std::size_t at, Vector (&numbers)[kArrays], const Vector& gradient,
+                         const Place& of_numbers) const {
+    const LazyRows& missed = of_numbers.rows.missed;
+    for (int k = 0; k < int(sizeof(Vector) / sizeof(float)); ++k) {
+      const int row = of_numbers.row + (of_numbers.number + k >= of_numbers.in_row);
+      if (!missed.is_due(row)) continue;
+      float& m = reinterpret_cast<float*>(&numbers[1])[k];
+      float& v = reinterpret_cast<float*>(&numbers[2])[k];
+      m *= missed.m_decay[row];
+      v *= missed.v_decay[row];
+      adam_update(reinterpret_cast<float*>(&numbers[0])[k], m, v,
+                  reinterpret_cast<const float*>(&gradient)[k], step, rule);
+    }
+    for (int a = 0; a < kArrays; ++a) reinterpret_cast<Vector*>(arrays[a])[at] = numbers[a];
+  }
+};
+
+/// The numbers of one quantity of color whose gradients are added to a sum. Only their parameters
+/// in shared memory and registers catch up; the update of the batch does it in the model.
+struct LazySumNumbers : SumNumbers {
+  MomentNumbers moments;
+
+  __device__ void load_moments(std::size_t at, const float (&)[kArrays], float& m, float& v) const {
+    moments.load(at, m, v);
+  }
+};
+
+}  // namespace gs::cuda

@@ -1,0 +1,139 @@
+// SPDX-License-Identifier: Apache-2.0
+// Updates of rows whose moments are codes (optimizer.moments): how a warp moves codes of both sizes,
+// and rounds them by the random words of its rows.
+#pragma once
+
+#include <cuda_pipeline.h>
+
+#include "cuda/train/number_updates.cuh"
+
+namespace gs::cuda {
+
+/// The random numbers of these `kCount` numbers, if the quantity's numbers begin at `begin`.
+template <int kCount, class RandomSource>
+__device__ void load_random(const NumberPlace<RandomSource>& place, int begin,
+                            std::uint32_t (&to)[kCount]) {
+  const bool are_of_two_rows = place.number + kCount > place.in_row;
+  const std::uint32_t of_row = place.rows.random[place.row],
+                      of_next = kCount > 1 ? place.rows.random[place.row + are_of_two_rows] : 0;
+  for (int k = 0; k < kCount; ++k) {
+    const bool is_next = place.number + k >= place.in_row;
+    to[k] = random_of_number(is_next ? of_next : of_row,
+                             begin + place.number + k - (is_next ? place.in_row : 0));
+  }
+}
+
+/// A code that was moved as a float of the same bits (vector_at).
+template <class Code>
+__device__ Code code_of(float number) {
+  return {decltype(Code::bits)(__float_as_uint(number))};
+}
+/// Writes a vector of such codes.
+template <class Code, class Vector>
+__device__ void store_codes(float* array, std::size_t at, const Vector& codes) {
+  if constexpr (sizeof(Code) == sizeof(float)) {
+    reinterpret_cast<Vector*>(array)[at] = codes;
+  } else if constexpr (std::is_same_v<Vector, float>) {
+    reinterpret_cast<Code*>(array)[at] = code_of<Code>(codes);
+  } else {
+    const auto bits = [](float number) { return code_of<Code>(number).bits; };
+    reinterpret_cast<ushort4*>(array)[at] = {bits(codes.x), bits(codes.y), bits(codes.z),
+                                             bits(codes.w)};
+  }
+}
+
+/// The whole warp: starts to copy the tiny codes of its SH rows into shared memory: those that
+/// `degree` uses, in whole vectors, with their neighbors.
+template <int degree, class Which>
+__device__ void start_copy_of_codes(std::uint16_t* to, const std::uint16_t* from, int rows,
+                                    Which which) {
+  constexpr int kInUse = kShNumbersInUse<degree>, kInVector = sizeof(float4) / sizeof(TinyCode);
+  static_assert(kWarp * kShRowNumbers % kInVector == 0);
+  if (rows == kWarp) {
+    for (int k = kInVector * lane_of_thread(); k < kWarp * kShRowNumbers; k += kInVector * kWarp) {
+      const int row = k / kShRowNumbers, next = (k + kInVector - 1) / kShRowNumbers;
+      if ((which.has(row) && k % kShRowNumbers < kInUse) || (next > row && which.has(next)))
+        __pipeline_memcpy_async(to + k, from + k, sizeof(float4));
+    }
+  } else {  // two bytes are too few for an asynchronous copy
+    for (int k = lane_of_thread(); k < rows * kInUse; k += kWarp) {
+      const int at = k / kInUse * kShRowNumbers + k % kInUse;
+      if (which.has(k / kInUse)) to[at] = from[at];
+    }
+  }
+}
+
+/// The numbers of one quantity, for UpdateAll, with moments that are codes. A number of a parameter
+/// and its moments are 16 or 12 bytes to read and write instead of 24, so that an update of all 59
+/// numbers of a Gaussian moves 944 or 708 bytes instead of 1,416.
+template <class CodeOfMoments>
+struct AdamCodes {
+  using Code = CodeOfMoments;
+  static constexpr int kArrays = 2;
+  static constexpr int kCodeBytes = sizeof(Code);
+  float* arrays[kArrays];  // parameters, and codes, of whatever size
+  AdamStep step;
+  AdamRule rule;
+  MomentRounding rounding;  // all quantities have the same
+  int place;                // NumberPlaces
+
+  template <class Vector, class Place>
+  __device__ void finish(std::size_t at, Vector (&numbers)[kArrays], const Vector& gradient,
+                         const Place& of_numbers) const {
+    constexpr int kCount = int(sizeof(Vector) / sizeof(float));
+    std::uint32_t random[kCount];
+    load_random(of_numbers, place, random);
+    for (int k = 0; k < kCount; ++k) {
+      float& code = reinterpret_cast<float*>(&numbers[1])[k];
+      Code moments = code_of<Code>(code);
+      adam_update(reinterpret_cast<float*>(&numbers[0])[k], moments,
+                  reinterpret_cast<const float*>(&gradient)[k], step, rule, random[k]);
+      code = __uint_as_float(moments.bits);
+    }
+    reinterpret_cast<Vector*>(arrays[0])[at] = numbers[0];
+    store_codes<Code>(arrays[1], at, numbers[1]);
+  }
+};
+
+/// Numbers of color where SH is updated lazily (LazyAdamNumbers), with moments that are codes. They
+/// are rounded once for all updates.
+template <class CodeOfMoments>
+struct LazyAdamCodes {
+  using Code = CodeOfMoments;
+  static constexpr int kArrays = 2;
+  static constexpr int kCodeBytes = sizeof(Code);
+  float* arrays[kArrays];  // as in AdamCodes
+  AdamStep step;
+  AdamRule rule;
+  int place;  // NumberPlaces
+
+  __device__ void load_moments(std::size_t, const float (&loaded)[kArrays], float& m,
+                               float& v) const {
+    const Code code = code_of<Code>(loaded[1]);
+    m = first_moment(code);
+    v = second_moment(code);
+  }
+  template <class Vector, class Place>
+  __device__ void finish(std::size_t at, Vector (&numbers)[kArrays], const Vector& gradient,
+                         const Place& of_numbers) const {
+    constexpr int kCount = int(sizeof(Vector) / sizeof(float));
+    const LazyRows& missed = of_numbers.rows.missed;
+    std::uint32_t random[kCount];
+    load_random(of_numbers, place, random);
+    for (int k = 0; k < kCount; ++k) {
+      const int row = of_numbers.row + (of_numbers.number + k >= of_numbers.in_row);
+      if (!missed.is_due(row)) continue;
+      float& code = reinterpret_cast<float*>(&numbers[1])[k];
+      const Code before = code_of<Code>(code);
+      float m = first_moment(before) * missed.m_decay[row];
+      float v = second_moment(before) * missed.v_decay[row];
+      adam_update(reinterpret_cast<float*>(&numbers[0])[k], m, v,
+                  reinterpret_cast<const float*>(&gradient)[k], step, rule);
+      code = __uint_as_float(Code::of(m, v, random[k]).bits);
+    }
+    reinterpret_cast<Vector*>(arrays[0])[at] = numbers[0];
+    store_codes<Code>(arrays[1], at, numbers[1]);
+  }
+};
+
+}  // namespace gs::cuda
