@@ -164,8 +164,7 @@ TEST_F(CodedRun, EndsAsGoodAsWithFloats) {
       const double codes = mean_psnr(with(form, config));
       RecordProperty(config.density.strategy + "_" + std::string(word_of(form)),
                      std::to_string(codes - floats));
-      EXPECT_NEAR(codes, floats, form == MomentForm::tiny ? 0.5 : 0.3)
-          << config.density.strategy << " " << word_of(form);
+      EXPECT_NEAR(codes, floats, 0.3) << config.density.strategy << " " << word_of(form);
     }
   }
 }
