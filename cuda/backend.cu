@@ -10,6 +10,7 @@
 #include <utility>
 
 #include "cuda/device/clock.cuh"
+#include "cuda/device/no_gpu.h"
 #include "cuda/device/warp.cuh"
 #include "cuda/render/renderer.cuh"
 #include "cuda/train/depth.cuh"
@@ -435,6 +436,16 @@ int device_count() {
   if (cudaGetDeviceCount(&count) == cudaSuccess) return count;
   cudaGetLastError();
   return 0;
+}
+
+std::string why_no_gpu() {
+  NoGpu no_gpu;
+  int count = 0;
+  no_gpu.is_old = cudaGetDeviceCount(&count) == cudaErrorInsufficientDriver;
+  cudaRuntimeGetVersion(&no_gpu.runtime_version);
+  cudaDriverGetVersion(&no_gpu.driver_version);
+  cudaGetLastError();
+  return text_of(no_gpu);
 }
 
 std::unique_ptr<Backend> make_backend(int index) { return std::make_unique<CudaBackend>(index); }

@@ -15,6 +15,9 @@ namespace gs::cuda {
 /// How many GPUs the driver reports; 0 where there is no driver.
 int device_count();
 
+/// Where there are none: what is missing, and what to do about it.
+std::string why_no_gpu();
+
 /// The backend of GPU `index`, 0 <= index < device_count(). Throws Error where the GPU cannot be
 /// used.
 std::unique_ptr<Backend> make_backend(int index);

@@ -1,18 +1,19 @@
 #!/usr/bin/env bash
 # SPDX-License-Identifier: Apache-2.0
 # Makes the packages of a release from the commit that is checked out (docs/releases.md):
-#   scripts/release.sh [deb] [tar] [wheel] [--without-cuda] [--sysroot DIR] [--out DIR] [--uncommitted]
+#   scripts/release.sh [deb] [tar] [wheel] [--without-cuda] [--architectures LIST] [--sysroot DIR] [--out DIR] [--uncommitted]
 #     deb             Debian packages for the distribution of this machine, with every library
 #     tar             an archive for any Linux, without libraries under the GPL
 #     wheel           the same program and the Python module, for the Python of /usr/bin/python3
 #     --without-cuda  leaves out the GPU backend; the packages compute on the CPU alone
+#     --architectures LIST   GPUs to compile for, as CMake names them ("90-real;120") [all seven]; for trying this script
 #     --sysroot DIR   link tar and wheel with the C library of the older system in DIR (Debian: libc6-dev)
 #     --out DIR       where to [build/release]
 #     --uncommitted   pack changes that are not committed, too; for trying this script
 # Without deb, tar and wheel it makes all three. The same commit gives the same bytes on the same system.
 set -euo pipefail
 
-usage() { sed -n '4,12s/^# //p' "$0"; }
+usage() { sed -n '4,13s/^# //p' "$0"; }
 wrong_usage() { echo "error: $*" >&2; usage >&2; exit 2; }
 
 out=build/release
@@ -23,8 +24,11 @@ uncommitted=no
 while [[ $# -gt 0 ]]; do
   case $1 in
     deb | tar | wheel) kinds+=("$1"); shift ;;
-    --without-cuda) cuda=(-DGS_WITH_CUDA=OFF -DGS_REQUIRE_CUDA=OFF); shift ;;
+    --without-cuda) cuda+=(-DGS_WITH_CUDA=OFF -DGS_REQUIRE_CUDA=OFF); shift ;;
     --uncommitted) uncommitted=yes; shift ;;
+    --architectures)
+      [[ $# -gt 1 ]] || wrong_usage "$1 needs a list of GPU architectures"
+      cuda+=("-DGS_CUDA_ARCHITECTURES=$2"); shift 2 ;;
     --sysroot | --out)
       [[ $# -gt 1 ]] || wrong_usage "$1 needs a folder"
       if [[ $1 == --out ]]; then out=$2; else sysroot=$(realpath "$2"); fi

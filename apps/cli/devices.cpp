@@ -15,10 +15,7 @@ Capability cuda_capability() {
   const int count = cuda_device_count();
   if (count > 0)
     return {"CUDA", true, "trains and renders on " + std::to_string(count) + " GPU(s)"};
-  return {"CUDA", false,
-          has_cuda()
-              ? "this build has CUDA, and the driver reports no GPU; check nvidia-smi"
-              : "training and rendering run on the CPU; build again where nvcc is on the PATH"};
+  return {"CUDA", false, (has_cuda() ? "this build has CUDA, but " : "") + why_no_gpu()};
 }
 
 Capability openimageio_capability() {

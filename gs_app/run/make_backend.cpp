@@ -18,6 +18,7 @@ namespace {
 #ifdef GS_HAVE_CUDA
 std::unique_ptr<Backend> make_cuda_backend(int index) {
   if (index < cuda_device_count()) return cuda::make_backend(index);
+  if (cuda_device_count() == 0) throw Error(why_no_gpu() + ", or use --device cpu");
   throw Error("there is no GPU cuda:" + std::to_string(index) + ": the driver reports " +
               std::to_string(cuda_device_count()) + "; check nvidia-smi, or use --device cpu");
 }
@@ -55,9 +56,13 @@ int cuda_index(const std::string& device) {
 #ifdef GS_HAVE_CUDA
 bool has_cuda() { return true; }
 int cuda_device_count() { return cuda::device_count(); }
+std::string why_no_gpu() { return cuda::why_no_gpu(); }
 #else
 bool has_cuda() { return false; }
 int cuda_device_count() { return 0; }
+std::string why_no_gpu() {
+  return "training and rendering run on the CPU; build again where nvcc is on the PATH";
+}
 #endif
 
 namespace {

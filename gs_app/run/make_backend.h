@@ -35,4 +35,7 @@ std::optional<int> gpu_number(const std::string& device);
 bool has_cuda();
 int cuda_device_count();
 
+/// Where there are no GPUs, or this build has no CUDA: what is missing, and what to do about it.
+std::string why_no_gpu();
+
 }  // namespace gs

@@ -74,7 +74,7 @@ trained() {
 try_deb() {
   install './gemsplat_*.deb'
   no_compiler
-  as_nobody 'gemsplat --version; gemsplat train /usr/share/gemsplat/courtyard -o demo -c cpu_tiny --eval --iterations 40 >train.log 2>&1 || { tail train.log; exit 1; }'
+  as_nobody 'gemsplat --version; gemsplat info | grep "^  CUDA"; gemsplat train /usr/share/gemsplat/courtyard -o demo -c cpu_tiny --eval --iterations 40 >train.log 2>&1 || { tail train.log; exit 1; }'
   trained demo
   if as_nobody 'gemsplat train /usr/share/gemsplat/nowhere -o other 2>error'; then die "a scene that is not there is no error"; fi
   grep -q nowhere "$work/system/tmp/error" || die "the error is $(cat "$work/system/tmp/error")"

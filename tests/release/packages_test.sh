@@ -119,7 +119,7 @@ check_wrong_usage() {
   local flag
   if copy_sysroot "$work" "$work/sysroot" 2>"$work/error"; then die "release.sh links with a system that has no C library"; fi
   grep -q 'has no libc6-dev' "$work/error" || die "$(cat "$work/error")"
-  for flag in "--out" "--sysroot" "--nonsense" "rpm"; do
+  for flag in "--out" "--sysroot" "--architectures" "--nonsense" "rpm"; do
     if "$root/scripts/release.sh" $flag >/dev/null 2>"$work/error"; then die "release.sh takes $flag"; fi
     grep -q '^error: ' "$work/error" || die "$flag: $(cat "$work/error")"
   done

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// .rad, version 1 (Spark 2): a tree of Gaussians in chunks of 65,536, which viewers fetch one by
-// one. Axes and units are the PLY's. Numbers are little-endian.
+// .rad, version 1 (Spark 2): a tree of Gaussians in chunks of at most 65,536, which viewers fetch
+// one by one. Axes and units are the PLY's. Numbers are little-endian.
 //
 //   file    u32 "RAD0", u32 bytes of JSON, JSON, zeros to a multiple of 8, chunks
 //           JSON {"version": 1, "type": "gsplat", "count", "maxSh", "lodTree", "chunkSize",

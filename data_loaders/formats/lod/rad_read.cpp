@@ -67,13 +67,15 @@ class RadBytes {
   std::string_view bytes_;
 };
 
-/// A chunk's Gaussians, and the numbers of their children.
+/// A chunk's Gaussians, between `least` and `most`, and the numbers of their children.
 class RadChunk {
  public:
-  RadChunk(const RadBytes& bytes, std::uint64_t at, std::uint64_t end, std::size_t count)
-      : bytes_(bytes), count_(count) {
+  RadChunk(const RadBytes& bytes, std::uint64_t at, std::uint64_t end, std::uint64_t least,
+           std::uint64_t most)
+      : bytes_(bytes) {
     json_ = bytes.head(at, kRadChunkMagic);
-    if (bytes.number(json_, "count") != count) bytes.fail("has a chunk of another size");
+    count_ = bytes.number(json_, "count");
+    if (count_ < least || count_ > most) bytes.fail("has a chunk of another size");
     if (!json_.contains("properties") || !json_["properties"].is_array())
       bytes.fail("has a chunk without properties");
     payload_ = at + 8;  // behind the number of its bytes
@@ -121,6 +123,7 @@ class RadChunk {
     return result;
   }
   bool has(const char* property) const { return find(property); }
+  std::size_t count() const { return count_; }
 
  private:
   const Json* find(const char* property) const {
@@ -151,13 +154,13 @@ class RadChunk {
   }
 
   const RadBytes& bytes_;
-  std::size_t count_;
+  std::size_t count_ = 0;
   Json json_;
   std::uint64_t payload_ = 0, end_ = 0;
 };
 
 // Appends the Gaussians without children.
-void append_leaves(const RadChunk& chunk, std::size_t count, int sh_degree, Gaussians& g) {
+void append_leaves(const RadChunk& chunk, int sh_degree, Gaussians& g) {
   const std::vector<bool> is_leaf = chunk.is_leaf();
   const std::vector<float> means = chunk.values("center", 3), alphas = chunk.values("alpha", 1),
                            colors = chunk.values("rgb", 3), scales = chunk.values("scales", 3);
@@ -168,7 +171,7 @@ void append_leaves(const RadChunk& chunk, std::size_t count, int sh_degree, Gaus
         chunk.values(kRadBands[band].property, std::size_t(3 * kRadBands[band].coefficients), true);
   std::size_t row = g.count();
   g.resize(row + std::size_t(std::count(is_leaf.begin(), is_leaf.end(), true)));
-  for (std::size_t i = 0; i < count; ++i) {
+  for (std::size_t i = 0; i < chunk.count(); ++i) {
     if (!is_leaf[i]) continue;
     const auto at = [&](const std::vector<float>& v) {
       return Vec3f{v[3 * i], v[3 * i + 1], v[3 * i + 2]};
@@ -218,14 +221,15 @@ GaussianModel read_rad(const Path& path) {
                         length = bytes.number(range, "bytes");
     bytes.part(begin, offset);
     bytes.part(begin + offset, length);
-    const std::size_t rows = std::min(each, count - done);
-    const RadChunk chunk(bytes, begin + offset, begin + offset + length, rows);
+    const std::uint64_t most = std::min(each, count - done);
+    done += most;  // numbers; only the last chunk must use all of its own
+    const RadChunk chunk(bytes, begin + offset, begin + offset + length, done == count ? most : 0,
+                         most);
     if (chunk.has("sh_label"))
       cannot_read(path,
                   "its SH are a palette, which gemsplat does not read; export it again "
                   "without clusters of SH");
-    append_leaves(chunk, rows, int(degree), model.gaussians);
-    done += rows;
+    append_leaves(chunk, int(degree), model.gaussians);
   }
   return model;
 }

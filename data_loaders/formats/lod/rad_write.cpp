@@ -21,7 +21,8 @@ namespace {
 
 using Json = nlohmann::ordered_json;
 
-constexpr double kOutliers = 0.001;  // share of the values that may lie beyond a range of bytes
+constexpr double kOutliers = 0.001;      // share of the values that may lie beyond a range of bytes
+constexpr std::size_t kFirstChunk = 64;  // the first of several chunks has 1/64 of the tree
 
 void pad(std::string& bytes) { bytes.append(rad_padding(bytes.size()), '\0'); }
 
@@ -43,12 +44,40 @@ float quantile(std::vector<float> values, double share) {
   return *at;
 }
 
-/// Gaussians begin, ..., end - 1 of the tree.
+/// Which Gaussians of a tree each chunk has, and their numbers in the file. Where there are several
+/// chunks, the first one is short, so that a viewer has a picture of the whole model soon. The
+/// numbers of chunk k begin at k * kRadChunk nevertheless, as viewers expect.
+class Chunks {
+ public:
+  explicit Chunks(const SplatTree& tree) : count_(tree.child_count.size()) {
+    if (count_ <= kRadChunk) {
+      first_ = count_;
+      return;
+    }
+    // It ends between two families, whose numbers have no gap.
+    for (std::size_t i = 0; i < count_; ++i)
+      if (tree.child_count[i] > 0 && tree.child_start[i] >= count_ / kFirstChunk)
+        first_ = std::min<std::size_t>(first_, tree.child_start[i]);
+  }
+
+  std::size_t size() const { return 1 + (count_ - first_ + kRadChunk - 1) / kRadChunk; }
+  std::size_t begin(std::size_t k) const { return k == 0 ? 0 : end(k - 1); }
+  std::size_t end(std::size_t k) const { return std::min(count_, first_ + k * kRadChunk); }
+  std::size_t number_of(std::size_t row) const {
+    return row < first_ ? row : row - first_ + kRadChunk;
+  }
+
+ private:
+  std::size_t count_, first_ = kRadChunk;
+};
+
+/// Chunk k.
 class Chunk {
  public:
-  Chunk(const SplatTree& tree, int sh_degree, const Json& encoding, std::size_t begin,
-        std::size_t end)
-      : tree_(tree), g_(tree.gaussians), begin_(begin), end_(end) {
+  Chunk(const SplatTree& tree, int sh_degree, const Json& encoding, const Chunks& chunks,
+        std::size_t k)
+      : tree_(tree), g_(tree.gaussians), chunks_(chunks), begin_(chunks.begin(k)),
+        end_(chunks.end(k)) {
     add("center", "f32_lebytes", f32_lebytes(vectors(g_.mean, [](float x) { return x; }), 3));
     add("alpha", "f16",
         f16_planes(
@@ -56,13 +85,13 @@ class Chunk {
     add("rgb", "f16", f16_planes(vectors(g_.sh0, color_of_sh0), 3));
     add("scales", "ln_f16", f16_planes(vectors(g_.log_scale, [](float s) { return s; }), 3));
     std::string rotations;
-    for (std::size_t i = begin; i < end; ++i) append_oct88r8(rotations, g_.rotation[i]);
+    for (std::size_t i = begin_; i < end_; ++i) append_oct88r8(rotations, g_.rotation[i]);
     add("orientation", "oct88r8", rotations);
     for (int band = 0; band < sh_degree; ++band) add_sh(kRadBands[band]);
     add_children();
     json_ = {{"version", 1},
-             {"base", begin},
-             {"count", end - begin},
+             {"base", k * kRadChunk},
+             {"count", end_ - begin_},
              {"payloadBytes", payload_.size()},
              {"maxSh", sh_degree},
              {"lodTree", true},
@@ -118,7 +147,7 @@ class Chunk {
     std::string counts, starts;
     for (std::size_t i = begin_; i < end_; ++i) {
       append_little(counts, std::uint16_t(tree_.child_count[i]));
-      append_little(starts, tree_.child_start[i]);
+      append_little(starts, std::uint32_t(chunks_.number_of(tree_.child_start[i])));
     }
     add("child_count", "u16", counts);
     add("child_start", "u32", starts);
@@ -126,6 +155,7 @@ class Chunk {
 
   const SplatTree& tree_;
   const Gaussians& g_;
+  const Chunks& chunks_;
   std::size_t begin_, end_;
   Json properties_ = Json::array(), json_;
   std::string payload_;
@@ -168,11 +198,10 @@ void write_rad(const std::filesystem::path& path, const SplatTree& tree, int sh_
   // Merging a leaf of 50,000 cannot give more children.
   GS_CHECK(*std::max_element(tree.child_count.begin(), tree.child_count.end()) < 65536);
   const Json encoding = splat_encoding(tree.gaussians, sh_degree);
-  std::vector<std::string> chunks((count + kRadChunk - 1) / kRadChunk);
+  const Chunks parts(tree);
+  std::vector<std::string> chunks(parts.size());
   parallel_for(chunks.size(), 1, [&](std::size_t k) {
-    chunks[k] =
-        Chunk(tree, sh_degree, encoding, k * kRadChunk, std::min(count, (k + 1) * kRadChunk))
-            .bytes();
+    chunks[k] = Chunk(tree, sh_degree, encoding, parts, k).bytes();
   });
   Json ranges = Json::array();
   std::size_t offset = 0;
@@ -183,7 +212,7 @@ void write_rad(const std::filesystem::path& path, const SplatTree& tree, int sh_
   AtomicFile file(path);
   file.write(head_of(kRadMagic, {{"version", 1},
                                  {"type", "gsplat"},
-                                 {"count", count},
+                                 {"count", parts.number_of(count - 1) + 1},
                                  {"maxSh", sh_degree},
                                  {"lodTree", true},
                                  {"chunkSize", kRadChunk},

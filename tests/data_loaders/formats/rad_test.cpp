@@ -6,6 +6,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 #include <nlohmann/json.hpp>
 
@@ -123,6 +124,63 @@ TEST_F(Rad, NothingOfTheTreeIsReadButTheModel) {
   EXPECT_EQ(head()["chunks"].size(), 1u);
 }
 
+/// The numbers of all Gaussians of a file, and of the children of each.
+struct Numbers {
+  std::vector<std::uint64_t> own, child_start, child_count;
+};
+
+Numbers numbers_of(const std::string& bytes) {
+  const auto json_at = [&](std::size_t at, std::size_t& end) {
+    const std::size_t size = load_little<std::uint32_t>(&bytes[at + 4]);
+    end = at + 8 + size + rad_padding(size);
+    return Json::parse(bytes.substr(at + 8, size));
+  };
+  Numbers numbers;
+  std::size_t begin = 0, payload = 0;
+  const Json head = json_at(0, begin);
+  for (const Json& range : head["chunks"]) {
+    const Json chunk = json_at(begin + range["offset"].get<std::size_t>(), payload);
+    const std::size_t count = chunk["count"];
+    for (std::size_t i = 0; i < count; ++i)
+      numbers.own.push_back(chunk["base"].get<std::size_t>() + i);
+    for (const Json& property : chunk["properties"]) {
+      const bool is_count = property["property"] == "child_count";
+      if (!is_count && property["property"] != "child_start") continue;
+      const std::string raw =
+          inflate_raw("a.rad",
+                      std::string_view(bytes).substr(
+                          payload + 8 + property["offset"].get<std::size_t>(), property["bytes"]),
+                      count * (is_count ? 2 : 4));
+      for (std::size_t i = 0; i < count; ++i)
+        if (is_count)
+          numbers.child_count.push_back(load_little<std::uint16_t>(&raw[2 * i]));
+        else
+          numbers.child_start.push_back(load_little<std::uint32_t>(&raw[4 * i]));
+    }
+  }
+  return numbers;
+}
+
+// 64,000 Gaussians make a tree of more than a chunk.
+TEST_F(Rad, TheFirstOfSeveralChunksIsShortAndEveryChildHasOneParent) {
+  const GaussianModel large = finite_model(random_model(64'000, 0));
+  write_model(file(), large);
+  bytes_ = read_bytes(file());
+  const Json chunks = head()["chunks"];
+  ASSERT_GT(chunks.size(), 1u);
+  EXPECT_LT(chunks[0]["bytes"].get<double>(), 0.03 * head()["allChunkBytes"].get<double>());
+  const Numbers numbers = numbers_of(bytes_);
+  EXPECT_EQ(numbers.own.back() + 1, head()["count"]);
+  EXPECT_TRUE(std::count(numbers.own.begin(), numbers.own.end(), kRadChunk));
+  std::vector<std::uint64_t> children = {0};
+  for (std::size_t i = 0; i < numbers.own.size(); ++i)
+    for (std::uint64_t c = 0; c < numbers.child_count[i]; ++c)
+      children.push_back(numbers.child_start[i] + c);
+  std::sort(children.begin(), children.end());
+  EXPECT_EQ(children, numbers.own);
+  EXPECT_EQ(read_rad(file()).gaussians.count(), 64'000u);
+}
+
 TEST_F(Rad, OtherFilesAreRefusedWithARemedy) {
   const auto error_at = [&](const char* key, const Json& value) {
     Json changed = head();
@@ -133,6 +191,7 @@ TEST_F(Rad, OtherFilesAreRefusedWithARemedy) {
   EXPECT_THAT(error_at("maxSh", 4), HasSubstr("SH degree above 3"));
   EXPECT_THAT(error_at("chunkSize", 100), HasSubstr("another number of chunks"));
   EXPECT_THAT(error_at("count", 4'000'000'000u), HasSubstr("it promises 4000000000 Gaussians"));
+  EXPECT_THAT(error_at("count", 60'000), HasSubstr("a chunk of another size"));
   EXPECT_THAT(error_at("count", 17), HasSubstr("a chunk of another size"));
   Json elsewhere = head();
   elsewhere["chunks"][0]["filename"] = "a-0.radc";
