@@ -50,6 +50,9 @@ struct CudaScratch final : ViewScratch {
   Buffer<ListSegment> segments;             // (capacity S) the longest first, then empty ones
   Buffer<Vec4f> room;                       // of the sorts, and then of the checkpoints (instance_room.cuh)
 
+  /// The order of the tiles; null where they are blended as they are numbered. An empty Buffer may
+  /// still point to the order of an earlier, smaller picture.
+  const std::uint32_t* order() const { return tile_order.empty() ? nullptr : tile_order.data(); }
   /// (S - tiles, pixels of a tile) color and transmittance before a segment
   Vec4f* checkpoints() const { return room.data(); }
 

@@ -85,7 +85,7 @@ void blend(Context& context, const RenderSettings& settings, RenderPass& pass) {
                    makes_segments(settings) ? scratch.checkpoints() : nullptr};
   const auto launch = [&](auto kernel) {
     context.launch("blend", kernel, blend_blocks(pass.tile_count()), kBlendThreads,
-                   tile_lists(pass), scratch.tile_order.data(), settings.background, out);
+                   tile_lists(pass), scratch.order(), settings.background, out);
   };
   if (settings.blend_rule == BlendRule::classic)
     launch(blend_kernel<BlendRule::classic>);

@@ -123,8 +123,8 @@ void blend_gemm(Context& context, const RenderSettings& settings, RenderPass& pa
     constexpr int kPerTile = kTileWidth / kSubtileWidth * kTileHeight / Kind::height;
     static_assert(kPerTile % kBlendWarps == 0);
     context.launch("blend", blend_gemm_kernel<Kind>, pass.tile_count() * kPerTile / kBlendWarps,
-                   kBlendThreads, tile_lists(pass, splats), scratch.tile_order.data(),
-                   settings.background, out);
+                   kBlendThreads, tile_lists(pass, splats), scratch.order(), settings.background,
+                   out);
   };
   with_constant(has_small_subtiles(context, pass), [&](auto small) {
     constexpr int height = small() ? 4 : 8;

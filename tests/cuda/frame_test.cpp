@@ -58,6 +58,23 @@ TEST_F(CudaFrame, PicturesOfAnySizeAreTheSame) {
   }
 }
 
+// The tiles of the smaller pictures are ordered, and those of the larger one are not.
+TEST_F(CudaFrame, APassMayShowSmallerPicturesBeforeALargerOne) {
+  const Camera small = random_camera(400, 300, 5), large = random_camera(2401, 1800, 5);
+  const Gaussians gaussians = on_gpu(random_gaussians(kTypical, 20'000, large, 8));
+  for (const bool use_tensor_cores : {true, false}) {
+    RenderSettings settings = for_viewing();
+    settings.use_tensor_cores = use_tensor_cores;
+    const Picture expected = picture(gaussians, large, settings);
+    RenderPass pass(gpu().memory());
+    for (const Camera& camera : {small, large, small, large}) {
+      gpu().renderer().forward(gaussians.span(), camera, settings, pass);
+      if (camera.width != large.width) continue;
+      EXPECT_TRUE((Picture{pass.image.download(), pass.transmittance.download()} == expected));
+    }
+  }
+}
+
 TEST_F(CudaFrame, SmallAndEmptyScenes) {
   const Camera camera = random_camera(160, 120, 3);
   for (const std::size_t count : {0, 1, 2, 31, 33})
