@@ -3,9 +3,9 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <fstream>
 #include <nlohmann/json.hpp>
 
-#include "gs_app/run/run_folder.h"
 #include "tests/support/program.h"
 
 namespace gs {
@@ -88,7 +88,10 @@ TEST_F(Program, BenchStandsBesideOtherReports) {
       "bench --gaussians 50 --width 32 --height 32 --views 2 --steps 2 --warmup 0 --frames 1 "
       "--device cpu -q ";
   ASSERT_EQ(run(small + "-o " + text("before.json")).code, 0);
-  write_text(path("peer.json"), R"({"program": "Peer 1.0", "num_gaussians": 60, "width": 32,
+  const auto write = [&](const char* file, const char* content) {
+    std::ofstream(path(file)) << content;
+  };
+  write("peer.json", R"({"program": "Peer 1.0", "num_gaussians": 60, "width": 32,
       "height": 32, "device": "cpu", "render": [{"width": 32, "height": 32, "ms_per_frame": 1e6}],
       "protocol": {"frame": "kernels alone"}})");
   const Outcome outcome = run(small + "--against " + text("before.json") + "," + text("peer.json"));
@@ -105,8 +108,8 @@ TEST_F(Program, BenchStandsBesideOtherReports) {
   for (const auto& [file, message] :
        {std::pair("none.json", "none.json"), std::pair("text.json", "text.json"),
         std::pair("empty.json", "has no times")}) {
-    write_text(path("text.json"), "frames");
-    write_text(path("empty.json"), "{}");
+    write("text.json", "frames");
+    write("empty.json", "{}");
     const Outcome refused = run(small + "--against " + text(file));
     EXPECT_NE(refused.code, 0) << file;
     EXPECT_THAT(refused.err, HasSubstr(message)) << file;
