@@ -26,7 +26,7 @@ Image8 picture_of(const EditModel& model, Camera camera, const EditTools& tools)
   const Gaussians gaussians = copy_to(backend.memory(), model.model);
   RenderPass pass(backend.memory());
   backend.renderer().forward(gaussians.span(), camera, settings_for(model, tools), pass);
-  return to_image8(image_of(pass));
+  return backend.renderer().picture_of(pass);
 }
 
 }  // namespace

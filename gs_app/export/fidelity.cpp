@@ -24,12 +24,12 @@ Fidelity fidelity_of(const GaussianModel& kept, const Viewpoints& viewpoints) {
   RenderPass pass(renderer.memory());
   const auto picture_of = [&](const GaussiansSpan& span, const Camera& camera) {
     renderer.forward(span, camera, viewpoints.settings, pass);
-    return image_of(pass);
+    return renderer.picture_of(pass);
   };
   Fidelity fidelity;
   for (const Camera& camera : viewpoints.cameras) {
-    const Image8 original = to_image8(picture_of(viewpoints.original, camera));
-    const ImageF picture = in_float(to_image8(picture_of(gaussians.span(), camera)));
+    const Image8 original = picture_of(viewpoints.original, camera);
+    const ImageF picture = in_float(picture_of(gaussians.span(), camera));
     fidelity.psnr += psnr(picture, original);
     fidelity.ssim += ssim(picture, original);
     ++fidelity.num_views;
