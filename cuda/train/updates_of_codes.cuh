@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Updates of rows whose moments are codes (optimizer.moments): how a warp moves codes of both sizes,
-// and rounds them by the random words of its rows.
+// Updates of rows whose moments are codes (optimizer.moments): how a warp moves codes of both
+// sizes, and rounds them by the random words of its rows.
 #pragma once
 
 #include <cuda_pipeline.h>

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Stage 8: Adam with moments that are codes, which are rounded at random; and the moments of rows in
-// each of their forms.
+// Stage 8: Adam with moments that are codes, which are rounded at random; and the moments of rows
+// in each of their forms.
 #pragma once
 
 #include "gs_core/gaussians.h"

@@ -16,8 +16,8 @@ namespace gs {
 ///   n   = k for k < 8, else (8 + k mod 8) 2^(floor(k / 8) - 1)                   up to 960
 ///
 /// So v has four codes an octave from 1.25 2^-100, whose root is Adam's epsilon, to 1.75 2^27.
-/// sqrt(v) lies in [64 d, 120 d). Up to |m| = 16 d its steps are d, and from there on 1/16 to 1/8 of
-/// |m|. The largest |m| is 960 d, between 8 and 15 sqrt(v).
+/// sqrt(v) lies in [64 d, 120 d). Up to |m| = 16 d its steps are d, and from there on 1/16 to 1/8
+/// of |m|. The largest |m| is 960 d, between 8 and 15 sqrt(v).
 /// All of it is arithmetic of integers, so that every processor has the same bits.
 struct TinyCode {
   std::uint16_t bits = 0;
