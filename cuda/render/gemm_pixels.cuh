@@ -1,6 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The pixels of a warp that blends on tensor cores, whichever list it walks: blend_gemm.cu walks
-// lists of tiles and explains the method, blend_bins.cu those of bins.
+// The pixels of a warp that blends on tensor cores. blend_gemm.cu explains the method.
 #pragma once
 
 #include "cuda/render/splat_queue.cuh"
@@ -23,12 +22,10 @@ inline constexpr float kClosed = 0.0f;  // transmittance of a pixel that takes n
 
 /// A variant of the pixels that a warp blends.
 ///
-/// A fast one saves a third of the instructions. Weights go into the product of colors cut off to
-/// TF32, as the tensor cores read them, and the pixel's color is divided by the sum of these
-/// weights and multiplied by that of the uncut ones, which is 1 - transmittance: what remains of
-/// the cuts is their scatter, times differences of color within the pixel. Whether a pixel is
-/// opaque is looked at between batches, so that it may take up to 31 fragments too many, whose
-/// weights sum up to less than kMinTransmittance.
+/// In a fast one weights go into the product of colors cut off to TF32, as the tensor cores read
+/// them. The pixel's color is divided by the sum of these weights and multiplied by that of the
+/// uncut ones, which is 1 - transmittance: what remains of the cuts is their scatter, times
+/// differences of color within the pixel.
 template <BlendRule rule_, bool with_history_, bool fast_, int height_>
 struct PixelVariant {
   static_assert(!fast_ || (!with_history_ && rule_ == BlendRule::faster_gs));
@@ -201,11 +198,16 @@ class SubtilePixels {
       if (open[0] == kClosed) left[0] = open_.x;
       if (open[1] == kClosed) left[1] = open_.y;
     }
-    if (!Kind::fast && __any_sync(kAllLanes, ends[0] || ends[1])) {
+    if (__any_sync(kAllLanes, ends[0] || ends[1])) {
 #pragma unroll
       for (int r = 0; r < 2; ++r) {
         weigh_to_the_end(weights, r, reaching[r], last[r]);
-        if (ends[r]) left[r] = kClosed;
+        if constexpr (Kind::fast) {
+          const float after = open[r] - sum_of_owners(weights, r);
+          if (ends[r]) left[r] = after;
+        } else if (ends[r]) {
+          left[r] = kClosed;
+        }
       }
     } else {
 #pragma unroll
@@ -239,6 +241,16 @@ class SubtilePixels {
       if (Kind::with_history && weights[i][r] > 0) last = i;
       through = after;
     }
+  }
+
+  // The sum of a pixel's weights over its four lanes.
+  template <int owned>
+  __device__ static float sum_of_owners(const float (&weights)[owned][2], int r) {
+    float sum = 0;
+#pragma unroll
+    for (int i = 0; i < owned; ++i) sum += weights[i][r];
+    sum += of_partner(sum, 1);
+    return sum + of_partner(sum, 2);
   }
 
   // sums += [pixels x splats] [splats x colors]
