@@ -11,6 +11,7 @@
 #include "gs_app/checks/benchmark_comparison.h"
 #include "gs_app/checks/benchmark_report.h"
 #include "gs_app/checks/generated_scene.h"
+#include "gs_app/checks/list_pictures.h"
 #include "gs_app/export/export_model.h"
 #include "gs_app/run/open_model.h"
 #include "gs_app/run/results.h"
@@ -28,7 +29,7 @@ using Json = nlohmann::ordered_json;
 constexpr int kMostGaussians = 100'000'000, kMostViews = 1000, kMostRuns = 1'000'000;
 
 struct BenchCommand : CommandLine {
-  std::string model, output;
+  std::string model, output, lists;
   std::optional<int> iteration;
   int gaussians = 0;  // of a generated scene; 0 for a trained model
   int width = 1280, height = 720, views = 8;
@@ -128,6 +129,11 @@ BenchmarkReport measure(const BenchmarkSubject& subject, const BenchCommand& com
     if (command.blenders)
       report.blenders =
           compare_blenders(*backend, model, subject.rendered_views(), subject.settings, plan);
+    if (!command.lists.empty())
+      report.list_table = write_list_pictures(
+          *backend, model.gaussians.span(),
+          at_scale(subject.rendered_views().front().camera, plan.scales.front()), subject.settings,
+          command.lists);
     if (command.scores) {
       log_info("timing the statistics of each score: {} steps, five times", plan.steps);
       report.scores =
@@ -213,6 +219,10 @@ void add_bench(CLI::App& program) {
                 "compare speed and pictures of the GPU's blenders with each kind of tile bounds");
   verb.add_flag("--frame-steps", command->frame_steps,
                 "time frames in each way in which the GPU can draw them, and compare the pictures");
+  verb.add_option("--lists", command->lists,
+                  "also draw how many Gaussians each tile of the first view lists, with each kind "
+                  "of tile bounds, into this folder")
+      ->type_name("FOLDER");
   verb.add_flag("--scores", command->scores,
                 "time what the statistics of each growth score cost a training step");
   add_generator_options(verb, *command);

@@ -218,7 +218,7 @@ std::string report_text(const BenchmarkSubject& subject, const BenchmarkPlan& pl
                           difference->psnr, difference->largest);
     text += "  " + workload_text(figures.mean) + "\n" + stages_text(figures.stages, report);
   }
-  text += scores_text(report.scores) + blenders_text(report.blenders) + "\n";
+  text += scores_text(report.scores) + blenders_text(report.blenders) + report.list_table + "\n";
   if (report.clock_mhz) text += fmt::format("clock while busy: {:.0f} MHz\n", *report.clock_mhz);
   if (report.copy_gb_per_second)
     text += fmt::format("copies in memory: {:.0f} GB/s, reads and writes together\n",

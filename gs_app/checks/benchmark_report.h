@@ -32,6 +32,7 @@ struct BenchmarkReport {
   std::vector<RenderingFigures> rendering;
   std::vector<BlenderFigures> blenders;
   std::vector<ScoreCost> scores;
+  std::string list_table;  // of --lists
   std::optional<double> copy_gb_per_second;
   std::optional<double> clock_mhz;  // of a GPU's multiprocessors while they are busy
   std::optional<std::size_t> peak_gpu_bytes;

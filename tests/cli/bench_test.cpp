@@ -3,9 +3,11 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <fstream>
 #include <nlohmann/json.hpp>
 
+#include "data_loaders/photos/photos.h"
 #include "tests/support/program.h"
 
 namespace gs {
@@ -53,6 +55,23 @@ TEST_F(Program, BenchComparesWaysToDrawFramesOnAGpuOnly) {
     const Outcome outcome = run(std::string("bench --gaussians 5 --device cpu ") + flag);
     EXPECT_EQ(outcome.code, 2);
     EXPECT_THAT(outcome.err, HasSubstr("add --device cuda"));
+  }
+}
+
+TEST_F(Program, BenchDrawsTheListsOfAView) {
+  const Outcome outcome =
+      run("bench --gaussians 500 --width 200 --height 48 --views 2 --steps 1 --warmup 0 --frames 1 "
+          "--device cpu --lists " +
+          text("lists"));
+  ASSERT_EQ(outcome.code, 0) << outcome.err;
+  EXPECT_THAT(outcome.out, HasSubstr("lists of a view of 200x48 pixels"));
+  for (const char* name : {"square", "box", "exact"}) {
+    const Image8 picture = read_photo(path("lists") / ("lists_" + std::string(name) + ".png"));
+    EXPECT_EQ(picture.width, 13 * 4);  // tiles
+    EXPECT_EQ(picture.height, 3 * 4);
+    const auto [darkest, brightest] =
+        std::minmax_element(picture.pixels.begin(), picture.pixels.end());
+    EXPECT_LT(*darkest, *brightest);
   }
 }
 
