@@ -160,28 +160,41 @@ TEST_F(CudaRender, SplatsAgree) {
   }
 }
 
+// Both passes have the same lists, in the same order, except for borderline instances that only one
+// of them has.
+void expect_same_lists(const Rendered& r) {
+  const auto cpu_lists = tile_lists(r.cpu), gpu_lists = tile_lists(r.gpu);
+  ASSERT_EQ(cpu_lists.size(), gpu_lists.size());
+  std::size_t differ = 0, instances = 0;
+  for (std::size_t tile = 0; tile < cpu_lists.size(); ++tile) {
+    const auto &a = cpu_lists[tile], &b = gpu_lists[tile];
+    instances += a.size();
+    if (a == b) continue;
+    std::vector<std::uint32_t> both_a, both_b;
+    for (const std::uint32_t g : a)
+      if (std::find(b.begin(), b.end(), g) != b.end()) both_a.push_back(g);
+    for (const std::uint32_t g : b)
+      if (std::find(a.begin(), a.end(), g) != a.end()) both_b.push_back(g);
+    EXPECT_EQ(both_a, both_b);
+    differ += a.size() + b.size() - 2 * both_a.size();
+  }
+  EXPECT_LE(double(differ), kBorderline * double(instances) + 1);
+  EXPECT_GT(instances, 0u);
+}
+
 TEST_F(CudaRender, TileListsAgree) {
   for (const Scene& scene : scenes()) {
     SCOPED_TRACE(scene.name);
-    const Rendered r = render(scene.gaussians, scene.camera, scene.settings);
-    const auto cpu_lists = tile_lists(r.cpu), gpu_lists = tile_lists(r.gpu);
-    ASSERT_EQ(cpu_lists.size(), gpu_lists.size());
-    std::size_t differ = 0, instances = 0;
-    for (std::size_t tile = 0; tile < cpu_lists.size(); ++tile) {
-      const auto &a = cpu_lists[tile], &b = gpu_lists[tile];
-      instances += a.size();
-      if (a == b) continue;
-      // The same order, except for borderline instances that only one of them has.
-      std::vector<std::uint32_t> both_a, both_b;
-      for (const std::uint32_t g : a)
-        if (std::find(b.begin(), b.end(), g) != b.end()) both_a.push_back(g);
-      for (const std::uint32_t g : b)
-        if (std::find(a.begin(), a.end(), g) != a.end()) both_b.push_back(g);
-      EXPECT_EQ(both_a, both_b);
-      differ += a.size() + b.size() - 2 * both_a.size();
-    }
-    EXPECT_LE(double(differ), kBorderline * double(instances) + 1);
-    EXPECT_GT(instances, 0u);
+    expect_same_lists(render(scene.gaussians, scene.camera, scene.settings));
+  }
+}
+
+// More bins of 128 pixels than one block counts, and more in a row than eight bits can number.
+TEST_F(CudaRender, TileListsOfLargePicturesAgree) {
+  for (const auto& [width, height] : {std::pair{6000, 3000}, {34000, 40}, {40, 34000}}) {
+    SCOPED_TRACE(std::to_string(width) + "x" + std::to_string(height));
+    const Camera camera = random_camera(width, height, 3);
+    expect_same_lists(render(random_gaussians(kTypical, 3000, camera, 5), camera, {}));
   }
 }
 
