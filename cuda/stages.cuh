@@ -62,9 +62,6 @@ struct CudaScratch final : ViewScratch {
 };
 // clang-format on
 
-/// An entry of a bin's list, before its list is in order (bins.cuh).
-using BinEntry = std::uint64_t;
-
 // clang-format off
 /// The buffers that one render needs besides the RenderPass: scratch of the sorts, and what the
 /// GPU's stages pass to each other.
@@ -82,9 +79,6 @@ struct Workspace {
   Buffer<Vec4f> sort_room;                // as CudaScratch::room, for passes without segments
   Buffer<std::uint32_t> length_classes;   // (2, classes) tiles whose lists are about as long: all, and ordered so far
   Buffer<std::uint8_t> sort_scratch;      // of CUB, where it needs little
-  // Lists by bins; empty without them.
-  Buffer<std::uint32_t> bin_counts;       // (bins)  entries counted, then those written
-  Buffer<BinEntry> bin_entries;           // (capacity)
   Buffer<SplatGradientSum> splat_gradients;  // (N)  zero between steps
   Buffer<FineSums> fine_sums;             // (N)  zero between steps, if deterministic
   Buffer<CoarseSums> coarse_sums;         // (N)  zero between steps, if deterministic
@@ -99,7 +93,6 @@ struct Workspace {
   explicit Workspace(Memory& memory)
       : depth_keys(memory), rows(memory), visible_count(memory), taken_depth_keys(memory),
         first_of_order(memory), sort_room(memory), length_classes(memory), sort_scratch(memory),
-        bin_counts(memory), bin_entries(memory),
         splat_gradients(memory), fine_sums(memory), coarse_sums(memory), camera_sums(memory),
         fragment_sums(memory),
         fixed_fragment_sums(memory), pixel_values(memory), value_range(memory), halted(memory) {}
@@ -181,7 +174,7 @@ void order_by_depth(Context& context, const RenderSettings& settings, Workspace&
 /// (kMostGaussians).
 void check_gaussian_count(const RenderPass& pass);
 
-/// How many instances, or entries of bins, are written, and to whom it is told.
+/// How many instances are written, and to whom it is told.
 struct InstanceLimit {
   std::uint32_t capacity;           // places; those that are left belong to no tile
   std::uint32_t* halted = nullptr;  // raised where there are more instances; may be null
@@ -201,21 +194,6 @@ void report_instances(Context& context, const RenderSettings& settings, Workspac
 /// the lists are also divided into segments.
 void sort_by_tile(Context& context, const RenderSettings& settings, Workspace& workspace,
                   RenderPass& pass, std::uint32_t capacity);
-
-/// 2, 3 by bins, in place of the three above  bins.cu: count the bins of settings.bin_side that the
-/// view splats hit, and find the place of each bin's list. With more entries than limit.capacity
-/// all lists are empty.
-void count_bins(Context& context, const RenderSettings& settings, Workspace& workspace,
-                RenderPass& pass, const InstanceLimit& limit);
-/// 2 by bins  bins.cu: write the entries of the lists, each bin's in any order.
-void fill_bins(Context& context, const RenderSettings& settings, Workspace& workspace,
-               RenderPass& pass, std::uint32_t capacity);
-/// 3 by bins  bin_sort.cu: sort each bin's entries by depth and row, and find the sub-tiles that
-/// they hit.
-void sort_bins(Context& context, const RenderSettings& settings, Workspace& workspace,
-               RenderPass& pass, std::uint32_t capacity);
-/// 4 by bins, on tensor cores  blend_bins.cu: blend each sub-tile's splats front to back.
-void blend_bins(Context& context, const RenderSettings& settings, RenderPass& pass);
 
 /// 4  blend.cu: blend each tile's list front to back over the background.
 void blend(Context& context, const RenderSettings& settings, RenderPass& pass);

@@ -34,9 +34,6 @@ struct RenderSettings : SplatSettings {
   // make segments; only for comparisons (gemsplat bench --frame-steps)
   bool counted_frames = false;
   bool full_splats = false;  // draw(): splats of 48 bytes in place of 32; only for comparisons
-  // draw(), where splats have 32 bytes: lists by bins of so many pixels, 32 or 64, in place of
-  // lists by tiles. 0: by tiles. Not measured yet, and only for comparisons.
-  int bin_side = 0;
   // false: the CUDA backend may leave RenderPass::depths empty, which only depth maps need
   bool with_depths = true;
   // sums that do not depend on their order, so that a step has one result

@@ -64,8 +64,6 @@ void CudaRenderer::draw(const PackedScene& scene, const Camera& camera,
   const auto* const packed = dynamic_cast<const CudaPackedScene*>(&scene);
   if (!packed || !packed->serves(settings))
     return forward(scene.gaussians(), camera, settings, pass);
-  if (settings.bin_side != 0 && uses_view_splats(context_, settings))
-    return draw_by_bins(*packed, camera, settings, pass);
   draw_frame(packed->count(), camera, settings, pass,
              [&] { preprocess(context_, *packed, camera, settings, workspace_, pass); });
 }
@@ -104,46 +102,6 @@ Image8 CudaRenderer::picture_of(const RenderPass& pass) {
   pack_picture(context_, pass, picture_words_);
   memory_.download(picture.pixels.data(), picture_words_.data(), picture.pixels.size());
   return picture;
-}
-
-void CudaRenderer::draw_by_bins(const CudaPackedScene& scene, const Camera& camera,
-                                const RenderSettings& settings, RenderPass& pass) {
-  pass.background = settings.background;
-  for (Buffer<std::uint32_t>* of_tiles : {&pass.depth_order, &pass.tile_splats, &pass.tile_ranges})
-    of_tiles->resize_discard(0);
-  const FrameKind kind{camera.width, camera.height, scene.count()};
-  FrameForecast& forecast = forecast_of_bins(settings);
-  const std::uint32_t capacity = settings.counted_frames ? 0 : forecast.capacity_for(kind);
-  if (capacity > 0 && draw_by_bins_within(capacity, scene, camera, settings, pass)) return;
-  const std::uint32_t frame = ++last_frame_;
-  preprocess(context_, scene, camera, settings, workspace_, pass);
-  count_bins(context_, settings, workspace_, pass,
-             {kMostInstances, nullptr, reports_.of_step(frame), frame});
-  const std::uint32_t entries = reports_.wait(context_, frame).instances;
-  check_can_be_sorted(entries);
-  forecast.note(kind, entries);
-  sort_and_blend_bins(settings, pass, std::max(entries, 1u));
-}
-
-bool CudaRenderer::draw_by_bins_within(std::uint32_t capacity, const CudaPackedScene& scene,
-                                       const Camera& camera, const RenderSettings& settings,
-                                       RenderPass& pass) {
-  const std::uint32_t frame = ++last_frame_;
-  preprocess(context_, scene, camera, settings, workspace_, pass);
-  count_bins(context_, settings, workspace_, pass,
-             {capacity, nullptr, reports_.of_step(frame), frame});
-  sort_and_blend_bins(settings, pass, capacity);
-  const std::uint32_t entries = reports_.wait(context_, frame).instances;
-  if (entries > capacity) return false;
-  forecast_of_bins(settings).note({camera.width, camera.height, scene.count()}, entries);
-  return true;
-}
-
-void CudaRenderer::sort_and_blend_bins(const RenderSettings& settings, RenderPass& pass,
-                                       std::uint32_t capacity) {
-  fill_bins(context_, settings, workspace_, pass, capacity);
-  sort_bins(context_, settings, workspace_, pass, capacity);
-  blend_bins(context_, settings, pass);
 }
 
 void CudaRenderer::finish(const RenderSettings& settings, RenderPass& pass,

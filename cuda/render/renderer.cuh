@@ -56,16 +56,6 @@ class CudaRenderer final : public Renderer {
   template <class Project>
   bool draw_within(std::uint32_t capacity, const FrameKind& kind, const RenderSettings& settings,
                    RenderPass& pass, const Project& project);
-  // The same with lists by bins: draw() where settings.bin_side is set.
-  void draw_by_bins(const CudaPackedScene& scene, const Camera& camera,
-                    const RenderSettings& settings, RenderPass& pass);
-  bool draw_by_bins_within(std::uint32_t capacity, const CudaPackedScene& scene,
-                           const Camera& camera, const RenderSettings& settings, RenderPass& pass);
-  void sort_and_blend_bins(const RenderSettings& settings, RenderPass& pass,
-                           std::uint32_t capacity);
-  FrameForecast& forecast_of_bins(const RenderSettings& settings) {
-    return bin_forecasts_[settings.bin_side == 64];
-  }
   void finish(const RenderSettings& settings, RenderPass& pass, const InstanceLimit& limit);
   void sort_and_blend(const RenderSettings& settings, RenderPass& pass, const InstanceLimit& limit);
   std::uint32_t count_instances(const RenderSettings& settings, const RenderPass& pass);
@@ -75,8 +65,7 @@ class CudaRenderer final : public Renderer {
   Workspace workspace_;
   Buffer<std::uint32_t> picture_words_;  // of 8 bits a channel, for picture_of()
   FrameForecast forecast_;
-  FrameForecast bin_forecasts_[2];  // of bins of 32 and 64 pixels
-  Reports reports_{1};              // of the frame that is being drawn
+  Reports reports_{1};  // of the frame that is being drawn
   std::uint32_t last_frame_ = 0;
 };
 

@@ -58,7 +58,7 @@ Workload workload_of(const RenderPass& pass, const RenderSettings& settings) {
     workload.visible += tiles > 0;
     workload.instances += tiles;
   }
-  const std::vector<std::uint32_t> ranges = pass.tile_ranges.download();  // empty: lists by bins
+  const std::vector<std::uint32_t> ranges = pass.tile_ranges.download();
   for (std::size_t tile = 0; tile + 1 < ranges.size(); ++tile)
     workload.longest_list =
         std::max(workload.longest_list, double(ranges[tile + 1] - ranges[tile]));
@@ -94,7 +94,6 @@ class FrameDrawer {
     settings_.counted_frames = way.is_counted;
     settings_.packs_sh = way.packs_sh;
     settings_.full_splats = way.full_splats;
-    settings_.bin_side = way.bin_side;
     const GaussiansSpan gaussians = model.gaussians.span();
     scene_ = way.is_packed ? backend_.renderer().pack(gaussians, settings_)
                            : std::make_unique<PackedScene>(gaussians);
@@ -306,7 +305,7 @@ RenderingFigures time_rendering(Backend& backend, TrainingModel& model,
 }
 
 FrameWay usual_way(const RenderSettings& settings) {
-  return {"packed", false, true, settings.packs_sh, false, 0};
+  return {"packed", false, true, settings.packs_sh, false};
 }
 
 std::vector<RenderingFigures> compare_frame_ways(Backend& backend, TrainingModel& model,

@@ -36,23 +36,20 @@ struct TrainingFigures {
 };
 
 /// A way to draw frames. The GPU's are those before and after each step that made frames faster up
-/// to "packed", which is what the program does, and then ways that it does not take yet.
+/// to "packed", which is what the program does.
 struct FrameWay {
   const char* name;
   bool is_counted;  // waits for the count of instances, and makes segments
   bool is_packed;   // Renderer::pack
   bool packs_sh;
   bool full_splats;  // of 48 bytes; false: of 32, from a packed model on tensor cores
-  int bin_side;      // RenderSettings::bin_side
 };
 inline constexpr FrameWay kFrameWays[] = {
-    {"counted", true, false, false, true, 0},
-    {"launched at once", false, false, false, true, 0},
-    {"packed, SH in float, splats of 48 bytes", false, true, false, true, 0},
-    {"packed, splats of 48 bytes", false, true, true, true, 0},
-    {"packed", false, true, true, false, 0},
-    {"packed, lists by bins of 32 pixels", false, true, true, false, 32},
-    {"packed, lists by bins of 64 pixels", false, true, true, false, 64}};
+    {"counted", true, false, false, true},
+    {"launched at once", false, false, false, true},
+    {"packed, SH in float, splats of 48 bytes", false, true, false, true},
+    {"packed, splats of 48 bytes", false, true, true, true},
+    {"packed", false, true, true, false}};
 inline constexpr FrameWay kPlainFrames = kFrameWays[1];
 
 /// How pictures differ from those of counted frames.
