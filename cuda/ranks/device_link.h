@@ -45,8 +45,9 @@ class DeviceLinks {
   virtual ~DeviceLinks() = default;
   /// Rank 0: what the others must know to connect.
   virtual std::vector<std::byte> invitation() = 0;
-  /// The link of a rank, on its GPU. All ranks call it at the same time. Calls keep_watch() while it
-  /// waits for the others, which may throw. Throws Error.
+  /// The link of a rank, on its GPU. All ranks call it at the same time. Calls keep_watch(), which
+  /// may throw, while it waits for the others, and so may the link, as long as it lives. Throws
+  /// Error.
   virtual std::unique_ptr<DeviceLink> connect(int device, int rank, int count,
                                               const std::vector<std::byte>& invitation,
                                               const std::function<void()>& keep_watch) = 0;
@@ -57,7 +58,7 @@ class DeviceLinks {
 /// libnccl.so.2. Throws UsageError where it is missing, or too old.
 std::unique_ptr<DeviceLinks> make_nccl_links();
 
-/// Links between threads of one process, whose ranks may share a GPU: for tests.
-std::unique_ptr<DeviceLinks> make_thread_links(int count);
+/// Links between threads of one process, whose ranks may share a GPU: for tests. One for each rank.
+std::vector<std::unique_ptr<DeviceLinks>> make_thread_links(int count);
 
 }  // namespace gs::cuda

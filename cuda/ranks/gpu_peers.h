@@ -27,8 +27,10 @@ class GpuPeers {
   void named(F&& f) {
     leader_.named([&] {
       leader_.others().begin_watch();
+      is_watching_ = true;
       try {
         f();
+        is_watching_ = false;
       } catch (const LinkLost&) {
         give_up();
         leader_.others().find_failure(PeerSocket::Seconds(3));
@@ -55,7 +57,13 @@ class GpuPeers {
     return *link_;
   }
   bool is_connected() const { return link_ != nullptr; }
-  void keep_watch() { leader_.others().keep_watch(); }
+  /// Looks after the link and the other ranks. Outside of named() it does nothing: they owe rank 0
+  /// no sign of life there.
+  void keep_watch() {
+    if (!is_watching_) return;
+    if (link_) link_->check();
+    leader_.others().keep_watch();
+  }
   void send_all(RankFrame kind, const std::vector<std::byte>& bytes = {}) {
     leader_.others().send_all(kind, bytes);
   }
@@ -73,6 +81,7 @@ class GpuPeers {
 
  private:
   void give_up() {
+    is_watching_ = false;
     watch_.reset();  // before the connections close
     if (link_) link_->give_up();
   }
@@ -81,6 +90,7 @@ class GpuPeers {
   std::unique_ptr<DeviceLink> link_;
   PeerLeader leader_;  // the others end before the link does
   std::optional<PeerWatch> watch_;
+  bool is_watching_ = false;
 };
 
 }  // namespace gs::cuda

@@ -67,7 +67,10 @@ class Worker {
     link_ = links_->connect(steps_.device(), rank_, count_, invitation,
                             [this] { signs_.send(leader_); });
     watch_.emplace(std::vector<const PeerSocket*>{&leader_}, [this] { link_->give_up(); });
-    steps_.use_link(*link_, [this] { signs_.send(leader_); });
+    steps_.use_link(*link_, [this] {
+      link_->check();
+      signs_.send(leader_);
+    });
   }
   void use(const std::vector<std::byte>& bytes) {
     photometric_.model = Unpacker(bytes).text();
@@ -103,6 +106,7 @@ void work_as_gpu_rank(int device, PeerSocket& leader, int rank, int count, doubl
     answer_leader(
         leader, deadline,
         [&](const Frame& frame) {
+          if (!worker && RankFrame(frame.kind) == RankFrame::end) return false;
           if (!worker)  // here, so that rank 0 is told where it cannot be made
             worker.emplace(device, leader, rank, count, deadline, views, photometric,
                            std::move(links));

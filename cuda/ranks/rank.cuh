@@ -2,8 +2,6 @@
 // One of several GPUs that train a model together.
 #pragma once
 
-#include <functional>
-#include <thread>
 #include <vector>
 
 #include "cuda/ranks/device_link.h"
@@ -16,26 +14,19 @@ namespace gs::cuda {
 /// one may be given back only when all have done what was launched.
 class RankStreams {
  public:
-  void add(const Context& context) { contexts_.push_back(&context); }
+  void add(Context& context) { contexts_.push_back(&context); }
   void forget() { contexts_.clear(); }
-  /// Calls `watch`, which may throw, while synchronize() waits: of ranks that other processes may
-  /// keep waiting.
-  void watch_by(std::function<void()> watch) { watch_ = std::move(watch); }
   /// Waits for all of them. Throws Error where a kernel has failed.
   void synchronize() const {
-    for (const Context* const context : contexts_) {
-      while (watch_ && cudaStreamQuery(context->stream()) == cudaErrorNotReady) {
-        std::this_thread::yield();
-        watch_();
-      }
-      check(cudaStreamSynchronize(context->stream()), "a kernel");
-    }
+    for (Context* const context : contexts_) context->synchronize();
   }
   /// Whether all have done what was launched.
   bool are_idle() const {
+    bool are_idle = true;
     for (const Context* const context : contexts_)
-      if (cudaStreamQuery(context->stream()) == cudaErrorNotReady) return false;
-    return true;
+      are_idle &= cudaStreamQuery(context->stream()) != cudaErrorNotReady;
+    cudaGetLastError();  // "not ready" is no error of the next launch
+    return are_idle;
   }
   /// The same where nobody can be told.
   void wait() const noexcept {
@@ -43,8 +34,7 @@ class RankStreams {
   }
 
  private:
-  std::vector<const Context*> contexts_;
-  std::function<void()> watch_;
+  std::vector<Context*> contexts_;
 };
 
 /// Memory of a rank's GPU, whichever GPU is the current one.
@@ -52,8 +42,6 @@ class RankMemory final : public DeviceMemory {
  public:
   RankMemory(Context& context, const RankStreams& all)
       : DeviceMemory(context), device_(context.device()), all_(all) {}
-  /// As RankStreams::synchronize().
-  void wait_for_ranks() const { all_.synchronize(); }
   void* allocate(std::size_t bytes) override {
     const OnDevice here(device_);
     return DeviceMemory::allocate(bytes);

@@ -64,7 +64,7 @@ RankSteps::~RankSteps() {
 void RankSteps::use_link(DeviceLink& link, std::function<void()> keep_watch) {
   link_ = &link;
   watch_ = std::move(keep_watch);
-  streams_.watch_by([this] { this->keep_watch(); });
+  context().watch_by([this] { this->keep_watch(); });
 }
 
 void RankSteps::use_photometric(const PhotometricModel* photometric, const std::string& device) {
@@ -378,10 +378,9 @@ void RankSteps::clear_sums() {
 
 void RankSteps::keep_watch() {
   const auto now = std::chrono::steady_clock::now();
-  if (!link_ || now - last_watch_ < kBetweenWatches) return;
+  if (!watch_ || now - last_watch_ < kBetweenWatches) return;
   last_watch_ = now;
-  link_->check();
-  if (watch_) watch_();
+  watch_();
 }
 
 }  // namespace gs::cuda

@@ -38,7 +38,8 @@ class RankSteps final : private StepLauncher<RankedStep> {
   /// The shard of that rank.
   TrainingModel& shard() { return ranks_.front()->shard; }
 
-  /// How the rank reaches the others. `keep_watch`, which may throw, is called while it waits.
+  /// How the rank reaches the others. `keep_watch`, which may throw, is called while it waits; it
+  /// looks after the link, too.
   void use_link(DeviceLink& link, std::function<void()> keep_watch);
   /// Null: none. Throws UsageError as PhotometricStage::use() does.
   void use_photometric(const PhotometricModel* photometric, const std::string& device);

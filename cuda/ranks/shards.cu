@@ -82,7 +82,7 @@ void move_rows(Way way, Rank& rank, const Deal& deal, int number, const Training
         rank.shard, *model);
   else
     for_each_row_array([&](const RowArray&, const auto& own) { move(own, nullptr); }, rank.shard);
-  rank.memory.wait_for_ranks();
+  rank.context.synchronize();
 }
 
 }  // namespace

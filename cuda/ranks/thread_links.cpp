@@ -3,6 +3,7 @@
 // the exchange, and the sender's stream waits for these copies.
 #include <cuda_runtime_api.h>
 
+#include <chrono>
 #include <condition_variable>
 #include <cstdint>
 #include <mutex>
@@ -30,17 +31,18 @@ class Hub {
   }
 
   // The events of a rank, on its GPU, which is the current one.
-  void enter(int rank) {
+  void enter(int rank, const std::function<void()>& keep_watch) {
     for (cudaEvent_t* const event : {&ready_[std::size_t(rank)], &taken_[std::size_t(rank)]})
       check_copy(cudaEventCreateWithFlags(event, cudaEventDisableTiming));
-    meet();
+    meet(keep_watch);
   }
 
   void exchange(int rank, const std::vector<DevicePiece>& sent,
-                const std::vector<DevicePiece>& received, cudaStream_t stream) {
+                const std::vector<DevicePiece>& received, cudaStream_t stream,
+                const std::function<void()>& keep_watch) {
     sent_[std::size_t(rank)] = sent;
     check_copy(cudaEventRecord(ready_[std::size_t(rank)], stream));
-    meet();
+    meet(keep_watch);
     std::vector<std::size_t> pieces(sent_.size(), 0);  // received from each
     for (const DevicePiece& to : received) {
       const std::size_t sender = std::size_t(to.rank);
@@ -50,7 +52,7 @@ class Hub {
       check_copy(cudaMemcpyAsync(to.data, from.data, to.bytes, cudaMemcpyDefault, stream));
     }
     check_copy(cudaEventRecord(taken_[std::size_t(rank)], stream));
-    meet();
+    meet(keep_watch);
     for (const DevicePiece& piece : sent)
       check_copy(cudaStreamWaitEvent(stream, taken_[std::size_t(piece.rank)], 0));
   }
@@ -74,7 +76,7 @@ class Hub {
   }
 
   // Returns when all ranks have come here.
-  void meet() {
+  void meet(const std::function<void()>& keep_watch) {
     std::unique_lock lock(mutex_);
     const std::uint64_t round = round_;
     if (++arrived_ == sent_.size()) {
@@ -82,7 +84,12 @@ class Hub {
       ++round_;
       changed_.notify_all();
     }
-    changed_.wait(lock, [&] { return is_lost_ || round_ != round; });
+    const auto has_changed = [&] { return is_lost_ || round_ != round; };
+    while (!changed_.wait_for(lock, std::chrono::milliseconds(20), has_changed)) {
+      lock.unlock();
+      keep_watch();
+      lock.lock();
+    }
     if (is_lost_) throw LinkLost{};
   }
 
@@ -98,10 +105,11 @@ class Hub {
 
 class ThreadLink final : public DeviceLink {
  public:
-  ThreadLink(std::shared_ptr<Hub> hub, int rank) : hub_(std::move(hub)), rank_(rank) {}
+  ThreadLink(std::shared_ptr<Hub> hub, int rank, std::function<void()> keep_watch)
+      : hub_(std::move(hub)), rank_(rank), keep_watch_(std::move(keep_watch)) {}
   void exchange(const std::vector<DevicePiece>& sent, const std::vector<DevicePiece>& received,
                 CUstream_st* stream) override {
-    hub_->exchange(rank_, sent, received, stream);
+    hub_->exchange(rank_, sent, received, stream, keep_watch_);
   }
   void check() override { hub_->check(); }
   void give_up() noexcept override { hub_->give_up(); }
@@ -109,17 +117,18 @@ class ThreadLink final : public DeviceLink {
  private:
   const std::shared_ptr<Hub> hub_;
   const int rank_;
+  const std::function<void()> keep_watch_;
 };
 
 class ThreadLinks final : public DeviceLinks {
  public:
-  explicit ThreadLinks(int count) : hub_(std::make_shared<Hub>(count)) {}
+  explicit ThreadLinks(std::shared_ptr<Hub> hub) : hub_(std::move(hub)) {}
   std::vector<std::byte> invitation() override { return {}; }
   std::unique_ptr<DeviceLink> connect(int device, int rank, int, const std::vector<std::byte>&,
-                                      const std::function<void()>&) override {
+                                      const std::function<void()>& keep_watch) override {
     check_copy(cudaSetDevice(device));
-    hub_->enter(rank);
-    return std::make_unique<ThreadLink>(hub_, rank);
+    hub_->enter(rank, keep_watch);
+    return std::make_unique<ThreadLink>(hub_, rank, keep_watch);
   }
 
  private:
@@ -128,8 +137,11 @@ class ThreadLinks final : public DeviceLinks {
 
 }  // namespace
 
-std::unique_ptr<DeviceLinks> make_thread_links(int count) {
-  return std::make_unique<ThreadLinks>(count);
+std::vector<std::unique_ptr<DeviceLinks>> make_thread_links(int count) {
+  const auto hub = std::make_shared<Hub>(count);
+  std::vector<std::unique_ptr<DeviceLinks>> links;
+  for (int rank = 0; rank < count; ++rank) links.push_back(std::make_unique<ThreadLinks>(hub));
+  return links;
 }
 
 }  // namespace gs::cuda
