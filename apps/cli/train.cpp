@@ -132,9 +132,10 @@ void print_summary(const Results& results, const RunFolder& folder) {
 void take_place(const RankPlace& place, const TrainCommand& command, bool is_new,
                 TrainConfig& train) {
   if (!command.gpus.empty() && train.ranks != place.count)
-    throw UsageError(fmt::format("--gpus {}, and {} ranks were started; leave --gpus out: each rank "
-                                 "has a GPU",
-                                 command.gpus, place.count));
+    throw UsageError(
+        fmt::format("--gpus {}, and {} ranks were started; leave --gpus out: each rank "
+                    "has a GPU",
+                    command.gpus, place.count));
   train.rank_processes = true;
   if (is_cpu(train.device))
     train.ranks = place.count;

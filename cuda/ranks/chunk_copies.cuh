@@ -39,10 +39,10 @@ inline void copy_chunks_out(const Context& context, const Deal& deal, int rank,
                             std::size_t row_bytes, std::size_t first, std::size_t end,
                             const std::byte* whole, std::byte* own) {
   for_chunks(deal, rank, row_bytes, first, end, [&](const ChunkPlaces& at) {
-    check(cudaMemcpy2DAsync(own + (at.own - first * row_bytes), at.bytes, whole + at.whole,
-                            at.whole_step, at.bytes, at.chunks, cudaMemcpyDefault,
-                            context.stream()),
-          "copying rows between ranks");
+    check(
+        cudaMemcpy2DAsync(own + (at.own - first * row_bytes), at.bytes, whole + at.whole,
+                          at.whole_step, at.bytes, at.chunks, cudaMemcpyDefault, context.stream()),
+        "copying rows between ranks");
   });
 }
 inline void copy_chunks_back(const Context& context, const Deal& deal, int rank,

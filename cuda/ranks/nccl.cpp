@@ -11,12 +11,12 @@ namespace gs::cuda {
 namespace {
 
 [[noreturn]] void refuse(const std::string& why) {
-  throw UsageError("GPUs of several processes (train.rank_processes, srun, mpirun) need NCCL: " +
-                   why +
-                   "; install it (Debian and Ubuntu: libnccl2), or name its file with the "
-                   "environment variable GEMSPLAT_NCCL (PyTorch brings "
-                   "site-packages/nvidia/nccl/lib/libnccl.so.2), or let one process drive the GPUs "
-                   "of one machine (--gpus N alone)");
+  throw UsageError(
+      "GPUs of several processes (train.rank_processes, srun, mpirun) need NCCL: " + why +
+      "; install it (Debian and Ubuntu: libnccl2), or name its file with the "
+      "environment variable GEMSPLAT_NCCL (PyTorch brings "
+      "site-packages/nvidia/nccl/lib/libnccl.so.2), or let one process drive the GPUs "
+      "of one machine (--gpus N alone)");
 }
 
 template <class Function>

@@ -158,8 +158,8 @@ void PhotoExchange::send_gradients(const Deal& deal, const std::vector<PhotoUnde
   take_status(photos, halted);
 }
 
-void PhotoExchange::exchange_status(const std::vector<PhotoUnderWay>& photos,
-                                    std::uint32_t* halted, std::vector<DevicePiece>& sent,
+void PhotoExchange::exchange_status(const std::vector<PhotoUnderWay>& photos, std::uint32_t* halted,
+                                    std::vector<DevicePiece>& sent,
                                     std::vector<DevicePiece>& received) {
   if (statuses_.empty()) statuses_.resize_discard(std::size_t(count_));
   OwnReports own{};

@@ -48,8 +48,7 @@ RankSteps::RankSteps(int device, int rank, int count)
     : first_(rank), count_(count), steps_(*this, Launchers::many) {
   ranks_.push_back(std::make_unique<Rank>(device, streams_));
   for (int r = 0; r < count; ++r) {
-    if (r != rank)
-      rooms_of_others_.push_back(std::make_unique<PhotoRoom>(context(), memory()));
+    if (r != rank) rooms_of_others_.push_back(std::make_unique<PhotoRoom>(context(), memory()));
     rooms_.push_back(r == rank ? &ranks_.front()->room : rooms_of_others_.back().get());
   }
   exchange_ = std::make_unique<PhotoExchange>(context(), memory(), rank, count);
@@ -249,7 +248,7 @@ RankSteps::DrawnPhoto RankSteps::drawn_photo(const RankedStep& step, std::size_t
   settings.fragment_statistic = step.density.fragment_statistic();
   settings.with_depths = false;
   const int drawer = int(index % std::size_t(count_));
-  return {photo,    index,  step.number_of(index), reduced(photo.camera(), photo.reduction),
+  return {photo,    index,  step.number_of(index),        reduced(photo.camera(), photo.reduction),
           settings, drawer, *rooms_[std::size_t(drawer)], own(drawer)};
 }
 
@@ -264,14 +263,13 @@ std::vector<PhotoUnderWay> RankSteps::under_way(const RankedStep& step,
     const bool has_sums = photo.settings.fragment_statistic != FragmentStatistic::none &&
                           !sums_among_gradients(photo.settings);
     const bool is_fixed = photo.settings.deterministic;
-    all.push_back({photo.drawer, rows[i],
-                   has_sums && !is_fixed ? workspace.fragment_sums.data() : nullptr,
-                   has_sums && is_fixed ? workspace.fixed_fragment_sums.data() : nullptr,
-                   photometric_->is_on()
-                       ? photometric_->row_of(model_->photometric, step.photometric, photo.index,
-                                              step.batch.size())
-                       : Span<double>{},
-                   steps_.reports().of_step(photo.number), photo.number});
+    all.push_back(
+        {photo.drawer, rows[i], has_sums && !is_fixed ? workspace.fragment_sums.data() : nullptr,
+         has_sums && is_fixed ? workspace.fixed_fragment_sums.data() : nullptr,
+         photometric_->is_on() ? photometric_->row_of(model_->photometric, step.photometric,
+                                                      photo.index, step.batch.size())
+                               : Span<double>{},
+         steps_.reports().of_step(photo.number), photo.number});
   }
   return all;
 }

@@ -94,8 +94,7 @@ class RankSteps final : private StepLauncher<RankedStep> {
   void pull_back(const RankedStep& step, Rank& rank, const std::vector<DrawnPhoto>& round);
   void update(const RankedStep& step, Rank& rank);
   void update_looks(const RankedStep& step);
-  std::vector<PhotoUnderWay> under_way(const RankedStep& step,
-                                       const std::vector<DrawnPhoto>& drawn,
+  std::vector<PhotoUnderWay> under_way(const RankedStep& step, const std::vector<DrawnPhoto>& drawn,
                                        const std::vector<PhotoRows>& rows);
 
   void wait_for_launches() override { streams_.synchronize(); }

@@ -45,8 +45,8 @@ class PhotometricStage {
                       const TrainingPhoto& photo, const Camera& camera, std::size_t i,
                       std::size_t photos) const;
   /// The row of photo i of a batch; empty where the step has no update, or no rows.
-  Span<double> row_of(const PhotometricState& state, const PhotometricUpdate& update,
-                      std::size_t i, std::size_t photos) const;
+  Span<double> row_of(const PhotometricState& state, const PhotometricUpdate& update, std::size_t i,
+                      std::size_t photos) const;
   /// After all photos of a batch.
   void update(PhotometricState& state, const PhotometricUpdate& update,
               Span<const TrainingPhoto> batch, const std::uint32_t* halted);

@@ -92,11 +92,11 @@ int gpu_of(const RankPlace& place, int first, int visible) {
   // Without a word of the starter all ranks are taken to be on this machine.
   const int gpu = first + place.on_machine.value_or(place.rank);
   if (gpu >= visible)
-    throw UsageError(
-        fmt::format("rank {} needs the GPU cuda:{}, and its process sees {}; start at most as many "
-                    "ranks on a machine as it has GPUs, or let srun give each its own "
-                    "(--gpus-per-task=1)",
-                    place.rank, gpu, visible == 1 ? "only cuda:0" : fmt::format("{} of them", visible)));
+    throw UsageError(fmt::format(
+        "rank {} needs the GPU cuda:{}, and its process sees {}; start at most as many "
+        "ranks on a machine as it has GPUs, or let srun give each its own "
+        "(--gpus-per-task=1)",
+        place.rank, gpu, visible == 1 ? "only cuda:0" : fmt::format("{} of them", visible)));
   return gpu;
 }
 

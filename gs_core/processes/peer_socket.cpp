@@ -115,7 +115,7 @@ PeerWatch::~PeerWatch() {
 }
 
 void PeerWatch::look(const std::vector<int>& sockets, const std::function<void()>& lost) {
-  constexpr int kMilliseconds = 100;  // until the end is seen
+  constexpr int kMilliseconds = 20;  // until the end is seen
   std::vector<pollfd> all;
   for (const int socket : sockets) all.push_back({socket, POLLRDHUP, 0});
   while (!has_ended_)

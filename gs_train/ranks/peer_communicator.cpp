@@ -94,9 +94,9 @@ std::vector<std::byte> LeaderCommunicator::receive(int rank, RankFrame kind) {
 std::vector<std::byte> LeaderCommunicator::wait_for(int rank, RankFrame kind) {
   if (early_[std::size_t(rank - 1)].empty()) try {
       peers_[std::size_t(rank - 1)].wait_for_more();
-  } catch (const PeerLost& lost) {
-    throw RankFailed{rank, {}, lost};
-  }
+    } catch (const PeerLost& lost) {
+      throw RankFailed{rank, {}, lost};
+    }
   return receive(rank, kind);
 }
 

@@ -76,7 +76,7 @@ class LeaderCommunicator final : public Communicator {
   const PeerSocket::Seconds deadline_;
   std::vector<LifeSigns> signs_;
   std::vector<std::chrono::steady_clock::time_point> heard_;  // from each, since begin_watch()
-  std::vector<std::deque<Frame>> early_;  // answers that came while it watched
+  std::vector<std::deque<Frame>> early_;                      // answers that came while it watched
 };
 
 /// Another rank.

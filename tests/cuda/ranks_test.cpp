@@ -47,11 +47,11 @@ class SomeRanks {
       return;
     }
     links_ = cuda::make_thread_links(count);
-    threads_.emplace(count, [&views, photometric, deadline, this](PeerSocket& leader, int rank,
-                                                                  int ranks) {
-      cuda::work_as_gpu_rank(gpu_of_rank(rank), leader, rank, ranks, deadline, views, photometric,
-                             std::move(links_[std::size_t(rank)]));
-    });
+    threads_.emplace(
+        count, [&views, photometric, deadline, this](PeerSocket& leader, int rank, int ranks) {
+          cuda::work_as_gpu_rank(gpu_of_rank(rank), leader, rank, ranks, deadline, views,
+                                 photometric, std::move(links_[std::size_t(rank)]));
+        });
     backend_ = cuda::make_process_backend(0, threads_->take_peers(), PeerThreads::rules(deadline),
                                           std::move(links_.front()), kChunkRowsOfTests);
   }
@@ -278,7 +278,8 @@ class CudaProcesses : public FusedStepTest {
 /// Photos of which one cannot be read after some requests; or reading it takes long.
 class BadPhotos final : public PhotoSource {
  public:
-  BadPhotos(std::vector<View> views, double seconds) : views_(std::move(views)), seconds_(seconds) {}
+  BadPhotos(std::vector<View> views, double seconds)
+      : views_(std::move(views)), seconds_(seconds) {}
   std::shared_ptr<const View> view(std::size_t index) override {
     if (index == 1 && ++requests_ >= 20) {
       if (seconds_ == 0) throw Error("cannot read view 1: it is damaged", ExitCode::bad_data);
@@ -310,8 +311,7 @@ std::vector<View> with_source(const std::vector<View>& views, double seconds) {
 TEST_F(CudaProcesses, EndWithTheMessageOfTheRankThatThrows) {
   const std::vector<View> views = some_views(131, 77, 3), bad = with_source(views, 0);
   SomeRanks backend(Driver::processes, 3, bad);
-  EXPECT_THAT(error_of_steps(backend, bad),
-              HasSubstr("rank 1: cannot read view 1: it is damaged"));
+  EXPECT_THAT(error_of_steps(backend, bad), HasSubstr("rank 1: cannot read view 1: it is damaged"));
 }
 
 TEST_F(CudaProcesses, EndWhereARankHangs) {
