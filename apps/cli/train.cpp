@@ -127,8 +127,8 @@ void print_summary(const Results& results, const RunFolder& folder) {
       ExitCode::interrupted);
 }
 
-// Where srun or mpirun has started the ranks: those are all of the run's. Photos of a new run on GPUs
-// are as many as with --gpus.
+// Where srun or mpirun has started the ranks: those are all of the run's. Photos of a new run on
+// GPUs are as many as with --gpus.
 void take_place(const RankPlace& place, const TrainCommand& command, bool is_new,
                 TrainConfig& train) {
   if (!command.gpus.empty() && train.ranks != place.count)

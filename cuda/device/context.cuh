@@ -38,8 +38,8 @@ class Context {
   void synchronize();
   /// Waits for an event of this GPU.
   void wait_for(cudaEvent_t event, const char* what);
-  /// Calls `watch`, which may throw, again and again while one of these waits: for a GPU that others
-  /// may keep waiting.
+  /// Calls `watch`, which may throw, again and again while one of these waits: for a GPU that
+  /// others may keep waiting.
   void watch_by(std::function<void()> watch) { watch_ = std::move(watch); }
 
   /// Launches a kernel of `blocks` blocks, and nothing for 0 blocks. An error names the stage.

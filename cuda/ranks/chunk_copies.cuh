@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Copies between an array with the rows of the whole model, and one with those of a rank. Chunks are
-// equally far from each other in both, so that one call covers all but the last, short one.
+// Copies between an array with the rows of the whole model, and one with those of a rank. Chunks
+// are equally far from each other in both, so that one call covers all but the last, short one.
 #pragma once
 
 #include <algorithm>
@@ -33,8 +33,8 @@ void for_chunks(const Deal& deal, int rank, std::size_t row_bytes, std::size_t f
   f(ChunkPlaces{deal.global_of(rank, local) * row_bytes, left, local * row_bytes, left, 1});
 }
 
-/// Copies rows first .. end - 1 of a rank from the whole array to its own, whose row `first` lies at
-/// `own`, or the other way round.
+/// Copies rows first .. end - 1 of a rank from the whole array to its own, whose row `first` lies
+/// at `own`, or the other way round.
 inline void copy_chunks_out(const Context& context, const Deal& deal, int rank,
                             std::size_t row_bytes, std::size_t first, std::size_t end,
                             const std::byte* whole, std::byte* own) {

@@ -11,8 +11,8 @@
 
 namespace gs::cuda {
 
-/// A photo that is under way. Its arrays have the rows of the whole model: at the rank that draws it
-/// all of them are used, and elsewhere the rank's own.
+/// A photo that is under way. Its arrays have the rows of the whole model: at the rank that draws
+/// it all of them are used, and elsewhere the rank's own.
 struct PhotoUnderWay {
   int drawer;  // the rank
   PhotoRows rows;

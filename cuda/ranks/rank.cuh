@@ -10,8 +10,8 @@
 
 namespace gs::cuda {
 
-/// The streams of all ranks of this process. These write into each other's buffers, so the memory of
-/// one may be given back only when all have done what was launched.
+/// The streams of all ranks of this process. These write into each other's buffers, so the memory
+/// of one may be given back only when all have done what was launched.
 class RankStreams {
  public:
   void add(Context& context) { contexts_.push_back(&context); }

@@ -155,9 +155,9 @@ void RankSteps::enqueue(const RankedStep& step) {
   }
 }
 
-// The numbers of the photometric model are on the first GPU of this process, which knows by now that
-// all photos are drawn. Those that draw the next ones read them there. Processes have a copy each,
-// and all copies change alike.
+// The numbers of the photometric model are on the first GPU of this process, which knows by now
+// that all photos are drawn. Those that draw the next ones read them there. Processes have a copy
+// each, and all copies change alike.
 void RankSteps::update_looks(const RankedStep& step) {
   Rank& first = *ranks_.front();
   const OnDevice here(first.context.device());

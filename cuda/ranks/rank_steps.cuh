@@ -48,8 +48,8 @@ class RankSteps final : private StepLauncher<RankedStep> {
 
   /// Deals the model, which lies on the first GPU. Steps train its shards from now on.
   void deal(const TrainingModel& model, const Deal& deal);
-  /// The same where rank 0, another process, has the model. `shape` has its arrays without rows, and
-  /// what a shard is besides.
+  /// The same where rank 0, another process, has the model. `shape` has its arrays without rows,
+  /// and what a shard is besides.
   void take_deal(const TrainingModel& shape, const Deal& deal);
   /// Puts the rows of all shards back into the model.
   void gather(const TrainingModel& model);

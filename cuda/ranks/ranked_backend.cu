@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// Several GPUs behind the contract of one backend: of this process, whose one thread launches on all
-// of them (rank_steps.cuh), or of processes with a GPU each, of which this one is rank 0. The others
-// then launch the same steps as they are told to (process_rank.cu).
+// Several GPUs behind the contract of one backend: of this process, whose one thread launches on
+// all of them (rank_steps.cuh), or of processes with a GPU each, of which this one is rank 0. The
+// others then launch the same steps as they are told to (process_rank.cu).
 #include <utility>
 
 #include "cuda/backend.h"

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// A model dealt out to GPUs, and merged again: chunks of rows, copied from GPU to GPU, or sent where
-// ranks are processes.
+// A model dealt out to GPUs, and merged again: chunks of rows, copied from GPU to GPU, or sent
+// where ranks are processes.
 #include <algorithm>
 #include <string>
 

@@ -34,9 +34,9 @@ std::optional<RankPlace> rank_place(const Variables& variables);
 /// By this process' environment.
 std::optional<RankPlace> rank_place();
 
-/// The GPU of a rank, of `visible` ones that its process sees: those of its machine from `first` on,
-/// in the order of its ranks. A process that sees one GPU alone, as with srun --gpus-per-task=1,
-/// takes that. Throws UsageError where there are too few.
+/// The GPU of a rank, of `visible` ones that its process sees: those of its machine from `first`
+/// on, in the order of its ranks. A process that sees one GPU alone, as with srun
+/// --gpus-per-task=1, takes that. Throws UsageError where there are too few.
 int gpu_of(const RankPlace& place, int first, int visible);
 
 }  // namespace gs

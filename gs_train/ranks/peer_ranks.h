@@ -55,14 +55,14 @@ struct PeerRules {
   std::function<std::vector<std::byte>()> setup = {};
 };
 
-/// The crew of rank 0, which is a rank itself, and of the processes behind `peers`: those of ranks 1,
-/// 2 and so on. A rank that throws, ends or hangs ends the run: step() and everything after it
+/// The crew of rank 0, which is a rank itself, and of the processes behind `peers`: those of ranks
+/// 1, 2 and so on. A rank that throws, ends or hangs ends the run: step() and everything after it
 /// throws Error that names it. That holds for memory that runs out, too.
 std::unique_ptr<RankCrew> make_peer_crew(std::vector<PeerSocket> peers, PeerRules rules);
 
-/// Answers frames of rank 0 until answer(frame) is false. Tells rank 0 what goes wrong, and throws it
-/// again. Calls idle(), which may throw, about eight times within a deadline while no frame comes;
-/// with null it waits for the next frame, however long that takes.
+/// Answers frames of rank 0 until answer(frame) is false. Tells rank 0 what goes wrong, and throws
+/// it again. Calls idle(), which may throw, about eight times within a deadline while no frame
+/// comes; with null it waits for the next frame, however long that takes.
 void answer_leader(PeerSocket& leader, double deadline,
                    const std::function<bool(const Frame&)>& answer,
                    const std::function<void()>& idle = nullptr);

@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 // Models that several ranks on GPUs train have the bytes of one GPU. With one GPU all ranks are on
-// it, each with its own stream and buffers. The ranks are driven by one thread, or work as processes
-// do: then they are threads with a socket each, and link_test.cpp has what links real processes.
+// it, each with its own stream and buffers. The ranks are driven by one thread, or work as
+// processes do: then they are threads with a socket each, and link_test.cpp has what links real
+// processes.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
@@ -256,7 +257,7 @@ TEST_P(CudaRanks, RefuseWhatTheyDoNotHave) {
 INSTANTIATE_TEST_SUITE_P(OfOneThread, CudaRanks, testing::Values(Driver::one_thread));
 INSTANTIATE_TEST_SUITE_P(OfProcesses, CudaRanks, testing::Values(Driver::processes));
 
-// ---- failures of processes -----------------------------------------------------------------------
+// ---- failures of processes ----------------------------------------------------------------------
 
 class CudaProcesses : public FusedStepTest {
  protected:

@@ -169,7 +169,7 @@ TEST_F(PeerRun, EndsOtherRanksWhereRank0IsLost) {
   EXPECT_EQ(lost, 2);
 }
 
-// ---- ranks that answer nothing for a while ------------------------------------------------------
+// ---- ranks that answer nothing for a while -----------------------------------------------------
 
 // Rank 0 watches rank 1, which does as `work` says, and finds nothing, or the failure.
 std::string seen_by_watch(const PeerWork& work, double deadline) {
