@@ -14,6 +14,7 @@
 #include "apps/cli/reconstruct.h"
 #include "apps/cli/verbs.h"
 #include "data_loaders/formats/formats.h"
+#include "gs_app/run/make_backend.h"
 #include "gs_app/run/text.h"
 #include "gs_app/session/serve_rank.h"
 #include "gs_app/session/train_session.h"
@@ -126,12 +127,28 @@ void print_summary(const Results& results, const RunFolder& folder) {
       ExitCode::interrupted);
 }
 
+// Where srun or mpirun has started the ranks: those are all of the run's. Photos of a new run on
+// GPUs are as many as with --gpus.
+void take_place(const RankPlace& place, const TrainCommand& command, bool is_new,
+                TrainConfig& train) {
+  if (!command.gpus.empty() && train.ranks != place.count)
+    throw UsageError(
+        fmt::format("--gpus {}, and {} ranks were started; leave --gpus out: each rank "
+                    "has a GPU",
+                    command.gpus, place.count));
+  train.rank_processes = true;
+  if (is_cpu(train.device))
+    train.ranks = place.count;
+  else
+    take_gpus(std::to_string(place.count), is_new, train);
+}
+
 // srun and mpirun start this program once for each rank, and rank 0 is the run.
 TrainRequest request_of(const TrainCommand& command, const std::optional<RankPlace>& place) {
   TrainRequest request;
   request.settings = [&command, &place](const Config& start) {
     Config config = settings_of(command, start);
-    if (place) config.train.ranks = place->count, config.train.rank_processes = true;
+    if (place) take_place(*place, command, start.model.output.empty(), config.train);
     return config;
   };
   request.rank_program = own_program().string();

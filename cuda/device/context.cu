@@ -4,6 +4,7 @@
 #include <nvtx3/nvToolsExt.h>
 
 #include <algorithm>
+#include <thread>
 
 #include "cuda/device/unserved_card.h"
 
@@ -64,7 +65,25 @@ Context::~Context() {
   cudaStreamDestroy(stream_);
 }
 
-void Context::synchronize() { check(cudaStreamSynchronize(stream_), "a kernel"); }
+template <class Query>
+void Context::watch_until(Query&& query) {
+  if (!watch_) return;
+  while (query() == cudaErrorNotReady) {
+    std::this_thread::yield();
+    watch_();
+  }
+  cudaGetLastError();  // "not ready" is no error of the next launch
+}
+
+void Context::synchronize() {
+  watch_until([this] { return cudaStreamQuery(stream_); });
+  check(cudaStreamSynchronize(stream_), "a kernel");
+}
+
+void Context::wait_for(cudaEvent_t event, const char* what) {
+  watch_until([event] { return cudaEventQuery(event); });
+  check(cudaEventSynchronize(event), what);
+}
 
 cudaEvent_t Context::event() {
   cudaEvent_t event;

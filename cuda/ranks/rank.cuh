@@ -4,21 +4,29 @@
 
 #include <vector>
 
+#include "cuda/ranks/device_link.h"
 #include "cuda/render/renderer.cuh"
 #include "cuda/train/photo_rows.cuh"
 
 namespace gs::cuda {
 
-/// The streams of all ranks. Ranks write into each other's buffers, so the memory of one may be
-/// given back only when all have done what was launched.
+/// The streams of all ranks of this process. These write into each other's buffers, so the memory
+/// of one may be given back only when all have done what was launched.
 class RankStreams {
  public:
-  void add(const Context& context) { contexts_.push_back(&context); }
+  void add(Context& context) { contexts_.push_back(&context); }
   void forget() { contexts_.clear(); }
   /// Waits for all of them. Throws Error where a kernel has failed.
   void synchronize() const {
+    for (Context* const context : contexts_) context->synchronize();
+  }
+  /// Whether all have done what was launched.
+  bool are_idle() const {
+    bool are_idle = true;
     for (const Context* const context : contexts_)
-      check(cudaStreamSynchronize(context->stream()), "a kernel");
+      are_idle &= cudaStreamQuery(context->stream()) != cudaErrorNotReady;
+    cudaGetLastError();  // "not ready" is no error of the next launch
+    return are_idle;
   }
   /// The same where nobody can be told.
   void wait() const noexcept {
@@ -26,7 +34,7 @@ class RankStreams {
   }
 
  private:
-  std::vector<const Context*> contexts_;
+  std::vector<Context*> contexts_;
 };
 
 /// Memory of a rank's GPU, whichever GPU is the current one.
@@ -77,38 +85,53 @@ class Mark {
   cudaEvent_t event_ = nullptr;
 };
 
+/// Where the photos that one rank draws are projected to, with the rows of the whole model. All
+/// ranks of a process write splats there, and read their gradients from there. Of ranks that are
+/// other processes, each process has one that holds its own rows only.
+struct PhotoRoom {
+  PhotoRoom(Context& context, Memory& memory)
+      : memory(memory), renderer(context, memory), pass(memory), photo_buffers(memory) {}
+  void release_caches() {
+    pass = RenderPass(memory);
+    renderer.release_caches();
+    photo_buffers.release();
+  }
+  void clear_gradients() {
+    renderer.clear_gradients();
+    photo_buffers.clear_gradients();
+  }
+
+  Memory& memory;
+  CudaRenderer renderer;
+  RenderPass pass;
+  PhotoBuffers photo_buffers;
+};
+
 /// A rank: its GPU, its shard of the model, and what it draws photos with. Its GPU must be the
 /// current one when it is made, and when anything is launched.
 struct Rank {
   Rank(int device, RankStreams& streams)
-      : context(device), memory(context, streams), photos(context, memory),
-        renderer(context, memory), loss(make_loss(context, memory, photos)), shard(memory),
-        pass(memory), dL_dimage(memory), sums(memory), photo_buffers(memory),
+      : context(device), memory(context, streams), photos(context, memory), room(context, memory),
+        loss(make_loss(context, memory, photos)), shard(memory), dL_dimage(memory), sums(memory),
         has_projected(context), has_drawn(context), has_pulled_back(context) {
     streams.add(context);
   }
-  const std::uint32_t* halted() { return renderer.workspace().halted.data(); }
+  std::uint32_t* halted() { return room.renderer.workspace().halted.data(); }
   void release_caches() {
-    pass = RenderPass(memory);
+    room.release_caches();
     dL_dimage.release();
-    renderer.release_caches();
     sums = BatchSums(memory);
-    photo_buffers.release();
   }
 
   Context context;
   RankMemory memory;
   PhotoStore photos;
-  CudaRenderer renderer;
+  PhotoRoom room;  // of the photos that it draws
   std::unique_ptr<Loss> loss;
   TrainingModel shard;  // its rows of the model
   Shard place;          // which these are
-  // Of the photo that it draws, with the rows of the whole model. All ranks write splats into its
-  // pass and workspace, and read their gradients from there.
-  RenderPass pass;
   Buffer<float> dL_dimage;
-  BatchSums sums;              // of its rows
-  PhotoBuffers photo_buffers;  // of those that it draws
+  BatchSums sums;  // of its rows
   Mark has_projected, has_drawn, has_pulled_back;
 };
 
@@ -121,6 +144,17 @@ void connect(const std::vector<int>& devices);
 /// changed; merge() needs none.
 void deal_out(const TrainingModel& model, const Deal& deal,
               std::vector<std::unique_ptr<Rank>>& ranks);
-void merge(const std::vector<std::unique_ptr<Rank>>& ranks, const Deal& deal, TrainingModel& model);
+void merge(const std::vector<std::unique_ptr<Rank>>& ranks, const Deal& deal,
+           const TrainingModel& model);
+
+/// Gives the shard of rank `number` the arrays that the model has, with undefined rows.
+void take_place(const TrainingModel& model, const Deal& deal, int number, Rank& rank);
+
+/// The same where each rank is a process. All ranks call it; rank 0 has the model, and the others
+/// give null. Shards have their places already.
+void deal_to_processes(Rank& rank, const Deal& deal, int number, const TrainingModel* model,
+                       DeviceLink& link);
+void gather_from_processes(Rank& rank, const Deal& deal, int number, const TrainingModel* model,
+                           DeviceLink& link);
 
 }  // namespace gs::cuda

@@ -144,7 +144,8 @@ void CudaRenderer::clear_gradients() {
   workspace_.fixed_fragment_sums.fill_zero();
 }
 
-void CudaRenderer::reserve_gradients(std::size_t count, const RenderSettings& settings) {
+void CudaRenderer::reserve_gradients(std::size_t count, const RenderSettings& settings,
+                                     bool draws) {
   const auto reserve = [count](auto& sums) {
     if (sums.size() >= count) return;
     sums.resize_discard(count);
@@ -157,7 +158,7 @@ void CudaRenderer::reserve_gradients(std::size_t count, const RenderSettings& se
     else if (!sums_among_gradients(settings))
       reserve(workspace_.fragment_sums);
   }
-  if (!settings.deterministic) return;
+  if (!settings.deterministic || !draws) return;
   reserve(workspace_.fine_sums);
   reserve(workspace_.coarse_sums);
 }

@@ -4,9 +4,14 @@
 // (instance_forecast.h). Where the forecast is too small, the device raises a flag, and no step
 // changes the model from then on. When the host sees the flag in a report, it launches those steps
 // again, in order, with larger buffers. The result is that of a sufficient forecast.
+//
+// Where other ranks are processes, all of them launch the same steps in the same order, also again.
+// So what the host does must not depend on when a report comes: it reads the reports of a step when
+// a certain number of photos was launched after it, and waits for them then.
 #pragma once
 
 #include <deque>
+#include <optional>
 #include <thread>
 #include <utility>
 #include <vector>
@@ -59,12 +64,21 @@ class StepLauncher {
   virtual void clear_failed_step() = 0;
   /// The same after steps that were halted; and no step is halted any more.
   virtual void clear_halted_steps() = 0;
+  /// Is called again and again while the host waits for a report. May throw.
+  virtual void keep_watch() {}
+};
+
+/// Who launches the steps of a run.
+enum class Launchers {
+  this_host,  // alone
+  many        // processes, each of which launches the same steps
 };
 
 template <class Step>
 class PendingSteps {
  public:
-  explicit PendingSteps(StepLauncher<Step>& launcher) : launcher_(launcher) {}
+  explicit PendingSteps(StepLauncher<Step>& launcher, Launchers launchers = Launchers::this_host)
+      : launcher_(launcher), launchers_(launchers) {}
 
   /// Launches a step for a model of so many Gaussians. Waits while the host is too far ahead.
   /// Where this throws, the step is dropped; earlier ones are launched later.
@@ -72,11 +86,7 @@ class PendingSteps {
     gaussians_ = gaussians;
     const std::size_t photos = step.batch.size();
     GS_CHECK(photos >= 1 && photos <= std::size_t(kMostBatch));
-    read_reports();
-    while (pending_photos() + photos > kMostPending) {  // the device has enough to do
-      std::this_thread::yield();
-      read_reports();
-    }
+    make_room(photos);
     step.first_photo = last_photo_ + 1;
     pending_.push_back(std::move(step));
     last_photo_ += std::uint32_t(photos);
@@ -92,14 +102,32 @@ class PendingSteps {
   void finish() {
     while (!pending_.empty()) {
       launcher_.wait_for_launches();
-      read_reports();
+      if (launchers_ == Launchers::many)
+        settle_first();
+      else
+        read_reports();
     }
   }
+  bool empty() const { return pending_.empty(); }
   Reports& reports() { return reports_; }
   InstanceForecast& forecast() { return forecast_; }
 
  private:
   static constexpr std::size_t kMostPending = 128;  // photos that the host may be ahead
+  static constexpr std::size_t kMostOfMany = 32;    // the same where many hosts launch
+
+  // Waits until so many photos may be launched.
+  void make_room(std::size_t photos) {
+    if (launchers_ == Launchers::many) {
+      while (!pending_.empty() && pending_photos() + photos > kMostOfMany) settle_first();
+      return;
+    }
+    read_reports();
+    while (pending_photos() + photos > kMostPending) {  // the device has enough to do
+      std::this_thread::yield();
+      read_reports();
+    }
+  }
 
   std::size_t pending_photos() const {
     return pending_.empty() ? 0 : last_photo_ + 1 - pending_.front().first_photo;
@@ -127,16 +155,41 @@ class PendingSteps {
   void read_reports() {
     launch_pending();
     while (!pending_.empty()) {
-      bool is_halted = false;
-      for (std::size_t i = 0; i < pending_.front().batch.size(); ++i) {
-        StepReport report;
-        if (!reports_.read(pending_.front().number_of(i), report)) return;
-        is_halted |= report.halted != 0;
-      }
-      if (is_halted) return repeat_pending();
-      note_instances(pending_.front());
-      pending_.pop_front();
+      const std::optional<bool> is_halted = is_first_halted();
+      if (!is_halted) return;
+      if (*is_halted) return repeat_pending();
+      drop_first();
     }
+  }
+
+  // The same for the first step alone, whose reports it waits for.
+  void settle_first() {
+    launch_pending();
+    std::optional<bool> is_halted;
+    while (!(is_halted = is_first_halted())) {
+      std::this_thread::yield();
+      launcher_.keep_watch();
+    }
+    if (*is_halted)
+      repeat_pending();
+    else
+      drop_first();
+  }
+
+  // Nothing while reports of the first step are missing.
+  std::optional<bool> is_first_halted() {
+    bool is_halted = false;
+    for (std::size_t i = 0; i < pending_.front().batch.size(); ++i) {
+      StepReport report;
+      if (!reports_.read(pending_.front().number_of(i), report)) return std::nullopt;
+      is_halted |= report.halted != 0;
+    }
+    return is_halted;
+  }
+
+  void drop_first() {
+    note_instances(pending_.front());
+    pending_.pop_front();
   }
 
   // Tells the forecast what the reports of a step say so far.
@@ -158,6 +211,7 @@ class PendingSteps {
   }
 
   StepLauncher<Step>& launcher_;
+  const Launchers launchers_;
   Reports reports_{kMostPending};
   InstanceForecast forecast_;
   std::deque<Step> pending_;

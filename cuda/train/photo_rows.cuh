@@ -37,14 +37,14 @@ class PhotoBuffers {
   explicit PhotoBuffers(Memory& memory) : memory_(memory) {}
 
   /// The arrays of photo `i` of those that the pass draws, before any of them is drawn. Gradients
-  /// are zero.
+  /// are zero. `draws` as in CudaRenderer::reserve_gradients().
   PhotoRows rows(std::size_t i, const Camera& camera, const RenderSettings& settings,
-                 std::size_t count, CudaRenderer& renderer, RenderPass& pass) {
+                 std::size_t count, CudaRenderer& renderer, RenderPass& pass, bool draws = true) {
     Workspace& workspace = renderer.workspace();
     if (i == 0) {
       pass.begin(camera, count, true, false);
       workspace.depth_keys.resize_discard(count);
-      renderer.reserve_gradients(count, settings);
+      renderer.reserve_gradients(count, settings, draws);
       return {camera,
               settings,
               pass.splats,

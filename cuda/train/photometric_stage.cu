@@ -56,7 +56,7 @@ PhotometricUpdate PhotometricStage::update_of(const PhotometricState& state,
 void PhotometricStage::begin(const PhotometricState& state, std::size_t photos) {
   if (!look_) return;
   GS_CHECK(!state.empty());
-  const std::size_t numbers = photos > 1 ? photos * row_size(state.shape) : 0;
+  const std::size_t numbers = has_rows(photos) ? photos * row_size(state.shape) : 0;
   if (gradient_.size() != state.shape.size()) {
     gradient_.resize_discard(state.shape.size());
     gradient_.fill_zero();
@@ -84,8 +84,8 @@ PhotoOnDevice PhotometricStage::photo(const PhotometricState& state,
   result.look = *look_;
   if (!update.is_due) return result;
   result.weight = 1.0 / double(photos);
-  if (photos > 1) {
-    result.photo_gradient = rows_.data() + i * row_size(shape);
+  if (has_rows(photos)) {
+    result.photo_gradient = row_of(state, update, i, photos).data;
     result.camera_gradient = result.photo_gradient + shape.photo_size;
   } else {
     result.photo_gradient = gradient_.data() + shape.photo_begin(photo.photo_row);
@@ -94,10 +94,17 @@ PhotoOnDevice PhotometricStage::photo(const PhotometricState& state,
   return result;
 }
 
+Span<double> PhotometricStage::row_of(const PhotometricState& state,
+                                      const PhotometricUpdate& update, std::size_t i,
+                                      std::size_t photos) const {
+  if (!update.is_due || !has_rows(photos)) return {};
+  return {rows_.data() + i * row_size(state.shape), row_size(state.shape)};
+}
+
 void PhotometricStage::update(PhotometricState& state, const PhotometricUpdate& update,
                               Span<const TrainingPhoto> batch, const std::uint32_t* halted) {
   if (!update.is_due) return;
-  if (batch.size > 1) {
+  if (has_rows(batch.size)) {
     BatchPlaces places{int(batch.size), {}, {}};
     for (std::size_t i = 0; i < batch.size; ++i) {
       places.photo_begin[i] = std::uint32_t(state.shape.photo_begin(batch[i].photo_row));

@@ -67,6 +67,7 @@ std::optional<RankPlace> rank_place(const Variables& variables) {
     return place;
   }
   if (auto place = place_by(variables, "SLURM_PROCID", "SLURM_STEP_NUM_TASKS")) {
+    place->on_machine = number_of(variables, "SLURM_LOCALID", kMostRanks);
     place->meeting_file = file_of("slurm-" + text_of(variables, "SLURM_JOB_ID") + "." +
                                   text_of(variables, "SLURM_STEP_ID"));
     return place;
@@ -79,9 +80,24 @@ std::optional<RankPlace> rank_place(const Variables& variables) {
       if (job.empty()) job = text_of(variables, "OMPI_MCA_ess_base_jobid");
       if (job.empty()) job = std::to_string(::getppid());
       place->meeting_file = file_of("mpi-" + job);
+      for (const char* const name : {"OMPI_COMM_WORLD_LOCAL_RANK", "MPI_LOCALRANKID"})
+        if (!place->on_machine) place->on_machine = number_of(variables, name, kMostRanks);
       return place;
     }
   return std::nullopt;
+}
+
+int gpu_of(const RankPlace& place, int first, int visible) {
+  if (!place.is_ours && visible == 1) return 0;
+  // Without a word of the starter all ranks are taken to be on this machine.
+  const int gpu = first + place.on_machine.value_or(place.rank);
+  if (gpu >= visible)
+    throw UsageError(fmt::format(
+        "rank {} needs the GPU cuda:{}, and its process sees {}; start at most as many "
+        "ranks on a machine as it has GPUs, or let srun give each its own "
+        "(--gpus-per-task=1)",
+        place.rank, gpu, visible == 1 ? "only cuda:0" : fmt::format("{} of them", visible)));
+  return gpu;
 }
 
 std::optional<RankPlace> rank_place() {

@@ -65,13 +65,9 @@ std::string why_no_gpu() {
 }
 #endif
 
-namespace {
-
 bool is_cpu(const std::string& device) {
   return device == "cpu" || (device == "auto" && cuda_device_count() == 0);
 }
-
-}  // namespace
 
 std::optional<int> gpu_number(const std::string& device) {
   constexpr std::string_view kPrefix = "cuda:";
@@ -107,12 +103,7 @@ void take_gpus(const std::string& gpus, bool is_new, TrainConfig& train) {
   if (is_new && train.batch == 1) train.batch = std::min(count, kMostBatch);
 }
 
-void check_has_rank_processes(const TrainConfig& train) {
-  if (!is_cpu(train.device))
-    throw UsageError("train.rank_processes is on, and train.device is " + train.device +
-                     ": ranks are processes on the CPU only so far; leave it off, or train with "
-                     "--device cpu");
-}
+int first_gpu(const TrainConfig& train) { return cuda_index(train.device); }
 
 std::unique_ptr<Backend> make_training_backend(const TrainConfig& train) {
   if (train.ranks == 1) return make_backend(train.device);

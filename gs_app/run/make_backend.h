@@ -20,8 +20,11 @@ std::unique_ptr<Backend> make_backend(const std::string& device);
 /// fewer.
 std::unique_ptr<Backend> make_training_backend(const TrainConfig& train);
 
-/// Throws UsageError where the ranks of a run cannot be processes.
-void check_has_rank_processes(const TrainConfig& train);
+/// Whether a device, as make_backend() takes it, is the CPU.
+bool is_cpu(const std::string& device);
+
+/// N of train.device = "cuda:N"; 0 for "cuda" and "auto".
+int first_gpu(const TrainConfig& train);
 
 /// Settings of a run on `gpus` GPUs, a number or "all", from train.device on. Where the run is new
 /// and says nothing else, an update takes as many photos. Throws UsageError for other words, and

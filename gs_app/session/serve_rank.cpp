@@ -7,6 +7,7 @@
 #include "data_loaders/scene/scene_hash.h"
 #include "gs_app/ranks/rank_processes.h"
 #include "gs_app/ranks/shared_scene.h"
+#include "gs_app/run/rank_device.h"
 #include "gs_app/session/load_run_scene.h"
 #include "gs_core/log.h"
 #include "gs_core/processes/signals.h"
@@ -42,17 +43,21 @@ Scene load(const SharedScene& shared) {
 
 void work(PeerSocket& leader, const RankPlace& place) {
   const SharedScene shared = shared_scene_in(wait_for_setup(leader).bytes);
+  const TrainConfig& train = shared.config.train;
   set_thread_count(shared.threads);
   std::optional<Scene> scene;
+  std::unique_ptr<RankDevice> device;
   try {
+    device = make_rank_device(
+        train, [&](int first, int visible) { return gpu_of(place, first, visible); });
     scene.emplace(load(shared));
   } catch (const Error& error) {
     leader.send(std::uint32_t(RankFrame::failed), failure_message(error), kAnHour);
     throw;
   }
   leader.send(std::uint32_t(RankFrame::ready), {}, kAnHour);
-  work_as_rank(leader, place.rank, place.count, double(shared.config.train.rank_deadline),
-               scene->train_views, shared.config.photometric);
+  device->work(leader, place.rank, place.count, double(train.rank_deadline), scene->train_views,
+               shared.config.photometric);
 }
 
 }  // namespace

@@ -86,6 +86,7 @@ class TrainSession {
   void clear_folder_for_photos();
   void make_backend();
   void warn_of_idle_gpus() const;
+  int gpu_of_rank_0(int first, int visible) const;
   void get_scene();
   void describe_scene();
   void record_scene();

@@ -103,6 +103,25 @@ void PeerSocket::write_all(const void* from, std::size_t bytes, Seconds patience
   }
 }
 
+PeerWatch::PeerWatch(const std::vector<const PeerSocket*>& peers, std::function<void()> lost) {
+  std::vector<int> sockets;
+  for (const PeerSocket* const peer : peers) sockets.push_back(peer->socket_);
+  thread_ = std::thread([this, sockets, lost = std::move(lost)] { look(sockets, lost); });
+}
+
+PeerWatch::~PeerWatch() {
+  has_ended_ = true;
+  thread_.join();
+}
+
+void PeerWatch::look(const std::vector<int>& sockets, const std::function<void()>& lost) {
+  constexpr int kMilliseconds = 20;  // until the end is seen
+  std::vector<pollfd> all;
+  for (const int socket : sockets) all.push_back({socket, POLLRDHUP, 0});
+  while (!has_ended_)
+    if (::poll(all.data(), nfds_t(all.size()), kMilliseconds) > 0) return lost();
+}
+
 PeerListener::PeerListener(Reach reach) : socket_(::socket(AF_INET, SOCK_STREAM, 0)) {
   sockaddr_in place{};
   place.sin_family = AF_INET;

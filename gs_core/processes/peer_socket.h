@@ -2,11 +2,14 @@
 // Frames over TCP between the processes of one run.
 #pragma once
 
+#include <atomic>
 #include <chrono>
 #include <cstddef>
 #include <cstdint>
+#include <functional>
 #include <optional>
 #include <string>
+#include <thread>
 #include <vector>
 
 #include "gs_core/processes/process.h"
@@ -42,11 +45,27 @@ class PeerSocket {
   void wait_for_more();
 
  private:
+  friend class PeerWatch;
   void wait_for(short event, Seconds patience);
   void read_all(void* to, std::size_t bytes, Seconds patience);
   void write_all(const void* from, std::size_t bytes, Seconds patience);
 
   Descriptor socket_;
+};
+
+/// Looks at connections on a thread of its own, while other threads use them or wait for something
+/// else. It reads nothing. The sockets must outlive it.
+class PeerWatch {
+ public:
+  /// Calls lost(), once, when one of them is closed by the other side.
+  PeerWatch(const std::vector<const PeerSocket*>& peers, std::function<void()> lost);
+  ~PeerWatch();
+
+ private:
+  void look(const std::vector<int>& sockets, const std::function<void()>& lost);
+
+  std::atomic<bool> has_ended_ = false;
+  std::thread thread_;
 };
 
 /// Where peers connect.

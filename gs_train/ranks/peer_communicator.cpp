@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "gs_train/ranks/peer_communicator.h"
 
+#include <thread>
+
 #include "gs_core/error.h"
 #include "gs_core/processes/packing.h"
 
@@ -38,7 +40,8 @@ Frame next_frame(PeerSocket& peer, PeerSocket::Seconds deadline,
 }
 
 LeaderCommunicator::LeaderCommunicator(std::vector<PeerSocket>& peers, PeerSocket::Seconds deadline)
-    : peers_(peers), deadline_(deadline), signs_(peers.size(), LifeSigns(deadline)) {}
+    : peers_(peers), deadline_(deadline), signs_(peers.size(), LifeSigns(deadline)),
+      heard_(peers.size()), early_(peers.size()) {}
 
 // Every rank sends all its messages to rank 0, which passes them on.
 std::vector<Message> LeaderCommunicator::exchange(std::vector<Message> outgoing) {
@@ -79,7 +82,7 @@ void LeaderCommunicator::send_all(RankFrame kind, const std::vector<std::byte>& 
 
 std::vector<std::byte> LeaderCommunicator::receive(int rank, RankFrame kind) {
   try {
-    Frame frame = next_frame(peers_[std::size_t(rank - 1)], deadline_, [this] { sign_of_life(); });
+    Frame frame = next_answer(rank);
     if (RankFrame(frame.kind) == RankFrame::failed) throw RankFailed{rank, std::move(frame.bytes)};
     GS_CHECK(RankFrame(frame.kind) == kind);
     return std::move(frame.bytes);
@@ -89,12 +92,59 @@ std::vector<std::byte> LeaderCommunicator::receive(int rank, RankFrame kind) {
 }
 
 std::vector<std::byte> LeaderCommunicator::wait_for(int rank, RankFrame kind) {
+  if (early_[std::size_t(rank - 1)].empty()) try {
+      peers_[std::size_t(rank - 1)].wait_for_more();
+    } catch (const PeerLost& lost) {
+      throw RankFailed{rank, {}, lost};
+    }
+  return receive(rank, kind);
+}
+
+// Those that are no signs of life.
+Frame LeaderCommunicator::next_answer(int rank) {
+  std::deque<Frame>& early = early_[std::size_t(rank - 1)];
+  if (early.empty())
+    return next_frame(peers_[std::size_t(rank - 1)], deadline_, [this] { sign_of_life(); });
+  Frame frame = std::move(early.front());
+  early.pop_front();
+  return frame;
+}
+
+void LeaderCommunicator::begin_watch() {
+  heard_.assign(peers_.size(), std::chrono::steady_clock::now());
+}
+
+void LeaderCommunicator::keep_watch() {
+  for (int rank = 1; rank < count(); ++rank) {
+    look_after(rank);
+    if (std::chrono::steady_clock::now() - heard_[std::size_t(rank - 1)] > deadline_)
+      throw RankFailed{rank, {}, PeerLost{true}};
+  }
+}
+
+void LeaderCommunicator::find_failure(PeerSocket::Seconds patience) {
+  const auto begin = std::chrono::steady_clock::now();
+  for (;;) {
+    for (int rank = 1; rank < count(); ++rank) look_after(rank);
+    if (std::chrono::steady_clock::now() - begin >= patience) return;
+    std::this_thread::sleep_for(std::chrono::milliseconds(20));
+  }
+}
+
+void LeaderCommunicator::look_after(int rank) {
+  PeerSocket& peer = peers_[std::size_t(rank - 1)];
   try {
-    peers_[std::size_t(rank - 1)].wait_for_more();
+    while (peer.has_more(PeerSocket::Seconds(0))) {
+      Frame frame = peer.receive(deadline_);
+      if (RankFrame(frame.kind) == RankFrame::failed)
+        throw RankFailed{rank, std::move(frame.bytes)};
+      heard_[std::size_t(rank - 1)] = std::chrono::steady_clock::now();
+      if (RankFrame(frame.kind) != RankFrame::alive)
+        early_[std::size_t(rank - 1)].push_back(std::move(frame));
+    }
   } catch (const PeerLost& lost) {
     throw RankFailed{rank, {}, lost};
   }
-  return receive(rank, kind);
 }
 
 std::vector<Message> FollowerCommunicator::exchange(std::vector<Message> outgoing) {

@@ -3,6 +3,7 @@
 #pragma once
 
 #include <chrono>
+#include <deque>
 #include <functional>
 #include <vector>
 
@@ -57,10 +58,25 @@ class LeaderCommunicator final : public Communicator {
   /// The same, however long it takes.
   std::vector<std::byte> wait_for(int rank, RankFrame kind);
 
+  /// For ranks that answer nothing for a while, but show signs of life while they work or wait.
+  /// begin_watch() counts their silence from now on. keep_watch() throws RankFailed where one has
+  /// failed, was lost, or is silent for too long.
+  void begin_watch();
+  void keep_watch();
+  /// Something is wrong: throws RankFailed as soon as a rank says that it has failed, or is lost.
+  /// Returns where none does within `patience`.
+  void find_failure(PeerSocket::Seconds patience);
+
  private:
+  // Reads what a rank has sent. Answers are kept for receive().
+  void look_after(int rank);
+  Frame next_answer(int rank);
+
   std::vector<PeerSocket>& peers_;  // of rank 1, 2, ...
   const PeerSocket::Seconds deadline_;
   std::vector<LifeSigns> signs_;
+  std::vector<std::chrono::steady_clock::time_point> heard_;  // from each, since begin_watch()
+  std::vector<std::deque<Frame>> early_;                      // answers that came while it watched
 };
 
 /// Another rank.

@@ -17,7 +17,8 @@
 namespace gs {
 
 /// The kinds of frames. Rank 0 asks: use, deal, step, count, gather, end. A rank answers: done,
-/// or failed. Both send during a step: exchange, alive.
+/// or failed. Both send during a step: exchange, alive. Ranks on GPUs exchange rows, splats and
+/// gradients among themselves (cuda/ranks), and answer only where it is said below.
 enum class RankFrame : std::uint32_t {
   hello,  // of gs_app/ranks, before a crew is made: hello, setup, ready
   setup,
@@ -27,6 +28,11 @@ enum class RankFrame : std::uint32_t {
   step,      // StepOrder
   count,     // of numbers that are not finite
   gather,    // the rows of the shard
+  photos,    // GPUs: the bytes of photos that a GPU may hold; answered
+  link,      // GPUs: how they are linked; answered
+  finish,    // GPUs: wait for all steps
+  loss,      // GPUs, to one rank: that of its last photo; answered
+  release,   // GPUs: buffers, and whether shards are in use
   end,       // of the run
   done,      // the answer to all of these but `end`
   failed,    // exit code and message
@@ -49,10 +55,17 @@ struct PeerRules {
   std::function<std::vector<std::byte>()> setup = {};
 };
 
-/// The crew of rank 0, which is a rank itself, and of the processes behind `peers`: those of ranks 1,
-/// 2 and so on. A rank that throws, ends or hangs ends the run: step() and everything after it
+/// The crew of rank 0, which is a rank itself, and of the processes behind `peers`: those of ranks
+/// 1, 2 and so on. A rank that throws, ends or hangs ends the run: step() and everything after it
 /// throws Error that names it. That holds for memory that runs out, too.
 std::unique_ptr<RankCrew> make_peer_crew(std::vector<PeerSocket> peers, PeerRules rules);
+
+/// Answers frames of rank 0 until answer(frame) is false. Tells rank 0 what goes wrong, and throws
+/// it again. Calls idle(), which may throw, about eight times within a deadline while no frame
+/// comes; with null it waits for the next frame, however long that takes.
+void answer_leader(PeerSocket& leader, double deadline,
+                   const std::function<bool(const Frame&)>& answer,
+                   const std::function<void()>& idle = nullptr);
 
 /// The work of another rank: returns when rank 0 ends the run. Throws PeerLost where rank 0 was
 /// lost, and, after it has told rank 0, what else went wrong.

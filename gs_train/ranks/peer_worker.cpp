@@ -70,17 +70,19 @@ class Worker {
 
 }  // namespace
 
-void work_as_rank(PeerSocket& leader, int rank, int count, double deadline,
-                  const std::vector<View>& views, const PhotometricConfig& photometric) {
-  Worker worker(leader, rank, count, deadline, views, photometric);
+void answer_leader(PeerSocket& leader, double deadline,
+                   const std::function<bool(const Frame&)>& answer,
+                   const std::function<void()>& idle) {
+  const PeerSocket::Seconds seconds(deadline);
   const auto tell = [&](const Error& error) {
-    leader.send(std::uint32_t(RankFrame::failed), failure_message(error),
-                PeerSocket::Seconds(deadline));
+    leader.send(std::uint32_t(RankFrame::failed), failure_message(error), seconds);
   };
   try {
     // Between two steps rank 0 may evaluate for hours. Its end closes the connection.
-    do leader.wait_for_more();
-    while (worker.answer(leader.receive(PeerSocket::Seconds(deadline))));
+    do
+      while (!leader.has_more(seconds / 8))
+        if (idle) idle();
+    while (answer(leader.receive(seconds)));
   } catch (const Error& error) {
     tell(error);
     throw;
@@ -92,6 +94,12 @@ void work_as_rank(PeerSocket& leader, int rank, int count, double deadline,
     tell(Error(error.what(), ExitCode::bug));
     throw;
   }
+}
+
+void work_as_rank(PeerSocket& leader, int rank, int count, double deadline,
+                  const std::vector<View>& views, const PhotometricConfig& photometric) {
+  Worker worker(leader, rank, count, deadline, views, photometric);
+  answer_leader(leader, deadline, [&](const Frame& frame) { return worker.answer(frame); });
 }
 
 }  // namespace gs

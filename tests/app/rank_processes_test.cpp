@@ -40,14 +40,19 @@ TEST(RankPlaces, AreThoseOfWhoeverHasStartedThem) {
   EXPECT_EQ(ours->nonce, "abc");
   const auto srun = place_by({{"SLURM_PROCID", "1"},
                               {"SLURM_STEP_NUM_TASKS", "3"},
+                              {"SLURM_LOCALID", "0"},
                               {"SLURM_JOB_ID", "17"},
                               {"SLURM_STEP_ID", "2"}});
   ASSERT_TRUE(srun && !srun->is_ours);
   EXPECT_EQ(srun->rank, 1);
+  EXPECT_EQ(srun->on_machine, 0);
   EXPECT_EQ(srun->meeting_file, ".gemsplat-ranks-slurm-17.2");
-  const auto mpirun = place_by(
-      {{"OMPI_COMM_WORLD_RANK", "0"}, {"OMPI_COMM_WORLD_SIZE", "2"}, {"PMIX_NAMESPACE", "a/b@1"}});
+  const auto mpirun = place_by({{"OMPI_COMM_WORLD_RANK", "3"},
+                                {"OMPI_COMM_WORLD_SIZE", "4"},
+                                {"OMPI_COMM_WORLD_LOCAL_RANK", "1"},
+                                {"PMIX_NAMESPACE", "a/b@1"}});
   ASSERT_TRUE(mpirun);
+  EXPECT_EQ(mpirun->on_machine, 1);
   EXPECT_EQ(mpirun->meeting_file, ".gemsplat-ranks-mpi-a_b_1");
 }
 
@@ -66,6 +71,34 @@ TEST(RankPlaces, ThatContradictThemselvesAreRefused) {
                 place_by({{"PMI_RANK", "-1"}, {"PMI_SIZE", "2"}});
               }),
               HasSubstr("PMI_RANK is -1"));
+}
+
+RankPlace started(int rank, bool is_ours, std::optional<int> on_machine = {}) {
+  RankPlace place;
+  place.rank = rank;
+  place.count = 8;
+  place.is_ours = is_ours;
+  place.on_machine = on_machine;
+  return place;
+}
+
+TEST(GpusOfRanks, FollowEachOtherOnAMachine) {
+  EXPECT_EQ(gpu_of(started(2, true), 0, 4), 2);      // rank 0 has started it
+  EXPECT_EQ(gpu_of(started(2, true), 1, 4), 3);      // with --device cuda:1
+  EXPECT_EQ(gpu_of(started(6, false, 2), 0, 4), 2);  // the third rank of the second machine
+  EXPECT_EQ(gpu_of(started(3, false), 0, 4), 3);     // nobody says where it is
+}
+
+TEST(GpusOfRanks, AreTheOnlyOneThatTheStarterShows) {
+  EXPECT_EQ(gpu_of(started(6, false, 2), 0, 1), 0);  // srun --gpus-per-task=1
+}
+
+TEST(GpusOfRanks, ThatAreTooFewAreRefused) {
+  EXPECT_THAT(error_of([] { gpu_of(started(2, true), 0, 2); }),
+              AllOf(HasSubstr("rank 2 needs the GPU cuda:2"), HasSubstr("sees 2 of them")));
+  EXPECT_THAT(error_of([] { gpu_of(started(1, true), 0, 1); }), HasSubstr("sees only cuda:0"));
+  EXPECT_THAT(error_of([] { gpu_of(started(6, false, 2), 2, 4); }),
+              HasSubstr("rank 6 needs the GPU cuda:4"));
 }
 
 /// A run of three ranks that wait for each other in a folder.

@@ -170,6 +170,23 @@ TEST_F(Ranks, KilledAtRandomMomentsEndInTheBytesOfOneRank) {
   EXPECT_EQ(read_bytes(text("killed") + last), read_bytes(text("one") + last));
 }
 
+// With the program of two GPUs and NCCL. scripts/try_gpu_processes.sh tries more on such a machine.
+TEST_F(Ranks, OnGpusAsProcessesWriteTheBytesOfOneGpu) {
+  const auto train_on = [&](const std::string& name, const std::string& more) {
+    return run("train " + text("scene") + " -o " + text(name) +
+               " --deterministic --iterations 20 --set train.batch=2 " + more);
+  };
+  const Outcome processes =
+      train_on("processes", "--gpus 2 --set train.rank_processes=true --set train.log_every=5");
+  for (const char* const lack : {"--device cpu", "needs the GPU", "GEMSPLAT_NCCL"})
+    if (processes.err.find(lack) != processes.err.npos) GTEST_SKIP() << processes.err;
+  ASSERT_EQ(processes.code, 0) << processes.err;
+  ASSERT_EQ(train_on("one", "--device cuda").code, 0);
+  ASSERT_EQ(train_on("threads", "--gpus 2").code, 0);
+  EXPECT_EQ(ply("threads"), ply("one"));
+  EXPECT_EQ(ply("processes"), ply("one"));
+}
+
 // ---- started by others -------------------------------------------------------------------------
 
 TEST_F(Ranks, MeetWhereSrunStartsThem) {

@@ -1,10 +1,16 @@
 // SPDX-License-Identifier: Apache-2.0
 // Models that several ranks on GPUs train have the bytes of one GPU. With one GPU all ranks are on
-// it, each with its own stream and buffers.
+// it, each with its own stream and buffers. The ranks are driven by one thread, or work as
+// processes do: then they are threads with a socket each, and link_test.cpp has what links real
+// processes.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <atomic>
+#include <chrono>
+#include <optional>
 #include <string>
+#include <thread>
 #include <utility>
 #include <vector>
 
@@ -13,6 +19,7 @@
 #include "tests/cuda/fused_step.h"
 #include "tests/support/error_of.h"
 #include "tests/support/gains.h"
+#include "tests/support/peer_threads.h"
 #include "tests/support/same_bits.h"
 #include "tests/support/scene_run.h"
 #include "tests/support/small_scene.h"
@@ -24,15 +31,46 @@ using ::testing::HasSubstr;
 
 constexpr std::size_t kChunkRowsOfTests = 32;  // so that a few hundred rows lie on all ranks
 
-// Rank i on GPU i, and in turn where there are fewer.
-std::unique_ptr<Backend> ranks_of(int count) {
-  std::vector<int> devices;
-  for (int i = 0; i < count; ++i) devices.push_back(i % cuda::device_count());
-  return cuda::make_ranked_backend(devices, kChunkRowsOfTests);
-}
+enum class Driver { one_thread, processes };
 
-class CudaRanks : public FusedStepTest {
+// Rank i on GPU i, and in turn where there are fewer.
+int gpu_of_rank(int rank) { return rank % cuda::device_count(); }
+
+// Some ranks, and the backend of rank 0.
+class SomeRanks {
+ public:
+  SomeRanks(Driver driver, int count, const std::vector<View>& views,
+            const PhotometricConfig& photometric = {}, double deadline = 30) {
+    if (driver == Driver::one_thread) {
+      std::vector<int> devices;
+      for (int i = 0; i < count; ++i) devices.push_back(gpu_of_rank(i));
+      backend_ = cuda::make_ranked_backend(devices, kChunkRowsOfTests);
+      return;
+    }
+    links_ = cuda::make_thread_links(count);
+    threads_.emplace(
+        count, [&views, photometric, deadline, this](PeerSocket& leader, int rank, int ranks) {
+          cuda::work_as_gpu_rank(gpu_of_rank(rank), leader, rank, ranks, deadline, views,
+                                 photometric, std::move(links_[std::size_t(rank)]));
+        });
+    backend_ = cuda::make_process_backend(0, threads_->take_peers(), PeerThreads::rules(deadline),
+                                          std::move(links_.front()), kChunkRowsOfTests);
+  }
+  Backend& operator*() { return *backend_; }
+  Backend* operator->() { return backend_.get(); }
+
+ private:
+  std::vector<std::unique_ptr<cuda::DeviceLinks>> links_;
+  std::optional<PeerThreads> threads_;  // which end when the backend does
+  std::unique_ptr<Backend> backend_;
+};
+
+class CudaRanks : public FusedStepTest, public testing::WithParamInterface<Driver> {
  protected:
+  static SomeRanks ranks_of(int count, const std::vector<View>& views,
+                            const PhotometricConfig& photometric = {}) {
+    return SomeRanks(GetParam(), count, views, photometric);
+  }
   // The model after some steps by batches of `batch` photos, on any backend.
   static TrainingModel after_steps(Backend& backend, const TrainingModel& start,
                                    const std::vector<View>& views, const RenderSettings& settings,
@@ -64,7 +102,7 @@ class CudaRanks : public FusedStepTest {
     for (const std::size_t batch : {1, 2, 4, 5}) {
       const TrainingModel expected = after_steps(gpu(), start, views, settings, batch, density);
       for (const int count : {1, 2, 3, 4}) {
-        const auto backend = ranks_of(count);
+        SomeRanks backend = ranks_of(count, views);
         EXPECT_TRUE(
             same_bits(after_steps(*backend, start, views, settings, batch, density), expected))
             << "batch " << batch << ", ranks " << count;
@@ -73,7 +111,7 @@ class CudaRanks : public FusedStepTest {
   }
 };
 
-TEST_F(CudaRanks, StepsHaveTheBytesOfOneGpu) {
+TEST_P(CudaRanks, StepsHaveTheBytesOfOneGpu) {
   const std::vector<View> views = some_views(131, 77, 3);
   for (const bool has_time : {false, true})
     for (const int degree : {0, 3}) {
@@ -87,7 +125,7 @@ TEST_F(CudaRanks, StepsHaveTheBytesOfOneGpu) {
     }
 }
 
-TEST_F(CudaRanks, ScoresRegularizersAndNoiseHaveTheBytesOfOneGpu) {
+TEST_P(CudaRanks, ScoresRegularizersAndNoiseHaveTheBytesOfOneGpu) {
   const std::vector<View> views = some_views(131, 77, 3);
   const TrainingModel start = model_of(random_gaussians(kTypical, 3000, views[0].camera, 5));
   for (const GrowthScore score : {GrowthScore::force, GrowthScore::error, GrowthScore::edge})
@@ -101,7 +139,7 @@ TEST_F(CudaRanks, ScoresRegularizersAndNoiseHaveTheBytesOfOneGpu) {
     }
 }
 
-TEST_F(CudaRanks, MomentsAsCodesHaveTheBytesOfOneGpu) {
+TEST_P(CudaRanks, MomentsAsCodesHaveTheBytesOfOneGpu) {
   const std::vector<View> views = some_views(131, 77, 3);
   for (const MomentForm form : kCodeForms)
     expect_bytes_of_one_gpu(model_of(random_gaussians(kTypical, 3000, views[0].camera, 5), form),
@@ -109,7 +147,7 @@ TEST_F(CudaRanks, MomentsAsCodesHaveTheBytesOfOneGpu) {
 }
 
 // The photos of a batch share a camera, to which all of them add.
-TEST_F(CudaRanks, PhotometricModelsHaveTheBytesOfOneGpu) {
+TEST_P(CudaRanks, PhotometricModelsHaveTheBytesOfOneGpu) {
   const std::vector<View> views = some_views(131, 77, 3);
   for (const char* const name : {"gains", "ppisp"}) {
     SCOPED_TRACE(name);
@@ -124,7 +162,7 @@ TEST_F(CudaRanks, PhotometricModelsHaveTheBytesOfOneGpu) {
       const TrainingModel expected = after_steps(gpu(), start, views, settings, batch, {true});
       EXPECT_FALSE(same_bits(expected.photometric, start.photometric));
       for (const int count : {1, 2, 3}) {
-        const auto backend = ranks_of(count);
+        SomeRanks backend = ranks_of(count, views, config);
         backend->use_photometric(make_photometric_model(config));
         const TrainingModel actual = after_steps(*backend, start, views, settings, batch, {true});
         EXPECT_TRUE(same_bits(actual, expected)) << "batch " << batch << ", ranks " << count;
@@ -137,18 +175,18 @@ TEST_F(CudaRanks, PhotometricModelsHaveTheBytesOfOneGpu) {
 }
 
 // Without RenderSettings::deterministic, sums have another order each time.
-TEST_F(CudaRanks, OtherStepsAreThoseOfTheScalarBackend) {
+TEST_P(CudaRanks, OtherStepsAreThoseOfTheScalarBackend) {
   const std::vector<View> views = some_views(131, 77, 3);
   const TrainingModel start = model_of(random_gaussians(kTypical, 3000, views[0].camera, 5));
   DensityStep density{.gather_statistics = true};
   density.score = GrowthScore::force;
   const TrainingModel expected = after_steps(cpu(), start, views, {}, 3, density);
-  const auto backend = ranks_of(2);
+  SomeRanks backend = ranks_of(2, views);
   expect_same(after_steps(*backend, start, views, {}, 3, density), expected, 2e-2);
 }
 
 // More instances than the forecast: all ranks repeat the step.
-TEST_F(CudaRanks, StepsWithTooLittleRoomLoseNothing) {
+TEST_P(CudaRanks, StepsWithTooLittleRoomLoseNothing) {
   const std::vector<View> views = some_views(320, 240, 3);
   const Recipe large{
       .sigma_low = 30, .sigma_high = 60, .opacity_low = 0.02f, .opacity_high = 0.05f};
@@ -158,18 +196,18 @@ TEST_F(CudaRanks, StepsWithTooLittleRoomLoseNothing) {
   for (const std::size_t batch : {1, 3}) {
     const TrainingModel expected = after_steps(gpu(), start, views, settings, batch, {true});
     for (const int count : {2, 3}) {
-      const auto backend = ranks_of(count);
+      SomeRanks backend = ranks_of(count, views);
       EXPECT_TRUE(same_bits(after_steps(*backend, start, views, settings, batch, {true}), expected))
           << "batch " << batch << ", ranks " << count;
     }
   }
 }
 
-TEST_F(CudaRanks, DealtRowsComeBackAsTheyWere) {
+TEST_P(CudaRanks, DealtRowsComeBackAsTheyWere) {
   const std::vector<View> views = some_views(131, 77, 1);
   for (const std::size_t rows : {1, 31, 32, 33, 95, 96, 97, 1000}) {
     TrainingModel start = model_of(random_gaussians(kTypical, rows, views[0].camera, 5));
-    const auto backend = ranks_of(3);
+    SomeRanks backend = ranks_of(3, views);
     backend->upload_views(views, std::size_t(1) << 30);
     TrainingModel model = copy_to(backend->memory(), start);
     const TrainingPhoto photo{&views[0], {}};
@@ -182,7 +220,7 @@ TEST_F(CudaRanks, DealtRowsComeBackAsTheyWere) {
   }
 }
 
-TEST_F(CudaRanks, RunsWithDensityControlHaveTheBytesOfOneGpu) {
+TEST_P(CudaRanks, RunsWithDensityControlHaveTheBytesOfOneGpu) {
   const Scene scene = small_scene();
   for (const int batch : {1, 4})
     for (const std::string strategy : {"adaptive", "mcmc"}) {
@@ -201,18 +239,86 @@ TEST_F(CudaRanks, RunsWithDensityControlHaveTheBytesOfOneGpu) {
       };
       const TrainingModel expected = trained(gpu());
       for (const int count : {2, 3}) {
-        const auto backend = ranks_of(count);
+        SomeRanks backend = ranks_of(count, scene.train_views);
         EXPECT_TRUE(same_bits(trained(*backend), expected))
             << strategy << ", batch " << batch << ", ranks " << count;
       }
     }
 }
 
-TEST_F(CudaRanks, RefuseWhatTheyDoNotHave) {
-  const auto backend = ranks_of(2);
+TEST_P(CudaRanks, RefuseWhatTheyDoNotHave) {
+  const std::vector<View> views = some_views(131, 77, 1);
+  SomeRanks backend = ranks_of(2, views);
   EXPECT_THAT(error_of([&] { backend->check_refines_poses(); }), HasSubstr("train.ranks=1"));
   EXPECT_THAT(error_of([&] { backend->check_takes_depth(); }), HasSubstr("train.ranks=1"));
   EXPECT_FALSE(backend->can_update_lazily());
+}
+
+INSTANTIATE_TEST_SUITE_P(OfOneThread, CudaRanks, testing::Values(Driver::one_thread));
+INSTANTIATE_TEST_SUITE_P(OfProcesses, CudaRanks, testing::Values(Driver::processes));
+
+// ---- failures of processes ----------------------------------------------------------------------
+
+class CudaProcesses : public FusedStepTest {
+ protected:
+  // What a run says whose ranks do as they are told: a step of three photos, again and again.
+  static std::string error_of_steps(SomeRanks& backend, const std::vector<View>& views) {
+    const TrainingModel start = model_of(random_gaussians(kTypical, 3000, views[0].camera, 5));
+    return error_of([&] {
+      backend->upload_views(views, 0);  // no photo stays on a GPU
+      TrainingModel model = copy_to(backend->memory(), start);
+      const std::vector<TrainingPhoto> batch = batch_of(views, {});
+      for (int step = 0; step < 200; ++step)
+        backend->step(model, {batch.data(), batch.size()}, {0.2f}, Update{kRates, batch_rule(3)},
+                      {true});
+      backend->synchronize(model);
+    });
+  }
+};
+
+/// Photos of which one cannot be read after some requests; or reading it takes long.
+class BadPhotos final : public PhotoSource {
+ public:
+  BadPhotos(std::vector<View> views, double seconds)
+      : views_(std::move(views)), seconds_(seconds) {}
+  std::shared_ptr<const View> view(std::size_t index) override {
+    if (index == 1 && ++requests_ >= 20) {
+      if (seconds_ == 0) throw Error("cannot read view 1: it is damaged", ExitCode::bad_data);
+      std::this_thread::sleep_for(std::chrono::duration<double>(seconds_));
+    }
+    return std::make_shared<View>(views_[index]);
+  }
+  void prefetch_decode(std::size_t) override {}
+  void release(std::size_t) override {}
+
+ private:
+  const std::vector<View> views_;
+  const double seconds_;
+  std::atomic<int> requests_{0};
+};
+
+std::vector<View> with_source(const std::vector<View>& views, double seconds) {
+  const auto photos = std::make_shared<BadPhotos>(views, seconds);
+  std::vector<View> all = views;
+  for (std::size_t i = 0; i < all.size(); ++i) {
+    all[i].photo = {};
+    all[i].source = photos;
+    all[i].index = i;
+  }
+  return all;
+}
+
+// Rank 1 draws the second photo of each batch.
+TEST_F(CudaProcesses, EndWithTheMessageOfTheRankThatThrows) {
+  const std::vector<View> views = some_views(131, 77, 3), bad = with_source(views, 0);
+  SomeRanks backend(Driver::processes, 3, bad);
+  EXPECT_THAT(error_of_steps(backend, bad), HasSubstr("rank 1: cannot read view 1: it is damaged"));
+}
+
+TEST_F(CudaProcesses, EndWhereARankHangs) {
+  const std::vector<View> views = some_views(131, 77, 3), slow = with_source(views, 5);
+  SomeRanks backend(Driver::processes, 3, slow, {}, 1.5);
+  EXPECT_THAT(error_of_steps(backend, slow), HasSubstr("rank 1: no sign of life for 1.5 s"));
 }
 
 }  // namespace

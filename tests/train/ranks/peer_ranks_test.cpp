@@ -5,7 +5,6 @@
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
-#include <sys/socket.h>
 
 #include <atomic>
 #include <thread>
@@ -14,6 +13,7 @@
 #include "gs_train/ranks/peer_communicator.h"
 #include "gs_train/ranks/ranked_backend.h"
 #include "tests/support/error_of.h"
+#include "tests/support/peer_threads.h"
 #include "tests/support/scene_run.h"
 #include "tests/support/small_scene.h"
 
@@ -25,48 +25,15 @@ using ::testing::HasSubstr;
 
 constexpr std::size_t kRowsOfChunk = 5;  // so that a few dozen Gaussians lie on all ranks
 
-/// What another rank does.
-using Work = std::function<void(PeerSocket& leader, int rank, int count)>;
-
-/// A run's other ranks, each a thread with one end of a socket.
-class PeerThreads {
- public:
-  PeerThreads(int count, const Work& work) {
-    for (int rank = 1; rank < count; ++rank) {
-      int ends[2];
-      EXPECT_EQ(::socketpair(AF_UNIX, SOCK_STREAM, 0, ends), 0);
-      peers_.emplace_back(Descriptor(ends[0]));
-      threads_.emplace_back([=, end = ends[1]] {
-        PeerSocket leader{Descriptor(end)};
-        try {
-          work(leader, rank, count);
-        } catch (const PeerLost&) {
-        } catch (const Error&) {  // rank 0 knows
-        }
-      });
-    }
-  }
-  ~PeerThreads() {
-    for (std::thread& thread : threads_) thread.join();
-  }
-  /// Closes rank 0's ends.
-  void leave() { peers_.clear(); }
-  std::unique_ptr<Backend> backend(double deadline = 30) {
-    PeerRules rules;
-    rules.deadline = deadline;
-    rules.why_lost = [](int) { return "it is gone"; };
-    return make_ranked_backend(make_peer_crew(std::move(peers_), std::move(rules)), kRowsOfChunk);
-  }
-
- private:
-  std::vector<PeerSocket> peers_;
-  std::vector<std::thread> threads_;
-};
+std::unique_ptr<Backend> backend_of(PeerThreads& threads, double deadline = 30) {
+  return make_ranked_backend(make_peer_crew(threads.take_peers(), PeerThreads::rules(deadline)),
+                             kRowsOfChunk);
+}
 
 class PeerRun : public SceneRun {
  protected:
   PeerRun() : SceneRun(small_scene()) {}
-  Work working(double deadline = 30) const {
+  PeerWork working(double deadline = 30) const {
     return [this, deadline](PeerSocket& leader, int rank, int count) {
       work_as_rank(leader, rank, count, deadline, scene_.train_views, photometric_);
     };
@@ -74,7 +41,7 @@ class PeerRun : public SceneRun {
   TrainingModel trained_by(int count, const Config& config) {
     photometric_ = config.photometric;
     PeerThreads threads(count, working());
-    const auto backend = threads.backend();
+    const auto backend = backend_of(threads);
     Trainer trainer(scene_, config, *backend);
     trainer.run();
     loss_ = trainer.loss();
@@ -85,9 +52,9 @@ class PeerRun : public SceneRun {
     for (const int count : {2, 3})
       EXPECT_TRUE(same_bits(trained_by(count, config), expected)) << "ranks: " << count;
   }
-  std::string error_with(const Work& work, double deadline) {
+  std::string error_with(const PeerWork& work, double deadline) {
     PeerThreads threads(3, work);
-    const auto backend = threads.backend(deadline);
+    const auto backend = backend_of(threads, deadline);
     Trainer trainer(scene_, run_in_batches(4), *backend);
     return error_of([&] { trainer.run(); });
   }
@@ -164,7 +131,7 @@ TEST_F(PeerRun, EndsWithTheMessageOfARankThatThrows) {
     views[i].source = photos;
     views[i].index = i;
   }
-  const Work work = [&](PeerSocket& leader, int rank, int count) {
+  const PeerWork work = [&](PeerSocket& leader, int rank, int count) {
     work_as_rank(leader, rank, count, 30, views, {});
   };
   EXPECT_THAT(error_with(work, 30),
@@ -197,9 +164,81 @@ TEST_F(PeerRun, EndsOtherRanksWhereRank0IsLost) {
         throw;
       }
     });
-    threads.leave();
+    threads.take_peers();  // and closes them
   }
   EXPECT_EQ(lost, 2);
+}
+
+// ---- ranks that answer nothing for a while -----------------------------------------------------
+
+// Rank 0 watches rank 1, which does as `work` says, and finds nothing, or the failure.
+std::string seen_by_watch(const PeerWork& work, double deadline) {
+  PeerThreads threads(2, work);
+  std::vector<PeerSocket> peers = threads.take_peers();
+  LeaderCommunicator others(peers, PeerSocket::Seconds(deadline));
+  others.begin_watch();
+  try {
+    for (int i = 0; i < 100; ++i) {
+      others.keep_watch();
+      std::this_thread::sleep_for(std::chrono::milliseconds(20));
+    }
+  } catch (const RankFailed& failed) {
+    if (!failed.message.empty())
+      return error_of([&] { throw_failure(failed.rank, failed.message); });
+    return failed.lost.is_silent ? "silent" : "lost";
+  }
+  return "nothing";
+}
+
+TEST(Watch, SeesWhoFailsEndsOrHangs) {
+  const auto sign_every = [](double seconds) {
+    return [=](PeerSocket& leader, int, int) {
+      for (;;) {
+        leader.send(std::uint32_t(RankFrame::alive), {}, PeerSocket::Seconds(1));
+        std::this_thread::sleep_for(PeerSocket::Seconds(seconds));
+      }
+    };
+  };
+  EXPECT_EQ(seen_by_watch(sign_every(0.1), 1), "nothing");
+  EXPECT_EQ(seen_by_watch(sign_every(2.5), 1), "silent");
+  EXPECT_EQ(seen_by_watch([](PeerSocket&, int, int) {}, 1), "lost");
+  EXPECT_EQ(seen_by_watch(
+                [](PeerSocket& leader, int, int) {
+                  leader.send(std::uint32_t(RankFrame::failed), failure_message(Error("no disk")),
+                              PeerSocket::Seconds(1));
+                },
+                1),
+            "rank 1: no disk");
+}
+
+TEST(Watch, KeepsAnswersForWhoWaitsForThem) {
+  PeerThreads threads(2, [](PeerSocket& leader, int, int) {
+    leader.send(std::uint32_t(RankFrame::done), std::vector<std::byte>(3), PeerSocket::Seconds(1));
+    leader.send(std::uint32_t(RankFrame::done), std::vector<std::byte>(4), PeerSocket::Seconds(1));
+    leader.wait_for_more();
+  });
+  std::vector<PeerSocket> peers = threads.take_peers();
+  LeaderCommunicator others(peers, PeerSocket::Seconds(5));
+  EXPECT_TRUE(peers.front().has_more(PeerSocket::Seconds(5)));
+  others.begin_watch();
+  others.keep_watch();
+  EXPECT_EQ(others.wait_for(1, RankFrame::done).size(), 3u);
+  EXPECT_EQ(others.receive(1, RankFrame::done).size(), 4u);
+}
+
+TEST(Watch, OnAThreadSeesThatAConnectionIsClosed) {
+  std::atomic<bool> may_leave = false, is_lost = false;
+  PeerThreads threads(2, [&](PeerSocket&, int, int) {
+    while (!may_leave) std::this_thread::sleep_for(std::chrono::milliseconds(5));
+  });
+  const std::vector<PeerSocket> peers = threads.take_peers();
+  const PeerWatch watch({&peers.front()}, [&] { is_lost = true; });
+  std::this_thread::sleep_for(std::chrono::milliseconds(300));
+  EXPECT_FALSE(is_lost);
+  may_leave = true;
+  for (int i = 0; i < 200 && !is_lost; ++i)
+    std::this_thread::sleep_for(std::chrono::milliseconds(20));
+  EXPECT_TRUE(is_lost);
 }
 
 }  // namespace
