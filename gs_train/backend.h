@@ -80,6 +80,8 @@ class Backend {
   /// it moves fewer.
   virtual bool has_updates_bound_by_memory() const { return false; }
   virtual Optimizer& optimizer() = 0;
+  /// What changes rows between steps. Ask for it anew after a step: on a GPU this waits for steps
+  /// that may have to be repeated.
   virtual RowOps& rows() = 0;
 
   /// Announces the views that steps will use, so that a device can upload their photos, up to

@@ -79,19 +79,19 @@ TEST_F(CudaOffload, RowOperationsBetweenStepsHaveTheBitsOfThoseOnTheGpuAlone) {
         TrainingModel start = model_of(gaussians, form);
         if (is_lazy) begin_lazy(start, 11);
         expect_same(start, [&](TrainingModel& model) {
-          RowOps& rows = gpu().rows();
+          // rows() waits for the steps before it, some of which may have to be repeated.
           take_steps(model, views, false, 3);
-          rows.refine(model, kRules, {1, RandomStream::split_gaussians}, 600);
+          gpu().rows().refine(model, kRules, {1, RandomStream::split_gaussians}, 600);
           EXPECT_GT(model.count(), gaussians.count());  // arrays have grown
           take_steps(model, views, false, 3);
-          rows.sort_by_morton(model);
-          rows.relocate(model, {0.05f, std::int64_t(model.count()) + 500}, 1, 700);
+          gpu().rows().sort_by_morton(model);
+          gpu().rows().relocate(model, {0.05f, std::int64_t(model.count()) + 500}, 1, 700);
           take_steps(model, views, true, 3);
-          rows.prune_share(model, PruneOrder::opacity, 0.2);
-          rows.lower_opacity(model, {OpacityPolicy::reset, 0.3f, MomentClearing::all});
+          gpu().rows().prune_share(model, PruneOrder::opacity, 0.2);
+          gpu().rows().lower_opacity(model, {OpacityPolicy::reset, 0.3f, MomentClearing::all});
           take_steps(model, views, false, 3);
-          rows.prune(model, 0.01f);
-          rows.catch_up(model);
+          gpu().rows().prune(model, 0.01f);
+          gpu().rows().catch_up(model);
         });
       }
 }
