@@ -31,6 +31,9 @@ class GpuPeers {
       try {
         f();
         is_watching_ = false;
+      } catch (const RankFailed&) {
+        give_up();
+        throw;
       } catch (const LinkLost&) {
         give_up();
         leader_.others().find_failure(PeerSocket::Seconds(3));

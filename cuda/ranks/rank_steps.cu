@@ -188,8 +188,11 @@ void RankSteps::run_together(const RankedStep& step) {
     preprocess_batch(rank->context, rank->shard.gaussians.span(), all, rank->place);
     rank->has_projected.set();
   }
-  const std::vector<PhotoUnderWay> sent = under_way(step, batch, photos);
-  if (exchange_) exchange_->send_splats(deal_, sent, *link_);
+  std::vector<PhotoUnderWay> sent;
+  if (exchange_) {
+    sent = under_way(step, batch, photos);
+    exchange_->send_splats(deal_, sent, *link_);
+  }
   for (std::size_t i = 0; i < batch.size(); ++i) {
     if (!batch[i].rank) continue;
     Rank& rank = *batch[i].rank;

@@ -114,7 +114,9 @@ class PendingSteps {
 
  private:
   static constexpr std::size_t kMostPending = 128;  // photos that the host may be ahead
-  static constexpr std::size_t kMostOfMany = 32;    // the same where many hosts launch
+  // The same where many hosts launch: so few that no launch waits for room in the device's queue,
+  // where a host could not watch the others.
+  static constexpr std::size_t kMostOfMany = 16;
 
   // Waits until so many photos may be launched.
   void make_room(std::size_t photos) {
