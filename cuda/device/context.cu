@@ -68,10 +68,8 @@ Context::~Context() {
 template <class Query>
 void Context::watch_until(Query&& query) {
   if (!watch_) return;
-  while (query() == cudaErrorNotReady) {
-    std::this_thread::yield();
-    watch_();
-  }
+  // Also where nothing has to be waited for: many short pieces of work may take long together.
+  for (watch_(); query() == cudaErrorNotReady; watch_()) std::this_thread::yield();
   cudaGetLastError();  // "not ready" is no error of the next launch
 }
 
