@@ -1,12 +1,14 @@
 // SPDX-License-Identifier: Apache-2.0
 // gemsplat bench: times training and rendering of a trained or a generated model on one device.
 #include <CLI/CLI.hpp>
+#include <filesystem>
 #include <iostream>
 #include <memory>
 
 #include "apps/cli/devices.h"
 #include "apps/cli/options.h"
 #include "apps/cli/verbs.h"
+#include "data_loaders/photos/photos.h"
 #include "data_loaders/scene/load_scene.h"
 #include "gs_app/checks/benchmark_comparison.h"
 #include "gs_app/checks/benchmark_report.h"
@@ -90,6 +92,21 @@ BenchmarkSubject subject_of(const BenchCommand& command) {
   return is_generated ? generated_subject(command) : trained_subject(command);
 }
 
+// Writes the pictures of --lists, and returns their table.
+std::string draw_lists(Backend& backend, const GaussiansSpan& gaussians,
+                       const BenchmarkSubject& subject, const BenchCommand& command) {
+  const Camera camera =
+      at_scale(subject.rendered_views().front().camera, command.plan.scales.front());
+  const ListPictures pictures = list_pictures(backend, gaussians, camera, subject.settings);
+  const std::filesystem::path folder = command.lists;
+  std::filesystem::create_directories(folder);
+  for (const auto& [name, picture] : pictures.files) {
+    keep_older_aside(folder / name);
+    write_png(folder / name, picture);
+  }
+  return pictures.table;
+}
+
 BenchmarkReport measure(const BenchmarkSubject& subject, const BenchCommand& command) {
   const BenchmarkPlan& plan = command.plan;
   const std::unique_ptr<Backend> backend = make_training_backend(subject.config.train);
@@ -130,10 +147,7 @@ BenchmarkReport measure(const BenchmarkSubject& subject, const BenchCommand& com
       report.blenders =
           compare_blenders(*backend, model, subject.rendered_views(), subject.settings, plan);
     if (!command.lists.empty())
-      report.list_table = write_list_pictures(
-          *backend, model.gaussians.span(),
-          at_scale(subject.rendered_views().front().camera, plan.scales.front()), subject.settings,
-          command.lists);
+      report.list_table = draw_lists(*backend, model.gaussians.span(), subject, command);
     if (command.scores) {
       log_info("timing the statistics of each score: {} steps, five times", plan.steps);
       report.scores =

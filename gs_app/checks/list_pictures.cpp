@@ -10,9 +10,6 @@
 #include <utility>
 #include <vector>
 
-#include "data_loaders/photos/photos.h"
-#include "gs_app/export/export_model.h"
-
 namespace gs {
 namespace {
 
@@ -66,9 +63,8 @@ Image8 picture_of(const Lists& lists, double longest) {
 
 }  // namespace
 
-std::string write_list_pictures(Backend& backend, const GaussiansSpan& gaussians,
-                                const Camera& camera, RenderSettings settings,
-                                const std::filesystem::path& folder) {
+ListPictures list_pictures(Backend& backend, const GaussiansSpan& gaussians, const Camera& camera,
+                           RenderSettings settings) {
   settings.for_backward = false;
   RenderPass pass(backend.memory());
   std::vector<Lists> all;
@@ -79,16 +75,16 @@ std::string write_list_pictures(Backend& backend, const GaussiansSpan& gaussians
     backend.renderer().forward(gaussians, camera, settings, pass);
     all.push_back(tile_lengths(name, pass));
   }
-  std::filesystem::create_directories(folder);
-  std::string table = fmt::format("\nlists of a view of {}x{} pixels\n  {:<7} {:>12} {:>9}\n",
-                                  camera.width, camera.height, "bounds", "Gaussians", "longest");
+  ListPictures pictures;
+  pictures.table = fmt::format("\nlists of a view of {}x{} pixels\n  {:<7} {:>12} {:>9}\n",
+                               camera.width, camera.height, "bounds", "Gaussians", "longest");
   for (const Lists& lists : all) {
-    const std::filesystem::path file = folder / fmt::format("lists_{}.png", lists.name);
-    keep_older_aside(file.string());
-    write_png(file, picture_of(lists, all.front().longest()));
-    table += fmt::format("  {:<7} {:>12} {:>9}\n", lists.name, lists.sum(), lists.longest());
+    pictures.files.emplace(fmt::format("lists_{}.png", lists.name),
+                           picture_of(lists, all.front().longest()));
+    pictures.table +=
+        fmt::format("  {:<7} {:>12} {:>9}\n", lists.name, lists.sum(), lists.longest());
   }
-  return table;
+  return pictures;
 }
 
 }  // namespace gs
