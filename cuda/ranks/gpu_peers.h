@@ -70,9 +70,7 @@ class GpuPeers {
   void send_all(RankFrame kind, const std::vector<std::byte>& bytes = {}) {
     leader_.others().send_all(kind, bytes);
   }
-  void wait_for_answers() {
-    leader_.for_each_answer([](int, const Message&) {});
-  }
+  void wait_for_answers() { leader_.wait_for_answers(); }
   /// The same, however long it takes.
   void wait_long_for_answers() {
     for (int rank = 1; rank < count(); ++rank) leader_.others().wait_for(rank, RankFrame::done);

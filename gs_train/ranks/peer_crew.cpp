@@ -38,7 +38,7 @@ class PeerCrew final : public RankCrew {
     leader_.named([&] {
       for (int rank = 1; rank < count(); ++rank)
         others_.send(rank, RankFrame::deal, message_of(deal, shards[std::size_t(rank)]));
-      leader_.for_each_answer([](int, const Message&) {});
+      leader_.wait_for_answers();
     });
     shard_ = std::move(shards.front());
   }
@@ -98,7 +98,7 @@ class PeerCrew final : public RankCrew {
     const std::vector<std::byte> message = packer.take();
     leader_.named([&] {
       others_.send_all(RankFrame::use, message);
-      leader_.for_each_answer([](int, const Message&) {});
+      leader_.wait_for_answers();
     });
   }
 

@@ -63,6 +63,10 @@ void PeerLeader::for_each_answer(const std::function<void(int, const Message&)>&
   for (int rank = 1; rank < count_; ++rank) f(rank, others_.receive(rank, RankFrame::done));
 }
 
+void PeerLeader::wait_for_answers() {
+  for_each_answer([](int, const Message&) {});
+}
+
 std::string PeerLeader::text_of_loss(const RankFailed& failed) const {
   if (!failed.lost.is_silent) return rules_.why_lost(failed.rank);
   return fmt::format(

@@ -37,6 +37,8 @@ class PeerLeader {
   void set_up();
   /// Calls f(rank, answer) for what each of the others has done.
   void for_each_answer(const std::function<void(int rank, const Message& answer)>& f);
+  /// Waits until each of the others has done what it was asked for.
+  void wait_for_answers();
 
  private:
   std::string text_of_loss(const RankFailed& failed) const;
