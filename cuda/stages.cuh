@@ -12,7 +12,6 @@
 #include "cuda/device/fixed_sums.cuh"
 #include "cuda/ranks/shard.h"
 #include "cuda/render/refined_camera.cuh"
-#include "cuda/render/view_scratch.h"
 #include "cuda/train/batch_choice.h"
 #include "cuda/train/batch_sums.cuh"
 #include "cuda/train/photos.cuh"
@@ -42,9 +41,11 @@ struct ListSegment {
 inline constexpr std::uint32_t kNoTile = 0xffffffffu;
 
 // clang-format off
-/// What stages 3 and 4 leave with a RenderPass for blending: the order of the tiles, and the lists
-/// in segments that the backward pass can walk independently.
-struct CudaScratch final : ViewScratch {
+/// What stages leave with a RenderPass: 1 the splats of a packed model, 3 and 4 for blending the
+/// order of the tiles, and the lists in segments that the backward pass can walk independently.
+struct CudaScratch final : BackendScratch {
+  bool has_view_splats = false;             // stage 1 has filled view_splats in place of pass.splats
+  Buffer<ViewSplat> view_splats;            // (N) of frames of a packed model
   Buffer<std::uint32_t> tile_order;         // (tiles) those with the longest lists first; empty: as they are numbered
   Buffer<std::uint32_t> first_checkpoints;  // (tiles) a tile's first checkpoint; one per segment but the first
   Buffer<ListSegment> segments;             // (capacity S) the longest first, then empty ones
@@ -57,7 +58,7 @@ struct CudaScratch final : ViewScratch {
   Vec4f* checkpoints() const { return room.data(); }
 
   explicit CudaScratch(Memory& memory)
-      : ViewScratch(memory), tile_order(memory), first_checkpoints(memory), segments(memory),
+      : view_splats(memory), tile_order(memory), first_checkpoints(memory), segments(memory),
         room(memory) {}
 };
 // clang-format on
