@@ -110,6 +110,15 @@ TEST_F(CudaLazyAdam, BatchesAreThoseOfTheScalarTwin) {
       }
 }
 
+// The last warp has each number of rows, of which some are late.
+TEST_F(CudaLazyAdam, LastWarpsOfEachNumberOfRowsAreThoseOfTheScalarTwin) {
+  for (std::size_t count = 4 * 32; count < 5 * 32; ++count)
+    for (const Gaussians& start : all_forms(random_camera(131, 77, 1), count)) {
+      SCOPED_TRACE(testing::Message() << count << (start.has_slope ? ", colors change" : ""));
+      expect_same_steps(start, MomentForm::floats, {}, {true}, false);
+    }
+}
+
 // Counts of rows that fill neither a warp nor a vector of four numbers.
 TEST_F(CudaLazyAdam, StepsOfAnyNumberOfRowsAreThoseOfTheScalarTwin) {
   for (const std::size_t count : {1, 2, 31, 32, 33, 65}) {
