@@ -149,6 +149,23 @@ void with_splats(const RenderPass& pass, F&& f) {
     f(static_cast<const Splat*>(pass.splats.data()));
 }
 
+/// The edge of the tiles of a frame of so many Gaussians that is drawn from a packed model. Wide
+/// ones make fewer instances, which pays in large pictures.
+int tile_edge_of(const Context& context, const RenderSettings& settings, const Camera& camera,
+                 std::size_t gaussians);
+
+/// Calls f(edge of the pass' tiles, splats), the edge as a constant. Tiles are wide only where
+/// splats have 32 bytes.
+template <class F>
+void with_tiles(const RenderPass& pass, F&& f) {
+  with_splats(pass, [&](const auto* splats) {
+    if constexpr (std::is_same_v<decltype(splats), const ViewSplat*>)
+      if (pass.tile_edge == kWideTile) return f(std::integral_constant<int, kWideTile>(), splats);
+    GS_CHECK(pass.tile_edge == kTileWidth);
+    f(std::integral_constant<int, kTileWidth>(), splats);
+  });
+}
+
 /// True where the tile numbers of a pass fit keys of 16 bits, with the number for "no tile".
 inline bool uses_short_keys(const RenderPass& pass) { return pass.tile_count() < 65536; }
 

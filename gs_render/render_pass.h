@@ -42,17 +42,27 @@ struct RenderSettings : SplatSettings {
   const LazySh* lazy_sh = nullptr;
 };
 
-/// An entry of a tile's list holds a Gaussian in its lower bits. On the GPU the upper four say
-/// which quarters of the tile its splat hits (hit_quarters_of_row); the scalar backend leaves them
-/// 0.
-inline constexpr int kGaussianBits = 28;
+/// An entry of a tile's list holds a Gaussian in its lower bits. On the GPU the upper ones say
+/// which parts of the tile its splat hits (hit_parts_of_row), four bits for a tile of 16 pixels and
+/// nine for one of 24; the scalar backend leaves them 0.
+template <int edge = kTileWidth>
+inline constexpr int kGaussianBits = 32 - kPartsAcross<edge>* kPartsAcross<edge>;
+template <int edge = kTileWidth>
+inline constexpr std::uint32_t kMostListed = 1u << kGaussianBits<edge>;
 // more than any GPU of today has memory for
-inline constexpr std::uint32_t kMostGaussians = 1u << kGaussianBits;
-GS_HD std::uint32_t instance_of(std::uint32_t gaussian, unsigned quarters) {
-  return gaussian | quarters << kGaussianBits;
+inline constexpr std::uint32_t kMostGaussians = kMostListed<>;
+template <int edge = kTileWidth>
+GS_HD std::uint32_t instance_of(std::uint32_t gaussian, unsigned parts) {
+  return gaussian | parts << kGaussianBits<edge>;
 }
-GS_HD std::uint32_t gaussian_of(std::uint32_t instance) { return instance & (kMostGaussians - 1); }
-GS_HD std::uint32_t bit_of_quarter(int quarter) { return 1u << (kGaussianBits + quarter); }
+template <int edge = kTileWidth>
+GS_HD std::uint32_t gaussian_of(std::uint32_t instance) {
+  return instance & (kMostListed<edge> - 1);
+}
+template <int edge = kTileWidth>
+GS_HD std::uint32_t bit_of_part(int part) {
+  return 1u << (kGaussianBits<edge> + part);
+}
 
 /// What the stages of one backend keep with a pass besides the fields below: what forward leaves
 /// for its own backward pass, and scratch. Each backend derives its own, for example ScalarScratch
@@ -66,6 +76,7 @@ struct BackendScratch {
 /// reused from step to step, so that a steady run allocates nothing.
 struct RenderPass {
   int width = 0, height = 0;            // pixels
+  int tile_edge = kTileWidth;           // pixels; kWideTile in some frames of the CUDA backend
   int tiles_x = 0, tiles_y = 0;
   Vec3f background{0, 0, 0};            // behind the image
 
@@ -112,13 +123,14 @@ struct RenderPass {
   /// keeps splats in a form of its own, and there are no depths; there are none either without
   /// `with_depths`.
   void begin(const Camera& camera, std::size_t gaussians, bool with_splats = true,
-             bool with_depths = true) {
+             bool with_depths = true, int edge = kTileWidth) {
     GS_CHECK(camera.width > 0 && camera.width <= kMaxPictureSide && camera.height > 0 &&
              camera.height <= kMaxPictureSide);
     width = camera.width;
     height = camera.height;
-    tiles_x = (camera.width + kTileWidth - 1) / kTileWidth;
-    tiles_y = (camera.height + kTileHeight - 1) / kTileHeight;
+    tile_edge = edge;
+    tiles_x = (camera.width + edge - 1) / edge;
+    tiles_y = (camera.height + edge - 1) / edge;
     splats.resize_discard(with_splats ? gaussians : 0);
     depths.resize_discard(with_splats && with_depths ? gaussians : 0);
     pixel_rects.resize_discard(gaussians);

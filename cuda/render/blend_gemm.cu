@@ -31,11 +31,15 @@ struct Output {
   float* checkpoints;                      // (.., pixels of a tile, 4)
 };
 
-template <BlendRule rule, bool with_history, bool fast, int height, class AnySplat_>
+template <BlendRule rule, bool with_history, bool fast, int height, class AnySplat_,
+          int edge_ = kTileWidth>
 struct Variant : PixelVariant<rule, with_history, fast, height> {
   using AnySplat = AnySplat_;
+  static constexpr int edge = edge_;  // of a tile
+  static_assert(edge == kTileWidth || (height == kPart && !with_history));
+  static constexpr int kPerRow = edge / kSubtileWidth, kPerTile = kPerRow * edge / height;
   using Walk =
-      std::conditional_t<height == kTileHeight / 2, QuarterWalkOf<AnySplat>, ListWalkOf<AnySplat>>;
+      std::conditional_t<height == kPart, PartWalkOf<AnySplat, edge>, ListWalkOf<AnySplat>>;
 };
 
 template <class Kind>
@@ -47,19 +51,19 @@ struct WarpShared {
 
 template <class Kind>
 __global__ void __launch_bounds__(kBlendThreads, Kind::blocks)
-    blend_gemm_kernel(typename Kind::Walk::Lists lists, const std::uint32_t* tile_order,
-                      Vec3f background, Output out) {
-  constexpr int kPerRow = kTileWidth / kSubtileWidth;
-  constexpr int kPerTile = kPerRow * kTileHeight / Kind::height;
+    blend_gemm_kernel(typename Kind::Walk::Lists lists, std::uint32_t tiles,
+                      const std::uint32_t* tile_order, Vec3f background, Output out) {
+  constexpr int kPerRow = Kind::kPerRow, kPerTile = Kind::kPerTile;
   __shared__ WarpShared<Kind> shared_of_warps[kBlendWarps];
   WarpShared<Kind>& shared = shared_of_warps[threadIdx.x / kWarp];
   const std::uint32_t warp = blockIdx.x * kBlendWarps + threadIdx.x / kWarp;
+  if (kPerTile % kBlendWarps != 0 && warp / kPerTile >= tiles) return;  // of the last block
   const std::uint32_t tile = tile_of(tile_order, warp / kPerTile);
   const int number = int(warp % kPerTile);
   const int x_in_tile = number % kPerRow * kSubtileWidth;
   const int y_in_tile = number / kPerRow * Kind::height;
-  const int x0 = int(tile) % lists.tiles_x * kTileWidth + x_in_tile;
-  const int y0 = int(tile) / lists.tiles_x * kTileHeight + y_in_tile;
+  const int x0 = int(tile) % lists.tiles_x * Kind::edge + x_in_tile;
+  const int y0 = int(tile) / lists.tiles_x * Kind::edge + y_in_tile;
   if (x0 >= lists.width || y0 >= lists.height) return;  // the whole warp
 
   SubtilePixels<Kind> pixels(shared.pixels, lists, x0, y0);
@@ -111,7 +115,21 @@ __global__ void __launch_bounds__(kBlendThreads, Kind::blocks)
   }
 }
 
+// Below, longer lists cost as much as fewer instances save.
+constexpr std::size_t kWidePicture = 1'500'000;  // pixels
+
 }  // namespace
+
+int tile_edge_of(const Context& context, const RenderSettings& settings, const Camera& camera,
+                 std::size_t gaussians) {
+  const std::size_t pixels = std::size_t(camera.width) * camera.height;
+  // The squares of TileBounds::square end with their tiles.
+  const bool is_wide = uses_view_splats(context, settings) && !makes_segments(settings) &&
+                       settings.bounds != TileBounds::square &&
+                       gaussians <= kMostListed<kWideTile> && pixels >= kWidePicture &&
+                       !has_small_subtiles(context, pixels);
+  return is_wide ? kWideTile : kTileWidth;
+}
 
 void blend_gemm(Context& context, const RenderSettings& settings, RenderPass& pass) {
   const CudaScratch& scratch = pass.scratch<CudaScratch>();
@@ -120,13 +138,17 @@ void blend_gemm(Context& context, const RenderSettings& settings, RenderPass& pa
                    reinterpret_cast<float*>(scratch.checkpoints())};
   const auto launch = [&](auto kind, const auto* splats) {
     using Kind = decltype(kind);
-    constexpr int kPerTile = kTileWidth / kSubtileWidth * kTileHeight / Kind::height;
-    static_assert(kPerTile % kBlendWarps == 0);
-    context.launch("blend", blend_gemm_kernel<Kind>, pass.tile_count() * kPerTile / kBlendWarps,
-                   kBlendThreads, tile_lists(pass, splats), scratch.order(), settings.background,
-                   out);
+    context.launch("blend", blend_gemm_kernel<Kind>,
+                   blocks_for(pass.tile_count() * Kind::kPerTile, kBlendWarps), kBlendThreads,
+                   tile_lists(pass, splats), std::uint32_t(pass.tile_count()), scratch.order(),
+                   settings.background, out);
   };
-  with_constant(has_small_subtiles(context, pass), [&](auto small) {
+  if (pass.tile_edge == kWideTile)
+    return with_rule_and_speed(settings, [&](auto rule, auto fast) {
+      launch(Variant<rule(), false, fast(), kPart, ViewSplat, kWideTile>(),
+             static_cast<const ViewSplat*>(scratch.view_splats.data()));
+    });
+  with_constant(has_small_subtiles(context, pass.pixel_count()), [&](auto small) {
     constexpr int height = small() ? 4 : 8;
     if (settings.for_backward)
       return with_rule(settings.blend_rule, [&](auto rule) {

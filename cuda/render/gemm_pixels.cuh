@@ -33,8 +33,8 @@ struct PixelVariant {
   static constexpr bool with_history = with_history_;  // for the backward pass: last, checkpoints
   static constexpr bool fast = fast_;                  // for viewing
   static constexpr int height = height_;               // pixels of a sub-tile
-  static constexpr bool has_quarter = height == kTileHeight / 2;
-  using Queue = SplatQueue<with_history, has_quarter ? kBatch : 2 * kBatch>;
+  static constexpr bool has_part = height == kPart;
+  using Queue = SplatQueue<with_history, has_part ? kBatch : 2 * kBatch>;
   static constexpr int blocks = with_history ? kHistoryBlocks : kBlocks;
 };
 
@@ -291,8 +291,8 @@ __device__ void blend_next(Queue& queue, Pixels& pixels) {
 
 /// True where a picture has so few pixels that a warp takes 8 x 4 of them. Sub-tiles of 8 x 8 cost
 /// less for each pixel, but only half as many warps share the work.
-inline bool has_small_subtiles(const Context& context, const RenderPass& pass) {
-  return pass.tile_count() * kTileWidth * kTileHeight / 64 <
+inline bool has_small_subtiles(const Context& context, std::size_t pixels) {
+  return pixels / (kPart * kPart) <
          std::size_t(kSmallPicture * kBlocks * kBlendWarps * context.multiprocessors());
 }
 

@@ -14,8 +14,10 @@ namespace {
 constexpr int kThreads = 128;
 constexpr std::uint32_t kPlacesPerWarp = 128;  // few enough that short lists also occupy the GPU
 
-template <class AnySplat>
+template <class AnySplat_, int edge_>
 struct Input {
+  using AnySplat = AnySplat_;
+  static constexpr int edge = edge_;    // of a tile
   std::uint32_t count;                  // of Gaussians in depth order
   const std::uint32_t* depth_order;     // (count)
   const std::uint32_t* first_of_order;  // (count)
@@ -40,19 +42,20 @@ struct Output {
 };
 
 // Shared memory of one warp: the tile rows of 32 splats, and the spans of 32 rows.
+template <int edge>
 struct WarpShared {
-  TileRows rows;
+  TileRows<edge> rows;
   std::uint32_t gaussian_of_splat[kWarp];
   std::uint32_t first[kWarp];  // number of the span's first instance among those of the 32
   std::uint32_t gaussian[kWarp], tile[kWarp];  // the span's Gaussian, and its first tile
   int tile_x[kWarp];                           // that tile's column
-  QuarterSpans quarters[kWarp];
+  PartSpans<edge> parts[kWarp];
 };
 
 // The whole warp: finds the last Gaussian in depth order whose instances begin at `place` or
 // before, by a search that probes 32 candidates in each round.
-template <class AnySplat>
-__device__ std::uint32_t order_of_place(const Input<AnySplat>& in, std::uint32_t place) {
+template <class In>
+__device__ std::uint32_t order_of_place(const In& in, std::uint32_t place) {
   std::uint32_t begin = 0, count = in.count;
   while (count > 1) {
     const std::uint32_t step = (count + kWarp - 1) / kWarp;
@@ -68,8 +71,8 @@ __device__ std::uint32_t order_of_place(const Input<AnySplat>& in, std::uint32_t
 
 // The whole warp: writes the instances of rows row .. row + 31, which begin at `place`, as far as
 // they lie in [begin, end). Returns where the instances of the next rows begin.
-template <class Key, class AnySplat>
-__device__ std::uint32_t write_spans(WarpShared& shared, const Input<AnySplat>& in,
+template <class Key, class In>
+__device__ std::uint32_t write_spans(WarpShared<In::edge>& shared, const In& in,
                                      const Output<Key>& out, std::uint32_t row, std::uint32_t rows,
                                      std::uint32_t place, std::uint32_t begin, std::uint32_t end) {
   const int lane = lane_of_thread();
@@ -81,7 +84,7 @@ __device__ std::uint32_t write_spans(WarpShared& shared, const Input<AnySplat>& 
     shared.gaussian[lane] = shared.gaussian_of_splat[owner];
     shared.tile[lane] = shared.rows.tile_y(row + lane, owner) * in.tiles_x + span.begin;
     shared.tile_x[lane] = span.begin;
-    shared.quarters[lane] = shared.rows.quarters(row + lane, owner);
+    shared.parts[lane] = shared.rows.parts(row + lane, owner);
   }
   const std::uint32_t first = warp_exclusive_sum(length);
   shared.first[lane] = first;
@@ -92,17 +95,16 @@ __device__ std::uint32_t write_spans(WarpShared& shared, const Input<AnySplat>& 
     const int owner = owner_of(k, shared.first);
     const std::uint32_t number = k - shared.first[owner];
     out.keys[place + k] = Key(shared.tile[owner] + number);
-    out.splats[place + k] =
-        instance_of(shared.gaussian[owner],
-                    shared.quarters[owner].quarters_of(shared.tile_x[owner] + int(number)));
+    out.splats[place + k] = instance_of<In::edge>(
+        shared.gaussian[owner], shared.parts[owner].parts_of(shared.tile_x[owner] + int(number)));
   }
   __syncwarp();
   return place + total;
 }
 
 // The whole warp: writes the instances of places [begin, end).
-template <class Key, class AnySplat>
-__device__ void write_places(WarpShared& shared, const Input<AnySplat>& in, const Output<Key>& out,
+template <class Key, class In>
+__device__ void write_places(WarpShared<In::edge>& shared, const In& in, const Output<Key>& out,
                              std::uint32_t begin, std::uint32_t end) {
   const int lane = lane_of_thread();
   std::uint32_t order = order_of_place(in, begin);
@@ -125,10 +127,9 @@ __device__ void write_places(WarpShared& shared, const Input<AnySplat>& in, cons
   }
 }
 
-template <class Key, class AnySplat>
-__global__ void __launch_bounds__(kThreads)
-    create_instances_kernel(Input<AnySplat> in, Output<Key> out) {
-  __shared__ WarpShared shared_of_warps[kThreads / kWarp];
+template <class Key, class In>
+__global__ void __launch_bounds__(kThreads) create_instances_kernel(In in, Output<Key> out) {
+  __shared__ WarpShared<In::edge> shared_of_warps[kThreads / kWarp];
   const std::uint32_t warp = (blockIdx.x * kThreads + threadIdx.x) / kWarp;
   const InstanceLimit& limit = out.limit;
   const std::uint32_t begin = min(warp * kPlacesPerWarp, limit.capacity);
@@ -148,13 +149,14 @@ __global__ void __launch_bounds__(kThreads)
   }
 }
 
-__global__ void report_instances_kernel(Input<Splat> in, StepReport* report, std::uint32_t step) {
+__global__ void report_instances_kernel(Input<Splat, kTileWidth> in, StepReport* report,
+                                        std::uint32_t step) {
   write_report(report, in.instances(), 0, step);
 }
 
-template <class AnySplat>
-Input<AnySplat> input_of(const RenderSettings& settings, const Workspace& workspace,
-                         const RenderPass& pass, const AnySplat* splats) {
+template <int edge, class AnySplat>
+Input<AnySplat, edge> input_of(const RenderSettings& settings, const Workspace& workspace,
+                               const RenderPass& pass, const AnySplat* splats) {
   return {std::uint32_t(pass.depth_order.size()),
           pass.depth_order.data(),
           workspace.first_of_order.data(),
@@ -178,7 +180,7 @@ void check_gaussian_count(const RenderPass& pass) {
 void report_instances(Context& context, const RenderSettings& settings, Workspace& workspace,
                       const RenderPass& pass, StepReport* report, std::uint32_t step) {
   context.launch("count of instances", report_instances_kernel, 1, 1,
-                 input_of(settings, workspace, pass, pass.splats.data()), report, step);
+                 input_of<kTileWidth>(settings, workspace, pass, pass.splats.data()), report, step);
 }
 
 void create_instances(Context& context, const RenderSettings& settings, Workspace& workspace,
@@ -187,14 +189,13 @@ void create_instances(Context& context, const RenderSettings& settings, Workspac
   check_gaussian_count(pass);
   Buffer<Vec4f>& room = sort_room(settings, workspace, pass);
   reserve_instances(settings, room, pass, limit.capacity);
-  with_splats(pass, [&](const auto* splats) {
-    using AnySplat = std::remove_cvref_t<decltype(*splats)>;
-    const Input<AnySplat> in = input_of(settings, workspace, pass, splats);
+  with_tiles(pass, [&](auto edge, const auto* splats) {
+    const auto in = input_of<edge()>(settings, workspace, pass, splats);
     const auto launch = [&](auto key) {
       using Key = decltype(key);
       const UnsortedInstances<Key> to = unsorted_instances<Key>(room, pass, limit.capacity);
       const Output<Key> out{to.keys, to.splats, limit};
-      context.launch("instances", create_instances_kernel<Key, AnySplat>,
+      context.launch("instances", create_instances_kernel<Key, std::remove_const_t<decltype(in)>>,
                      blocks_for(limit.capacity, kPlacesPerWarp * (kThreads / kWarp)), kThreads, in,
                      out);
     };

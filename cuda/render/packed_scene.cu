@@ -77,7 +77,7 @@ __global__ void __launch_bounds__(kThreads)
 
 // ---- Preprocessing, in each frame
 
-template <class Row>
+template <class Row, int edge>
 struct alignas(16) WarpShared {
   static constexpr int kVectors = sizeof(Row) / sizeof(float4);
   // Vectors from row to row. It is odd, so that lanes that read one row each use different banks.
@@ -86,7 +86,7 @@ struct alignas(16) WarpShared {
     Ellipsoid ellipsoids[kWarp];     // at first
     float4 colors[kWarp * kStride];  // once the ellipsoids were read
   };
-  TileRows tile_rows;
+  TileRows<edge> tile_rows;
   std::uint32_t hits[kWarp];  // tiles that each lane's splat hits
 };
 
@@ -109,15 +109,14 @@ __device__ Ellipsoid load_ellipsoid(Ellipsoid* shared, const Ellipsoid* ellipsoi
 }
 
 // The whole warp: starts to copy the colors of some rows.
-template <class Row>
-__device__ void start_color_copy(WarpShared<Row>& shared, const float4* colors, int rows,
-                                 SomeRows which) {
-  constexpr int kVectors = WarpShared<Row>::kVectors;
+template <class Shared>
+__device__ void start_color_copy(Shared& shared, const float4* colors, int rows, SomeRows which) {
+  constexpr int kVectors = Shared::kVectors;
   for (int k = lane_of_thread(); k < rows * kVectors; k += kWarp) {
     const int row = k / kVectors;
     if (which.has(row))
-      __pipeline_memcpy_async(&shared.colors[row * WarpShared<Row>::kStride + k % kVectors],
-                              colors + k, sizeof(float4));
+      __pipeline_memcpy_async(&shared.colors[row * Shared::kStride + k % kVectors], colors + k,
+                              sizeof(float4));
   }
 }
 
@@ -173,13 +172,13 @@ __device__ void take_color(ViewSplat& splat, const Vec3f& color) {
   splat.color = packed_color(color);
 }
 
-template <int degree, bool is_float, class AnySplat>
+template <int degree, bool is_float, int edge, class AnySplat>
 __global__ void __launch_bounds__(kThreads)
     preprocess_packed_kernel(Input in, Camera camera, SplatSettings settings, AnySplat* splats,
                              ProjectedRows out) {
-  using Row = ColorRow<degree, is_float>;
-  __shared__ WarpShared<Row> shared_of_warps[kThreads / kWarp];
-  WarpShared<Row>& shared = shared_of_warps[threadIdx.x / kWarp];
+  using Shared = WarpShared<ColorRow<degree, is_float>, edge>;
+  __shared__ Shared shared_of_warps[kThreads / kWarp];
+  Shared& shared = shared_of_warps[threadIdx.x / kWarp];
   const std::size_t i = std::size_t(blockIdx.x) * kThreads + threadIdx.x;
   const std::size_t first = i - lane_of_thread();
   if (first >= in.count) return;  // the whole warp
@@ -195,18 +194,18 @@ __global__ void __launch_bounds__(kThreads)
   if (i < in.count) {
     projected = project_shape(camera, ellipsoid, settings);
     if (projected.is_visible)
-      pixels = pixels_of(settings.bounds, projected.splat.mean2d, projected.cov2d,
-                         projected.splat.cutoff, in.tiles_x, in.tiles_y);
+      pixels = pixels_of<edge>(settings.bounds, projected.splat.mean2d, projected.cov2d,
+                               projected.splat.cutoff, in.tiles_x, in.tiles_y);
   }
   AnySplat splat = stored<AnySplat>(projected.splat);  // without color
   std::uint32_t hits = 0;
   if (const SomeRows visible{__ballot_sync(kAllLanes, !pixels.empty())}; visible.bits) {
-    start_color_copy<Row>(shared, in.colors + first * WarpShared<Row>::kVectors, rows, visible);
+    start_color_copy(shared, in.colors + first * Shared::kVectors, rows, visible);
     hits = count_hit_tiles(shared, outline_of(splat), pixels, settings.bounds);
     finish_copies();
     if (hits > 0) {
       const Vec3f color =
-          color_of<degree, is_float>(shared.colors + lane_of_thread() * WarpShared<Row>::kStride,
+          color_of<degree, is_float>(shared.colors + lane_of_thread() * Shared::kStride,
                                      unit_direction(camera.position(), ellipsoid.mean));
       if (!is_finite(color)) hits = 0;
       take_color(splat, color);
@@ -259,7 +258,8 @@ void preprocess(Context& context, const CudaPackedScene& scene, const Camera& ca
   const StageScope scope(context, "preprocess");
   CudaScratch& scratch = pass.scratch<CudaScratch>();
   scratch.has_view_splats = uses_view_splats(context, settings);
-  pass.begin(camera, scene.count(), !scratch.has_view_splats);
+  pass.begin(camera, scene.count(), !scratch.has_view_splats, true,
+             tile_edge_of(context, settings, camera, scene.count()));
   scratch.view_splats.resize_discard(scratch.has_view_splats ? scene.count() : 0);
   workspace.depth_keys.resize_discard(scene.count());
   const Input in{scene.count(),
@@ -269,16 +269,12 @@ void preprocess(Context& context, const CudaPackedScene& scene, const Camera& ca
                  pass.tiles_x,
                  pass.tiles_y};
   with_row(scene, [&](auto degree, auto is_float) {
-    const auto launch = [&](auto* splats) {
-      using AnySplat = std::remove_pointer_t<decltype(splats)>;
-      context.launch("preprocess", preprocess_packed_kernel<degree(), is_float(), AnySplat>,
-                     blocks_for(scene.count(), kThreads), kThreads, in, camera, settings, splats,
-                     projected_rows(settings, workspace, pass));
-    };
-    if (scratch.has_view_splats)
-      launch(scratch.view_splats.data());
-    else
-      launch(pass.splats.data());
+    with_tiles(pass, [&](auto edge, const auto* splats) {
+      using AnySplat = std::remove_cvref_t<decltype(*splats)>;
+      context.launch("preprocess", preprocess_packed_kernel<degree(), is_float(), edge(), AnySplat>,
+                     blocks_for(scene.count(), kThreads), kThreads, in, camera, settings,
+                     const_cast<AnySplat*>(splats), projected_rows(settings, workspace, pass));
+    });
   });
 }
 

@@ -42,7 +42,7 @@ struct WarpShared : SharedLazyRows<is_lazy> {
     float sh_rows[kWarp * kShRowNumbers];  // once the parameters were read; more than they are
   };
   union alignas(16) {
-    TileRows tile_rows;
+    TileRows<> tile_rows;
     Splat splats[kWarp];  // of ranks, once tiles are counted
   };
   std::uint32_t hits[kWarp];  // tiles that each lane's splat hits

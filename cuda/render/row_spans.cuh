@@ -20,13 +20,14 @@ __device__ inline int owner_of(std::uint32_t item, const std::uint32_t* first) {
   return owner;
 }
 
-// Fast division and root, for the quarters of a tile: their slack is far above the errors.
+// Fast division and root, for the parts of a tile: their slack is far above the errors.
 struct FastArithmetic {
   __device__ static float quotient(float a, float b) { return __fdividef(a, b); }
   __device__ static float root(float x) { return x * rsqrtf(fmaxf(x, 1e-30f)); }
 };
 
 /// The tile rows of a warp's 32 splats, numbered consecutively. In shared memory.
+template <int edge = kTileWidth>
 struct TileRows {
   Vec2f mean2d[kWarp];
   Sym2<float> conic[kWarp];
@@ -38,7 +39,7 @@ struct TileRows {
   /// number of rows.
   __device__ std::uint32_t take(const SplatOutline& splat, const Rect& pixels, TileBounds bounds) {
     const int lane = lane_of_thread();
-    const Rect rect = tile_rect(pixels);
+    const Rect rect = tile_rect<edge>(pixels);
     const std::uint32_t rows = pixels.empty() ? 0 : rect.y_end - rect.y_begin;
     const std::uint32_t before = warp_exclusive_sum(rows);
     mean2d[lane] = splat.mean2d;
@@ -53,13 +54,13 @@ struct TileRows {
   __device__ int tile_y(std::uint32_t row, int owner) const {
     return int(tiles[owner].y_begin + (row - first[owner]));
   }
-  __device__ QuarterSpans quarters(std::uint32_t row, int owner) const {
-    return hit_quarters_of_row<FastArithmetic>(mean2d[owner], conic[owner], cutoff[owner],
-                                               tile_y(row, owner));
+  __device__ PartSpans<edge> parts(std::uint32_t row, int owner) const {
+    return hit_parts_of_row<edge, FastArithmetic>(mean2d[owner], conic[owner], cutoff[owner],
+                                                  tile_y(row, owner));
   }
   __device__ TileSpan span(std::uint32_t row, int owner) const {
-    return hit_tiles_of_row(mean2d[owner], conic[owner], cutoff_of_tiles[owner], tiles[owner],
-                            tile_y(row, owner));
+    return hit_tiles_of_row<edge>(mean2d[owner], conic[owner], cutoff_of_tiles[owner], tiles[owner],
+                                  tile_y(row, owner));
   }
 };
 

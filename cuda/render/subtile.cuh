@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 // Shared by the blend kernels. A warp owns a sub-tile, 8 x 4 or 8 x 8 pixels of a tile, and walks
-// the tile's list on its own. The list tells which quarters of the tile a splat hits. The warp
-// fetches 32 splats of its quarter at a time, tests them against its pixels where these are less
-// than a quarter, and blends them. No warp waits for another one. Sub-tiles of a warp: Yang et al.
+// the tile's list on its own. The list tells which 8 x 8 parts of the tile a splat hits. The warp
+// fetches 32 splats of its part at a time, tests them against its pixels where these are less than
+// a part, and blends them. No warp waits for another one. Sub-tiles of a warp: Yang et al.
 // 2026 (warp-level culling); the exact test: Radl et al. 2024.
 #pragma once
 
@@ -35,10 +35,10 @@ template <class AnySplat>
 struct TileListsOf {
   int width, height, tiles_x;
   const std::uint32_t* ranges;  // (tiles + 1)
-  const std::uint32_t* splats;  // (I) Gaussian and quarters of each place (instance_of)
+  const std::uint32_t* splats;  // (I) Gaussian and parts of each place (instance_of)
   const AnySplat* of_gaussian;  // (N)
 
-  /// The instance at a place before `end`; behind it 0, which hits no quarter.
+  /// The instance at a place before `end`; behind it 0, which hits no part.
   __device__ std::uint32_t instance_at(std::uint32_t place, std::uint32_t end) const {
     return place < end ? splats[place] : 0;
   }
@@ -83,10 +83,11 @@ struct PixelRange {
       : x_min(float(x0) + 0.5f), x_max(float(x0 + width) - 0.5f), y_min(float(y0) + 0.5f),
         y_max(float(y0 + height) - 0.5f) {}
 
-  /// The bit of the tile's quarter that they lie in.
-  __device__ std::uint32_t quarter() const {
-    return bit_of_quarter(int(x_min) / (kTileWidth / 2) % 2 +
-                          int(y_min) / (kTileHeight / 2) % 2 * 2);
+  /// The bit of the tile's part that they lie in.
+  template <int edge>
+  __device__ std::uint32_t bit() const {
+    constexpr int kAcross = kPartsAcross<edge>;
+    return bit_of_part<edge>(int(x_min) / kPart % kAcross + int(y_min) / kPart % kAcross * kAcross);
   }
 };
 
@@ -184,7 +185,7 @@ class ListWalkOf {
   __device__ ListWalkOf(Ahead& ahead, const Lists& lists, std::uint32_t tile,
                         const PixelRange& pixels, std::uint32_t first, std::uint32_t last,
                         bool stops_at_segments)
-      : splats_(ahead), lists_(lists), pixels_(pixels), quarter_(pixels.quarter()),
+      : splats_(ahead), lists_(lists), pixels_(pixels), part_(pixels.bit<kTileWidth>()),
         begin_(lists.ranges[tile]), end_(begin_ + last), next_(begin_ + first),
         stop_(stops_at_segments ? min(next_ + kSegmentLength, end_) : end_) {
     instance_ahead_ = lists_.instance_at(next_ + lane_of_thread(), end_);
@@ -209,7 +210,7 @@ class ListWalkOf {
     const AnySplat splat = splats_.load();
     const SplatOutline outline = outline_of(splat);
     // Both are evaluated: a branch would cost more.
-    const bool hit = ((instance & quarter_) != 0) &
+    const bool hit = ((instance & part_) != 0) &
                      rectangle_is_hit(outline.mean2d, outline.conic, outline.cutoff, pixels_.x_min,
                                       pixels_.x_max, pixels_.y_min, pixels_.y_max, kSubtileSlack);
     const unsigned hits = __ballot_sync(kAllLanes, hit);
@@ -226,11 +227,11 @@ class ListWalkOf {
   }
 
  private:
-  // Starts to copy this lane's splat of the next 32 if it hits the quarter, and to load the
+  // Starts to copy this lane's splat of the next 32 if it hits the part, and to load the
   // instance after it.
   __device__ void fetch() {
     instance_ = instance_ahead_;
-    if (instance_ & quarter_) splats_.start_copy(lists_.of_gaussian[gaussian_of(instance_)]);
+    if (instance_ & part_) splats_.start_copy(lists_.of_gaussian[gaussian_of(instance_)]);
     __pipeline_commit();
     instance_ahead_ = lists_.instance_at(next_ + kWarp + lane_of_thread(), end_);
   }
@@ -238,17 +239,17 @@ class ListWalkOf {
   Ahead& splats_;  // the next 32
   const Lists& lists_;
   const PixelRange pixels_;
-  const std::uint32_t quarter_;
+  const std::uint32_t part_;
   std::uint32_t begin_, end_, next_, stop_;  // places in the list
   std::uint32_t instance_ = 0, instance_ahead_ = 0;
 };
 
 using ListWalk = ListWalkOf<Splat>;
 
-/// The same for a warp that owns a whole quarter of the tile. It fetches only splats that hit the
-/// quarter, 32 at a time.
-template <class AnySplat>
-class QuarterWalkOf {
+/// The same for a warp that owns a whole part of the tile, of whose edge `edge` is the length. It
+/// fetches only splats that hit the part, 32 at a time.
+template <class AnySplat, int edge>
+class PartWalkOf {
  public:
   using Lists = TileListsOf<AnySplat>;
   /// Shared memory, one for each warp.
@@ -257,10 +258,10 @@ class QuarterWalkOf {
     std::uint32_t gaussians[2 * kWarp], positions[2 * kWarp];  // of the splats found, in a ring
   };
 
-  __device__ QuarterWalkOf(Ahead& ahead, const Lists& lists, std::uint32_t tile,
-                           const PixelRange& pixels, std::uint32_t first, std::uint32_t last,
-                           bool stops_at_segments)
-      : ahead_(ahead), lists_(lists), quarter_(pixels.quarter()), begin_(lists.ranges[tile]),
+  __device__ PartWalkOf(Ahead& ahead, const Lists& lists, std::uint32_t tile,
+                        const PixelRange& pixels, std::uint32_t first, std::uint32_t last,
+                        bool stops_at_segments)
+      : ahead_(ahead), lists_(lists), part_(pixels.bit<edge>()), begin_(lists.ranges[tile]),
         end_(begin_ + last), next_(begin_ + first),
         stop_(stops_at_segments ? min(next_ + kSegmentLength, end_) : end_) {
     instance_ = lists_.instance_at(next_ + lane_of_thread(), end_);
@@ -298,11 +299,11 @@ class QuarterWalkOf {
   __device__ void look_ahead() {
     const int lane = lane_of_thread();
     while (found_ < kWarp && next_ < stop_) {
-      const bool hit = instance_ & quarter_;
+      const bool hit = instance_ & part_;
       const unsigned hits = __ballot_sync(kAllLanes, hit);
       if (hit) {
         const unsigned place = (taken_ + found_ + __popc(hits & lanes_below())) % (2 * kWarp);
-        ahead_.gaussians[place] = gaussian_of(instance_);
+        ahead_.gaussians[place] = gaussian_of<edge>(instance_);
         ahead_.positions[place] = next_ + lane - begin_;
       }
       found_ += __popc(hits);
@@ -318,7 +319,7 @@ class QuarterWalkOf {
 
   Ahead& ahead_;
   const Lists& lists_;
-  const std::uint32_t quarter_;
+  const std::uint32_t part_;
   std::uint32_t begin_, end_, next_, stop_;          // places in the list
   std::uint32_t instance_ = 0, instance_after_ = 0;  // this lane's, of the next 32 and after
   unsigned taken_ = 0, found_ = 0;                   // splats taken so far, and found beyond those

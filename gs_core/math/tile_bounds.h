@@ -26,6 +26,9 @@ GS_HD T cutoff_of(Truncation truncation, const T& opacity) {
   return log(opacity / T(kMinAlpha));
 }
 
+// Functions that depend on the size of tiles take its edge as a template parameter.
+static_assert(kTileWidth == kTileHeight);
+
 /// Half-open rectangle of pixels, or of tiles.
 struct Rect {
   std::uint16_t x_begin, x_end, y_begin, y_end;
@@ -41,6 +44,7 @@ struct Rect {
 ///                   clamped to the grid and not to the picture, so that splats beyond the edge do
 ///                   not crowd the last tiles
 /// Returns an empty rectangle where nothing is hit, an input is NaN or the mean is infinite.
+template <int edge = kTileWidth>
 GS_HD Rect pixel_rect(const Vec2f& mean2d, const Sym2<float>& cov2d, float cutoff, int tiles_x,
                       int tiles_y) {
   using std::ceil, std::floor, std::sqrt;
@@ -48,31 +52,33 @@ GS_HD Rect pixel_rect(const Vec2f& mean2d, const Sym2<float>& cov2d, float cutof
   // First and last pixel whose center (i + 0.5) lies in the box, as half-open bounds.
   const float x0 = max_of(ceil(mean2d.x - ex - 0.5f), 0.0f);
   const float y0 = max_of(ceil(mean2d.y - ey - 0.5f), 0.0f);
-  const float x1 = min_of(floor(mean2d.x + ex - 0.5f) + 1.0f, float(tiles_x * kTileWidth));
-  const float y1 = min_of(floor(mean2d.y + ey - 0.5f) + 1.0f, float(tiles_y * kTileHeight));
+  const float x1 = min_of(floor(mean2d.x + ex - 0.5f) + 1.0f, float(tiles_x * edge));
+  const float y1 = min_of(floor(mean2d.y + ey - 0.5f) + 1.0f, float(tiles_y * edge));
   if (!(x0 < x1) || !(y0 < y1)) return {0, 0, 0, 0};
   return {std::uint16_t(x0), std::uint16_t(x1), std::uint16_t(y0), std::uint16_t(y1)};
 }
 
 /// The pixels of the tiles that the square of TileBounds::square touches; arguments as above.
+template <int edge = kTileWidth>
 GS_HD Rect square_rect(const Vec2f& mean2d, const Sym2<float>& cov2d, int tiles_x, int tiles_y) {
   using std::ceil, std::floor, std::sqrt;
   const float mid = 0.5f * (cov2d.xx + cov2d.yy), half = 0.5f * (cov2d.xx - cov2d.yy);
   const float radius = ceil(3.0f * sqrt(mid + sqrt(half * half + cov2d.xy * cov2d.xy)));
-  const float width = float(kTileWidth), height = float(kTileHeight);
-  const float x0 = max_of(floor((mean2d.x - radius) / width) * width, 0.0f);
-  const float y0 = max_of(floor((mean2d.y - radius) / height) * height, 0.0f);
-  const float x1 = min_of(ceil((mean2d.x + radius) / width), float(tiles_x)) * width;
-  const float y1 = min_of(ceil((mean2d.y + radius) / height), float(tiles_y)) * height;
+  const float size = float(edge);
+  const float x0 = max_of(floor((mean2d.x - radius) / size) * size, 0.0f);
+  const float y0 = max_of(floor((mean2d.y - radius) / size) * size, 0.0f);
+  const float x1 = min_of(ceil((mean2d.x + radius) / size), float(tiles_x)) * size;
+  const float y1 = min_of(ceil((mean2d.y + radius) / size), float(tiles_y)) * size;
   if (!(x0 < x1) || !(y0 < y1)) return {0, 0, 0, 0};
   return {std::uint16_t(x0), std::uint16_t(x1), std::uint16_t(y0), std::uint16_t(y1)};
 }
 
 /// The rectangle of pixels within which a splat is looked for.
+template <int edge = kTileWidth>
 GS_HD Rect pixels_of(TileBounds bounds, const Vec2f& mean2d, const Sym2<float>& cov2d, float cutoff,
                      int tiles_x, int tiles_y) {
-  return bounds == TileBounds::square ? square_rect(mean2d, cov2d, tiles_x, tiles_y)
-                                      : pixel_rect(mean2d, cov2d, cutoff, tiles_x, tiles_y);
+  return bounds == TileBounds::square ? square_rect<edge>(mean2d, cov2d, tiles_x, tiles_y)
+                                      : pixel_rect<edge>(mean2d, cov2d, cutoff, tiles_x, tiles_y);
 }
 /// The cutoff with which tiles of that rectangle are tested: only TileBounds::exact leaves any out.
 GS_HD float tile_cutoff(TileBounds bounds, float cutoff) {
@@ -80,11 +86,10 @@ GS_HD float tile_cutoff(TileBounds bounds, float cutoff) {
 }
 
 /// The tiles that a rectangle of pixels touches.
+template <int edge = kTileWidth>
 GS_HD Rect tile_rect(const Rect& pixels) {
-  return {std::uint16_t(pixels.x_begin / kTileWidth),
-          std::uint16_t((pixels.x_end + kTileWidth - 1) / kTileWidth),
-          std::uint16_t(pixels.y_begin / kTileHeight),
-          std::uint16_t((pixels.y_end + kTileHeight - 1) / kTileHeight)};
+  return {std::uint16_t(pixels.x_begin / edge), std::uint16_t((pixels.x_end + edge - 1) / edge),
+          std::uint16_t(pixels.y_begin / edge), std::uint16_t((pixels.y_end + edge - 1) / edge)};
 }
 
 /// True where some point of a rectangle of pixel centers has an exponent >= -cutoff: the exact test
@@ -172,33 +177,41 @@ GS_HD float band_determinant(const Sym2<float>& conic) {
 ///
 /// tiles   tile_rect() of the splat; the span is within it
 /// tile_y  one of its rows
+template <int edge = kTileWidth>
 GS_HD TileSpan hit_tiles_of_row(const Vec2f& mean2d, const Sym2<float>& conic, float cutoff,
                                 const Rect& tiles, int tile_y) {
   using std::ceil, std::floor;
-  const float y_first = float(tile_y * kTileHeight) + 0.5f - mean2d.y;
-  const BandRange x = range_in_band(conic, band_determinant(conic), cutoff, y_first,
-                                    y_first + float(kTileHeight - 1));
+  const float y_first = float(tile_y * edge) + 0.5f - mean2d.y;
+  const BandRange x =
+      range_in_band(conic, band_determinant(conic), cutoff, y_first, y_first + float(edge - 1));
   if (!(x.left <= x.right)) return {0, 0};
-  // A tile's columns of pixel centers are 16 x + 0.5 to 16 x + 15.5.
-  const float begin = ceil((mean2d.x + x.left - (float(kTileWidth) - 0.5f)) / float(kTileWidth));
-  const float end = floor((mean2d.x + x.right - 0.5f) / float(kTileWidth)) + 1.0f;
+  // A tile's columns of pixel centers are edge x + 0.5 to edge x + edge - 0.5.
+  const float begin = ceil((mean2d.x + x.left - (float(edge) - 0.5f)) / float(edge));
+  const float end = floor((mean2d.x + x.right - 0.5f) / float(edge)) + 1.0f;
   return {int(clamp_to(begin, float(tiles.x_begin), float(tiles.x_end))),
           int(clamp_to(end, float(tiles.x_begin), float(tiles.x_end)))};
 }
 
-inline constexpr int kQuarterWidth = kTileWidth / 2, kQuarterHeight = kTileHeight / 2;  // pixels
+inline constexpr int kPart = 8;  // pixels: the edge of a part of a tile
+/// Parts along the edge of a tile.
+template <int edge>
+inline constexpr int kPartsAcross = edge / kPart;
 
-/// The 8 x 8 quarters of a row of tiles that a splat hits: columns [begin, end) of its upper and of
-/// its lower half.
-struct QuarterSpans {
-  std::int16_t begin[2], end[2];
+/// The 8 x 8 parts of a row of tiles that a splat hits: columns [begin, end) of each row of parts.
+template <int edge>
+struct PartSpans {
+  static constexpr int kAcross = kPartsAcross<edge>;
+  std::int16_t begin[kAcross], end[kAcross];
 
-  /// Those of one tile, as bits: 0 upper left, 1 upper right, 2 lower left, 3 lower right.
-  GS_HD unsigned quarters_of(int tile_x) const {
+  /// Those of one tile, as bits, row by row: in a tile of four parts 0 is the upper left one, 1
+  /// upper right, 2 lower left, 3 lower right.
+  GS_HD unsigned parts_of(int tile_x) const {
+    constexpr unsigned kRow = (1u << kAcross) - 1;
     unsigned bits = 0;
-    for (int quarter = 0; quarter < 4; ++quarter) {
-      const int column = 2 * tile_x + quarter % 2, half = quarter / 2;
-      if (column >= begin[half] && column < end[half]) bits |= 1u << quarter;
+    for (int row = 0; row < kAcross; ++row) {
+      const int first = max_of(begin[row] - kAcross * tile_x, 0);
+      const int count = min_of(end[row] - kAcross * tile_x, kAcross) - first;
+      if (count > 0) bits |= ((kRow >> (kAcross - count)) << first) << (row * kAcross);
     }
     return bits;
   }
@@ -206,31 +219,35 @@ struct QuarterSpans {
 /// They are widened by what rounding may take, so that no fragment is lost that a pixel's own test
 /// keeps: the longer a needle is, the less its determinant is known. The longest are granted all
 /// columns. Quotients and roots may be off by 1e-6.
-template <class Arithmetic = ExactArithmetic>
-GS_HD QuarterSpans hit_quarters_of_row(const Vec2f& mean2d, const Sym2<float>& conic, float cutoff,
+template <int edge = kTileWidth, class Arithmetic = ExactArithmetic>
+GS_HD PartSpans<edge> hit_parts_of_row(const Vec2f& mean2d, const Sym2<float>& conic, float cutoff,
                                        int tile_y) {
   using std::ceil, std::floor;
   constexpr float kRounding = 4e-7f;  // of the determinant's terms
   constexpr float kUnknown = 0.05f;   // of the determinant
   constexpr float kLeast = 0.02f;     // pixels
   // columns: more than any picture has
-  constexpr float kWidth = float(kQuarterWidth), kEnd = 16384.0f;
+  constexpr float kWidth = float(kPart), kEnd = 16384.0f;
   const float det = band_determinant(conic);
   const float error = Arithmetic::quotient(kRounding * conic.xx * conic.yy, det);
   const float y_slack =
       error * Arithmetic::root(Arithmetic::quotient(2.0f * cutoff * conic.xx, det)) + kLeast;
-  QuarterSpans spans{{0, 0}, {std::int16_t(kEnd), std::int16_t(kEnd)}};
+  PartSpans<edge> spans;
+  for (int row = 0; row < spans.kAcross; ++row) {
+    spans.begin[row] = 0;
+    spans.end[row] = std::int16_t(kEnd);
+  }
   if (!(error < kUnknown)) return spans;
-  for (int half = 0; half < 2; ++half) {
-    const float y_first = float(tile_y * kTileHeight + half * kQuarterHeight) + 0.5f - mean2d.y;
+  for (int row = 0; row < spans.kAcross; ++row) {
+    const float y_first = float(tile_y * edge + row * kPart) + 0.5f - mean2d.y;
     const BandRange x = range_in_band<Arithmetic>(conic, det, cutoff, y_first - y_slack,
-                                                  y_first + float(kQuarterHeight - 1) + y_slack);
+                                                  y_first + float(kPart - 1) + y_slack);
     const float slack = error * (x.right - x.left) + kLeast;
     const float begin = ceil((mean2d.x + x.left - slack - (kWidth - 0.5f)) * (1.0f / kWidth));
     const float end = floor((mean2d.x + x.right + slack - 0.5f) * (1.0f / kWidth)) + 1.0f;
     const bool is_empty = !(x.left <= x.right);
-    spans.begin[half] = std::int16_t(clamp_to(begin, 0.0f, kEnd));
-    spans.end[half] = is_empty ? std::int16_t(0) : std::int16_t(clamp_to(end, 0.0f, kEnd));
+    spans.begin[row] = std::int16_t(clamp_to(begin, 0.0f, kEnd));
+    spans.end[row] = is_empty ? std::int16_t(0) : std::int16_t(clamp_to(end, 0.0f, kEnd));
   }
   return spans;
 }

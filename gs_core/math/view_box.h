@@ -81,7 +81,7 @@ GS_HD float box_test(const Camera& camera, const SplatSettings& settings, const 
   const float focal = is_y ? camera.fy : camera.fx, center = is_y ? camera.cy : camera.cx;
   const float pixels = float(is_y ? camera.height : camera.width);
   // The grid of tiles may end a tile behind the picture.
-  const float end = pixels + float(is_y ? kTileHeight : kTileWidth);
+  const float end = pixels + float(kWideTile);
   const float side = (is_end ? end - center : -center) / focal;
   const float limit =
       (is_end ? (1 + kFrustumMargin) * pixels - center : -kFrustumMargin * pixels - center) / focal;

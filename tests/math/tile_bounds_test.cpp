@@ -432,8 +432,9 @@ TEST(HitTilesOfRow, HoldTheTileOfAMeanOnAPixelCenterAtCutoffZero) {
 }
 
 // Includes needles of 1000 by 0.55 pixels. Their float conics describe a slightly different
-// ellipse, but no fragment of a quarter may be lost. Few quarters may be listed in vain.
-TEST(HitQuartersOfRow, HoldAllFragmentsAndLittleElse) {
+// ellipse, but no fragment of a part may be lost. Few parts may be listed in vain.
+template <int edge>
+void expect_parts() {
   for (const double sigma : {3.0, 30.0, 1000.0}) {
     SplatRandom random(sigma);
     int hits = 0, lost = 0, spare = 0;
@@ -442,20 +443,37 @@ TEST(HitQuartersOfRow, HoldAllFragmentsAndLittleElse) {
       const auto [tile_x, tile_y] = draw_tile(random, s);
       if (tile_x < 0 || tile_y < 0) continue;
       const unsigned bits =
-          hit_quarters_of_row(s.mean2d, s.conic, s.cutoff, tile_y).quarters_of(tile_x);
-      for (int quarter = 0; quarter < 4; ++quarter) {
-        const bool is_hit = smallest_over(s, tile_x * kTileWidth + quarter % 2 * kQuarterWidth,
-                                          tile_y * kTileHeight + quarter / 2 * kQuarterHeight,
-                                          kQuarterWidth, kQuarterHeight) <= s.cutoff;
+          hit_parts_of_row<edge>(s.mean2d, s.conic, s.cutoff, tile_y).parts_of(tile_x);
+      constexpr int kAcross = kPartsAcross<edge>;
+      EXPECT_EQ(bits >> (kAcross * kAcross), 0u);
+      for (int part = 0; part < kAcross * kAcross; ++part) {
+        const bool is_hit =
+            smallest_over(s, tile_x * edge + part % kAcross * kPart,
+                          tile_y * edge + part / kAcross * kPart, kPart, kPart) <= s.cutoff;
         hits += is_hit;
-        lost += is_hit && !(bits >> quarter & 1);
-        spare += !is_hit && (bits >> quarter & 1);
+        lost += is_hit && !(bits >> part & 1);
+        spare += !is_hit && (bits >> part & 1);
       }
     }
     EXPECT_EQ(lost, 0) << sigma;
     EXPECT_GT(hits, 4'000) << sigma;
     EXPECT_LT(spare, (sigma < 100 ? 0.03 : 0.3) * hits) << sigma;
   }
+}
+TEST(HitPartsOfRow, HoldAllFragmentsAndLittleElse) {
+  expect_parts<kTileWidth>();
+  expect_parts<kWideTile>();
+}
+
+TEST(PartSpans, HaveABitForEachPartOfATile) {
+  const PartSpans<kTileWidth> four{{1, 2}, {3, 2}};  // columns 1 and 2 above, none below
+  EXPECT_EQ(four.parts_of(0), 0b0010u);
+  EXPECT_EQ(four.parts_of(1), 0b0001u);
+  EXPECT_EQ(four.parts_of(2), 0u);
+  const PartSpans<kWideTile> nine{{0, 2, 4}, {9, 4, 5}};
+  EXPECT_EQ(nine.parts_of(0), 0b000'100'111u);
+  EXPECT_EQ(nine.parts_of(1), 0b010'001'111u);
+  EXPECT_EQ(nine.parts_of(2), 0b000'000'111u);
 }
 
 TEST(HitTiles, AreVisitedRowByRow) {

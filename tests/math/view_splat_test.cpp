@@ -86,37 +86,42 @@ TEST(ViewSplat, ItsOutlineIsThatOfItsSplat) {
 }
 
 // Blending evaluates a packed splat by its factors; each fragment that it keeps lies in a tile and
-// a quarter that the packed outline lists.
-TEST(ViewSplat, TilesOfItsOutlineLoseNoFragment) {
+// a part that the packed outline lists.
+template <int edge>
+void expect_no_lost_fragment() {
   const Camera camera = random_camera(640, 480, 3);
-  const int tiles_x = (camera.width + kTileWidth - 1) / kTileWidth,
-            tiles_y = (camera.height + kTileHeight - 1) / kTileHeight;
+  const int tiles_x = (camera.width + edge - 1) / edge, tiles_y = (camera.height + edge - 1) / edge;
   std::size_t fragments = 0;
   for (const Recipe& recipe : {kTypical, kSharp, kNeedles}) {
     for (const auto& [splat, cov2d, i] : visible_splats(recipe, 300, camera)) {
       const ViewSplat packed = view_splat(splat);
       const SplatOutline outline = outline_of(packed);
-      const Rect tiles = tile_rect(pixel_rect(splat.mean2d, cov2d, splat.cutoff, tiles_x, tiles_y));
-      for (int y = tiles.y_begin * kTileHeight; y < tiles.y_end * kTileHeight; ++y) {
-        const int row = y / kTileHeight;
+      const Rect tiles =
+          tile_rect<edge>(pixel_rect<edge>(splat.mean2d, cov2d, splat.cutoff, tiles_x, tiles_y));
+      for (int y = tiles.y_begin * edge; y < tiles.y_end * edge; ++y) {
+        const int row = y / edge;
         const TileSpan span =
-            hit_tiles_of_row(outline.mean2d, outline.conic, outline.cutoff, tiles, row);
-        const QuarterSpans quarters =
-            hit_quarters_of_row(outline.mean2d, outline.conic, outline.cutoff, row);
-        for (int x = tiles.x_begin * kTileWidth; x < tiles.x_end * kTileWidth; ++x) {
+            hit_tiles_of_row<edge>(outline.mean2d, outline.conic, outline.cutoff, tiles, row);
+        const PartSpans<edge> parts =
+            hit_parts_of_row<edge>(outline.mean2d, outline.conic, outline.cutoff, row);
+        for (int x = tiles.x_begin * edge; x < tiles.x_end * edge; ++x) {
           const double dx = x + 0.5 - splat.mean2d.x, dy = y + 0.5 - splat.mean2d.y;
           const double u_x = packed.L.xx * dx + packed.L.xy * dy, u_y = packed.L.yy * dy;
           if (packed.log2_opacity - u_x * u_x - u_y * u_y < 0) continue;
-          const int tile = x / kTileWidth,
-                    quarter = x / kQuarterWidth % 2 + 2 * (y / kQuarterHeight % 2);
+          constexpr int kAcross = kPartsAcross<edge>;
+          const int tile = x / edge, part = x / kPart % kAcross + kAcross * (y / kPart % kAcross);
           ASSERT_TRUE(tile >= span.begin && tile < span.end) << i << ": " << x << ", " << y;
-          ASSERT_TRUE(quarters.quarters_of(tile) >> quarter & 1) << i << ": " << x << ", " << y;
+          ASSERT_TRUE(parts.parts_of(tile) >> part & 1) << i << ": " << x << ", " << y;
           ++fragments;
         }
       }
     }
   }
   EXPECT_GT(fragments, 10'000u);
+}
+TEST(ViewSplat, TilesOfItsOutlineLoseNoFragment) {
+  expect_no_lost_fragment<kTileWidth>();
+  expect_no_lost_fragment<kWideTile>();
 }
 
 }  // namespace
