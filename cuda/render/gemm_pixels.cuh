@@ -12,12 +12,6 @@ inline constexpr int kHistoryBlocks = 5;  // the same with history
 // warps of 8 x 8 pixels, in multiples of those that run at a time
 inline constexpr int kSmallPicture = 3;
 
-// A fragment is dropped where 255 alpha < 1. The product (255 alpha) kLeast flushes to zero exactly
-// there, since kLeast is the smallest normal number, so that no comparison is needed. Light is
-// scaled by kLight = 1 / (255 kLeast) to make up for both factors.
-inline constexpr float kLeast = 0x1p-126f;
-inline constexpr float kLight = float(kMinAlpha) / kLeast;
-
 inline constexpr float kClosed = 0.0f;  // transmittance of a pixel that takes no more fragments
 
 /// A variant of the pixels that a warp blends.
@@ -34,7 +28,7 @@ struct PixelVariant {
   static constexpr bool fast = fast_;                  // for viewing
   static constexpr int height = height_;               // pixels of a sub-tile
   static constexpr bool has_part = height == kPart;
-  using Queue = SplatQueue<with_history, has_part ? kBatch : 2 * kBatch>;
+  using Queue = SplatQueue<with_history, has_part ? kBatch : 2 * kBatch, fast>;
   static constexpr int blocks = with_history ? kHistoryBlocks : kBlocks;
 };
 
@@ -176,7 +170,8 @@ class SubtilePixels {
     for (int i = 0; i < owned; ++i)
 #pragma unroll
       for (int r = 0; r < 2; ++r) {
-        float kept = exp2_fragment(exponents[i / 2][2 * r + i % 2]) * kLeast;
+        float kept = exp2_fragment(exponents[i / 2][2 * r + i % 2]);
+        if (!Kind::fast) kept *= kLeast;
         if (Kind::rule == BlendRule::classic) kept = fminf(kept, float(kMaxAlphaClassic) / kLight);
         if (Kind::with_history && kept > 0) last[r] = i;
         weights[i][r] = kept * light[r];

@@ -71,7 +71,8 @@ class CudaBlendGemm : public CudaTest {
     for (std::size_t i = 0; i < pixels; ++i)
       T_differs +=
           !(std::abs(fast.transmittance[i] - b.transmittance[i]) <= kMinTransmittance + 1e-5f);
-    EXPECT_LE(double(T_differs), kBorderline * double(pixels) + 1);
+    // Their exponents have three bits less, so that more fragments are at a threshold.
+    EXPECT_LE(double(T_differs), 4 * kBorderline * double(pixels) + 2);
   }
 };
 
