@@ -33,7 +33,6 @@ void move_source(DatasetConfig& dataset, const fs::path& scene) {
 
 void settle(Config& config, const PhotometricChoice& choice) {
   config.photometric.model = choice.has_gains ? kGainsModel : kNoPhotometricModel;
-  config.dataset.exposure |= choice.has_gains;
   log_info("photometric.model auto is {}: {}", config.photometric.model, choice.why);
 }
 

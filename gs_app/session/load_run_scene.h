@@ -25,8 +25,9 @@ bool reconstruct_bare_photos(Config& config, const RunFolder& folder,
 Scene load_run_scene(const DatasetConfig& dataset, SessionHooks& hooks,
                      const LightNeeds& needs = {});
 
-/// The same for a run. Where photometric.model is "auto", the photos choose the model: the config
-/// then names it, and dataset.exposure too where gains start from exposures that were solved for.
+/// The same for a run. Where photometric.model is "auto", the photos choose the model, and the
+/// config then names it. Exposures that were solved for that choice alone are forgotten: gains that
+/// start from them make neutral pictures worse (docs/photometric.md).
 /// Logs why.
 Scene load_run_scene(Config& config, SessionHooks& hooks);
 

@@ -96,7 +96,7 @@ struct LossConfig {
 /// (docs/photometric.md).
 struct PhotometricConfig {
   std::string model = "none";  // none, gains, ppisp, auto
-  float rate = 2e-3f;          // Adam's, of its numbers
+  float rate = 5e-3f;          // Adam's, of its numbers
   bool vignetting = false;     // of each camera
 };
 
