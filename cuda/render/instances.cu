@@ -14,9 +14,8 @@ namespace {
 constexpr int kThreads = 128;
 constexpr std::uint32_t kPlacesPerWarp = 128;  // few enough that short lists also occupy the GPU
 
-template <class AnySplat_, int edge_>
+template <class AnySplat, int edge_>
 struct Input {
-  using AnySplat = AnySplat_;
   static constexpr int edge = edge_;    // of a tile
   std::uint32_t count;                  // of Gaussians in depth order
   const std::uint32_t* depth_order;     // (count)
