@@ -315,11 +315,12 @@ bool holds_a_pixel(const Splat& s, int tile_x, int tile_y) {
 }
 
 /// A tile near the splat.
+template <int edge = kTileWidth>
 std::pair<int, int> draw_tile(SplatRandom& random, const Splat& s) {
-  const double reach_x = 3.0 * std::sqrt(s.cov2d.xx) + kTileWidth;
-  const double reach_y = 3.0 * std::sqrt(s.cov2d.yy) + kTileHeight;
-  return {int(std::floor((s.mean2d.x + random.uniform(-reach_x, reach_x)) / kTileWidth)),
-          int(std::floor((s.mean2d.y + random.uniform(-reach_y, reach_y)) / kTileHeight))};
+  const double reach_x = 3.0 * std::sqrt(s.cov2d.xx) + edge;
+  const double reach_y = 3.0 * std::sqrt(s.cov2d.yy) + edge;
+  return {int(std::floor((s.mean2d.x + random.uniform(-reach_x, reach_x)) / edge)),
+          int(std::floor((s.mean2d.y + random.uniform(-reach_y, reach_y)) / edge))};
 }
 
 // Includes needles of 100 by 0.55 pixels. The float quadratic form of longer ones cancels more than
@@ -440,7 +441,7 @@ void expect_parts() {
     int hits = 0, lost = 0, spare = 0;
     for (int i = 0; i < 20'000; ++i) {
       const Splat s = random.splat(50.0);
-      const auto [tile_x, tile_y] = draw_tile(random, s);
+      const auto [tile_x, tile_y] = draw_tile<edge>(random, s);
       if (tile_x < 0 || tile_y < 0) continue;
       const unsigned bits =
           hit_parts_of_row<edge>(s.mean2d, s.conic, s.cutoff, tile_y).parts_of(tile_x);
