@@ -144,9 +144,9 @@ template <class F>
 void with_splats(const RenderPass& pass, F&& f) {
   const CudaScratch& scratch = pass.scratch<CudaScratch>();
   if (scratch.has_view_splats)
-    f(static_cast<const ViewSplat*>(scratch.view_splats.data()));
+    f(scratch.view_splats.data());
   else
-    f(static_cast<const Splat*>(pass.splats.data()));
+    f(pass.splats.data());
 }
 
 /// The edge of the tiles of a frame of so many Gaussians that is drawn from a packed model. Wide
@@ -158,8 +158,8 @@ int tile_edge_of(const Context& context, const RenderSettings& settings, const C
 /// splats have 32 bytes.
 template <class F>
 void with_tiles(const RenderPass& pass, F&& f) {
-  with_splats(pass, [&](const auto* splats) {
-    if constexpr (std::is_same_v<decltype(splats), const ViewSplat*>)
+  with_splats(pass, [&](auto* splats) {
+    if constexpr (std::is_same_v<decltype(splats), ViewSplat*>)
       if (pass.tile_edge == kWideTile) return f(std::integral_constant<int, kWideTile>(), splats);
     GS_CHECK(pass.tile_edge == kTileWidth);
     f(std::integral_constant<int, kTileWidth>(), splats);

@@ -269,11 +269,11 @@ void preprocess(Context& context, const CudaPackedScene& scene, const Camera& ca
                  pass.tiles_x,
                  pass.tiles_y};
   with_row(scene, [&](auto degree, auto is_float) {
-    with_tiles(pass, [&](auto edge, const auto* splats) {
-      using AnySplat = std::remove_cvref_t<decltype(*splats)>;
+    with_tiles(pass, [&](auto edge, auto* splats) {
+      using AnySplat = std::remove_pointer_t<decltype(splats)>;
       context.launch("preprocess", preprocess_packed_kernel<degree(), is_float(), edge(), AnySplat>,
-                     blocks_for(scene.count(), kThreads), kThreads, in, camera, settings,
-                     const_cast<AnySplat*>(splats), projected_rows(settings, workspace, pass));
+                     blocks_for(scene.count(), kThreads), kThreads, in, camera, settings, splats,
+                     projected_rows(settings, workspace, pass));
     });
   });
 }
