@@ -89,6 +89,53 @@ def seconds_of(draw):
     return time.perf_counter() - begin, first.elapsed_time(last) / 1000
 
 
+def seconds_back_to_back(draw, frames):
+    begin = time.perf_counter()
+    for _ in range(frames):
+        draw()
+    torch.cuda.synchronize()
+    return (time.perf_counter() - begin) / frames
+
+
+def psnr_of(picture, png):
+    """Of a picture (H, W, 3) against a PNG of 8 bits."""
+    from PIL import Image
+    ours = numpy.asarray(Image.open(png).convert("RGB")) / 255.0
+    theirs = picture.float().clamp(0, 1).cpu().numpy()
+    return -10 * numpy.log10(numpy.mean((ours - theirs) ** 2))
+
+
+def time_view(renderer, camera, scale, options):
+    """The figures of one view, by the names that they have in the report, in milliseconds and dB."""
+    name, matrix, fx, fy, cx, cy, width, height = camera
+    K = torch.tensor([[fx * scale, 0, cx * scale], [0, fy * scale, cy * scale], [0, 0, 1]],
+                     dtype=torch.float32).cuda()
+
+    def draw():
+        return renderer.render(viewmat=matrix, K=K, width=round(width * scale),
+                               height=round(height * scale), near_plane=0.2, far_plane=1e4)
+
+    for _ in range(3):
+        picture = draw().frame[0, ..., :3]
+    figures = {}
+    if options.pictures and scale == 1:
+        figures["psnr"] = psnr_of(picture, options.pictures / f"{name}.png")
+    host, events = zip(*(seconds_of(draw) for _ in range(options.frames)))
+    figures["ms_per_frame"] = 1000 * statistics.median(host)
+    figures["events"] = 1000 * statistics.median(events)
+    figures["back_to_back"] = 1000 * seconds_back_to_back(draw, options.frames)
+    return figures
+
+
+def time_scale(renderer, cameras, scale, options):
+    """The same as means over the views, with what they are of."""
+    views = [time_view(renderer, camera, scale, options) for camera in cameras]
+    width, height = cameras[-1][-2:]
+    return {"width": round(width * scale), "height": round(height * scale), "views": len(views),
+            "frames": options.frames,
+            **{figure: statistics.mean(view[figure] for view in views) for figure in views[0]}}
+
+
 def main():
     parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
     parser.add_argument("run", type=pathlib.Path)
@@ -105,11 +152,11 @@ def main():
     if not plys:
         sys.exit(f"error: {options.run} has no point_cloud/iteration_N/point_cloud.ply; name the "
                  "folder of a run of `gemsplat train`")
-    columns = read_model(plys[-1])
-    scene = packed_scene(columns, options.compression)
     cameras = held_out_cameras(options.run)
     if not cameras:
         sys.exit(f"error: {options.run} holds no photos out; train with --eval")
+    columns = read_model(plys[-1])
+    scene = packed_scene(columns, options.compression)
     report = {
         "program": f"HiGS ({options.compression}, tiles of {options.tile_size})",
         "device": torch.cuda.get_device_name(), "model": str(plys[-1]),
@@ -122,40 +169,7 @@ def main():
     with torch.inference_mode(), GaussianInferenceRenderer(
             scene, tile_size=options.tile_size) as renderer:
         for scale in options.scales:
-            host, events, chained, psnr = [], [], [], []
-            for name, matrix, fx, fy, cx, cy, width, height in cameras:
-                size = {"width": round(width * scale), "height": round(height * scale)}
-                K = torch.tensor([[fx * scale, 0, cx * scale], [0, fy * scale, cy * scale],
-                                  [0, 0, 1]], dtype=torch.float32).cuda()
-
-                def draw():
-                    return renderer.render(viewmat=matrix, K=K, near_plane=0.2, far_plane=1e4,
-                                           **size)
-
-                for _ in range(3):
-                    picture = draw().frame[0, ..., :3]
-                frames = [seconds_of(draw) for _ in range(options.frames)]
-                host.append(statistics.median(frame[0] for frame in frames))
-                events.append(statistics.median(frame[1] for frame in frames))
-                begin = time.perf_counter()
-                for _ in range(options.frames):
-                    draw()
-                torch.cuda.synchronize()
-                chained.append((time.perf_counter() - begin) / options.frames)
-                if options.pictures and scale == 1:
-                    from PIL import Image
-                    found = sorted(options.pictures.rglob(f"{name}*.png"))
-                    if found:
-                        ours = numpy.asarray(Image.open(found[0]).convert("RGB")) / 255.0
-                        theirs = picture.float().clamp(0, 1).cpu().numpy()
-                        psnr.append(-10 * numpy.log10(numpy.mean((ours - theirs) ** 2)))
-            report["render"].append(
-                {"width": size["width"], "height": size["height"], "views": len(cameras),
-                 "frames": options.frames, "ms_per_frame": 1000 * statistics.mean(host),
-                 "events": 1000 * statistics.mean(events),
-                 "back_to_back": 1000 * statistics.mean(chained)})
-            if psnr:
-                report["render"][-1]["psnr"] = statistics.mean(psnr)
+            report["render"].append(time_scale(renderer, cameras, scale, options))
             print(json.dumps(report["render"][-1]))
     options.output.write_text(json.dumps(report, indent=1) + "\n")
 
