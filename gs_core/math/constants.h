@@ -10,7 +10,7 @@ namespace gs {
 // Tiles. Width and height are two names even where they are equal.
 inline constexpr int kTileWidth = 16;   // pixels [3DGS]
 inline constexpr int kTileHeight = 16;  // pixels [3DGS]
-inline constexpr int kWideTile = 24;    // pixels, both ways, in large pictures that are only looked at
+inline constexpr int kWideTile = 24;    // pixels, both ways, in large pictures for viewing
 
 inline constexpr int kMaxPictureSide = 65520;  // pixels; rectangles are held in 16 bits
 
