@@ -43,6 +43,15 @@ Scene three_views(int width, int height, DepthKind kind) {
 
 class CudaDepth : public CudaTest {
  protected:
+  void SetUp() override {
+    CudaTest::SetUp();
+    use_views(DepthKind::metric);
+  }
+  /// The backend knows views by their addresses until other ones are announced.
+  void use_views(DepthKind kind) {
+    scene_ = three_views(131, 77, kind);
+    gpu().upload_views(scene_.train_views, 0);
+  }
   Gaussians plain(std::size_t count = 3000) const {
     return random_gaussians(kTypical, count, scene_.train_views[0].camera, 5);
   }
@@ -83,13 +92,13 @@ class CudaDepth : public CudaTest {
     }
   }
 
-  Scene scene_ = three_views(131, 77, DepthKind::metric);
+  Scene scene_;
 };
 
 TEST_F(CudaDepth, AStepIsTheScalarOneForEachKindOfMap) {
   for (const DepthKind kind :
        {DepthKind::metric, DepthKind::scaled, DepthKind::relative, DepthKind::inverse}) {
-    scene_ = three_views(131, 77, kind);
+    use_views(kind);
     expect_scalar_step(plain());
   }
 }
