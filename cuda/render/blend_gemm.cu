@@ -38,8 +38,17 @@ struct Variant : PixelVariant<rule, with_history, fast, height> {
   static constexpr int edge = edge_;  // of a tile
   static_assert(edge == kTileWidth || (height == kPart && !with_history));
   static constexpr int kPerRow = edge / kSubtileWidth, kPerTile = kPerRow * edge / height;
-  using Walk =
-      std::conditional_t<height == kPart, PartWalkOf<AnySplat, edge>, ListWalkOf<AnySplat>>;
+  using Walk = std::conditional_t<height == kPart, PartWalkOf<AnySplat, edge, with_history>,
+                                  ListWalkOf<AnySplat>>;
+
+  /// What the walk needs to know of the warp's pixels: sub-tile `number` of the tile, with the
+  /// corner (x0, y0).
+  __device__ static auto pixels_of_walk(int number, int x0, int y0) {
+    if constexpr (height == kPart)
+      return bit_of_part<edge>(number);
+    else
+      return PixelRange(x0, y0, kSubtileWidth, height);
+  }
 };
 
 template <class Kind>
@@ -66,52 +75,56 @@ __global__ void __launch_bounds__(kBlendThreads, Kind::blocks)
   const int y0 = int(tile) / lists.tiles_x * Kind::edge + y_in_tile;
   if (x0 >= lists.width || y0 >= lists.height) return;  // the whole warp
 
+  const std::uint32_t length = lists.ranges[tile + 1] - lists.ranges[tile];
+  typename Kind::Walk walk(shared.ahead, lists, tile, Kind::pixels_of_walk(number, x0, y0), 0,
+                           length, Kind::with_history);
   SubtilePixels<Kind> pixels(shared.pixels, lists, x0, y0);
   typename Kind::Queue queue(shared.queue,
                              {float(x0) + 0.5f * kSubtileWidth, float(y0) + 0.5f * Kind::height});
-  const std::uint32_t length = lists.ranges[tile + 1] - lists.ranges[tile];
-  typename Kind::Walk walk(shared.ahead, lists, tile,
-                           PixelRange(x0, y0, kSubtileWidth, Kind::height), 0, length,
-                           Kind::with_history);
-  while (pixels.any_open()) {
+  while (pixels.any_open() && (queue.count() > 0 || !walk.is_done())) {
     // A segment begins with an empty queue, so that the pixels then have the result of the list
     // before it.
-    if (queue.count() >= kBatch || (queue.count() > 0 && walk.segment_is_done())) {
-      blend_next(queue, pixels);
-      continue;
-    }
-    if (walk.is_done()) break;
-    if (Kind::with_history && walk.segment_is_done()) {
+    if (Kind::with_history && queue.count() == 0 && walk.segment_is_done()) {
       const std::size_t slot = out.first_checkpoints[tile] + walk.next_segment() - 1;
-      for (int row = 0; row < Kind::height; ++row) {
-        const int x = x_in_tile + pixels.column(), y = y_in_tile + row;
+      const float behind = pixels.owner() == 3 ? 1.0f : 0.0f;
+      for (int pair = 0; pair < Kind::height / 2; ++pair) {
+        const int x = x_in_tile + pixels.column(), y = y_in_tile + 2 * pair;
         const int subtile = y / kSubtileHeight * kPerRow + x / kSubtileWidth;
         const int pixel = subtile * kWarp + y % kSubtileHeight * kSubtileWidth + x % kSubtileWidth;
-        out.checkpoints[4 * (slot * kTileWidth * kTileHeight + pixel) + pixels.owner()] =
-            pixels.part(row);
+        float* const to =
+            &out.checkpoints[4 * (slot * kTileWidth * kTileHeight + pixel) + pixels.owner()];
+        const float2 channel = pixels.channel_of_pair(pair, behind);
+        to[0] = channel.x;
+        to[4 * kSubtileWidth] = channel.y;
       }
     }
-    queue.take(walk);
+    queue.take_batch(walk);
+    if (queue.count() > 0) blend_next(queue, pixels);
   }
 
   // Each lane writes one plane: red, green, blue, or transmittance.
   const int x = x0 + pixels.column(), channel = pixels.owner();
   const std::size_t plane = std::size_t(lists.width) * lists.height;
-  float* const to = channel == 3 ? out.transmittance : out.image + channel * plane;
+  const std::size_t first = std::size_t(y0) * lists.width + x;
+  float* to = (channel == 3 ? out.transmittance : out.image + channel * plane) + first;
   const float behind = channel == 0   ? background.x
                        : channel == 1 ? background.y
                        : channel == 2 ? background.z
-                                      : 0.0f;
-#pragma unroll 2
-  for (int row = 0; row < Kind::height; ++row) {
-    const float part = pixels.part(row);
-    const float transmittance = __shfl_sync(kAllLanes, part, lane_of_thread() | 3);
-    std::uint32_t last = 0;
-    if constexpr (Kind::with_history) last = pixels.last(row);
-    if (x >= lists.width || y0 + row >= lists.height) continue;
-    const std::size_t at = std::size_t(y0 + row) * lists.width + x;
-    to[at] = fmaf(transmittance, behind, part);
-    if (Kind::with_history && channel == 3) out.last[at] = last;
+                                      : 1.0f;
+  const int rows = x < lists.width ? lists.height - y0 : 0;  // inside the picture
+#pragma unroll
+  for (int row = 0; row < Kind::height; row += 2) {
+    const float2 pair = pixels.channel_of_pair(row / 2, behind);
+    if (row < rows) to[0] = pair.x;
+    if (row + 1 < rows) to[lists.width] = pair.y;
+    to += 2 * lists.width;
+  }
+  if constexpr (Kind::with_history) {
+    std::uint32_t* at = out.last + first;
+    for (int row = 0; row < Kind::height; ++row, at += lists.width) {
+      const std::uint32_t last = pixels.last(row);
+      if (row < rows && channel == 3) *at = last;
+    }
   }
 }
 

@@ -31,6 +31,13 @@ GS_HD constexpr unsigned place_of_column(int batch, unsigned j, unsigned c) {
   return batch == kBatch ? 8 * j + c : place_of_splat(splat_of_column(batch, j, c));
 }
 
+/// The place of a splat's color in a column of colors, which has those of a whole batch: first the
+/// four owners' splats 0, which are b[0] of the first product, then their splats 1, and so on.
+GS_HD constexpr unsigned place_of_color(unsigned splat) {
+  const unsigned owner = splat / owned_of(kBatch), own = splat % owned_of(kBatch);
+  return own * kOwners + owner;
+}
+
 struct Entry {
   int row, column;
 };

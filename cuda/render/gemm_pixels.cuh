@@ -12,7 +12,9 @@ inline constexpr int kHistoryBlocks = 5;  // the same with history
 // warps of 8 x 8 pixels, in multiples of those that run at a time
 inline constexpr int kSmallPicture = 3;
 
-inline constexpr float kClosed = 0.0f;  // transmittance of a pixel that takes no more fragments
+// Transmittance of a pixel that takes no more fragments. As an unsigned number its bits are larger
+// than those of any open pixel, so that one comparison finds the pixels that a batch ends.
+inline constexpr float kClosed = -0.0f;
 
 /// A variant of the pixels that a warp blends.
 ///
@@ -64,14 +66,14 @@ class SubtilePixels {
 
   template <class Lists>
   __device__ SubtilePixels(Shared& shared, const Lists& lists, int x0, int y0) : shared_(shared) {
+    // Monomials 1, x of owners 0 and 3; y, x^2 of owner 1; x y, y^2 of owner 2.
     const int t = owner();
     const float x = float(column()) - 0.5f * float(kSubtileWidth - 1);
-    if (t == 0 || t == 3) monomials_[0] = __floats2half2_rn(1.0f, x);
-    if (t == 1) monomials_[0] = __floats2half2_rn(0.0f, x * x);
-    if (t == 1) monomials_[1] = __floats2half2_rn(1.0f, 0.0f);
-    if (t == 2) monomials_[1] = __floats2half2_rn(x, 0.0f);
-    if (t == 2) monomials_[2] = __floats2half2_rn(0.0f, 1.0f);
-    const int rows = x0 + column() < lists.width ? lists.height - y0 : 0;  // inside the picture
+    monomials_[0] = __floats2half2_rn(t % 3 == 0 ? 1.0f : 0.0f, t == 2 ? 0.0f : t == 1 ? x * x : x);
+    monomials_[1] = __floats2half2_rn(t == 1 ? 1.0f : t == 2 ? x : 0.0f, 0.0f);
+    monomials_[2] = __floats2half2_rn(0.0f, t == 2 ? 1.0f : 0.0f);
+    open_pairs_ = (1u << min(kPairs, (lists.height - y0 + 1) / 2)) - 1;    // inside the picture
+    const int rows = x0 + column() < lists.width ? lists.height - y0 : 0;  // the same
     for (int pair = 0; pair < kPairs; ++pair) {
       shared_.transmittance[pair][lane_of_thread()] = {2 * pair < rows ? 1.0f : kClosed,
                                                        2 * pair + 1 < rows ? 1.0f : kClosed};
@@ -83,7 +85,7 @@ class SubtilePixels {
   }
 
   /// The whole warp: false where no pixel takes further fragments.
-  __device__ bool any_open() const { return any_open_; }
+  __device__ bool any_open() const { return open_pairs_ != 0; }
 
   /// The whole warp: blends the next batch of the queue, or the last half batch.
   template <int batch>
@@ -95,21 +97,19 @@ class SubtilePixels {
     queue.load_colors(color_columns);
     const __half2 one = __float2half2_rn(1.0f);
     __half2 y = __float2half2_rn(-0.5f * float(Kind::height - 1));
-    float most_left = 0;
+    const unsigned open_pairs = open_pairs_;
+    RowPair pair(shared_);
 #pragma unroll 1
-    for (int pair = 0; pair < kPairs; ++pair) {
+    for (; pair.bit < (1u << kPairs); pair.next()) {
       const unsigned top = left_hand_side(y), bottom = left_hand_side(__hadd2(y, one));
       y = __hadd2(__hadd2(y, one), one);
-      const float2 open = shared_.transmittance[pair][lane_of_thread()];
-      if (!__any_sync(kAllLanes, is_open(fmaxf(open.x, open.y)))) continue;
+      if (!(open_pairs & pair.bit)) continue;
       float exponents[products][4] = {};
 #pragma unroll
       for (int j = 0; j < products; ++j)
         multiply_add_16x8x16(exponents[j], {top, bottom, top, bottom}, exponent_columns[j]);
-      const float2 left = blend_rows(pair, exponents, open, color_columns, queue);
-      most_left = fmaxf(most_left, fmaxf(left.x, left.y));
+      blend_rows(pair, exponents, color_columns, queue);
     }
-    any_open_ = __any_sync(kAllLanes, is_open(most_left));
     queue.pop(batch);
   }
 
@@ -117,19 +117,12 @@ class SubtilePixels {
   /// column.
   __device__ int column() const { return lane_of_thread() / kOwners; }
   __device__ int owner() const { return lane_of_thread() % kOwners; }
-  /// The whole warp: this lane's part of the pixel in a row: red, green, blue, transmittance.
-  __device__ float part(int row) const {
-    const float4 sums = shared_.sums[row / 2][lane_of_thread()];
-    const float sum = row % 2 == 0 ? sums.x + sums.y : sums.z + sums.w;
-    const float2 reaching = shared_.transmittance[row / 2][lane_of_thread()];
-    const float left = row % 2 == 0 ? reaching.x : reaching.y;
-    if constexpr (Kind::fast) {
-      const float cut_weights = __shfl_sync(kAllLanes, sum, lane_of_thread() | 3);
-      if (owner() == 3) return left;
-      return cut_weights > 0 ? sum * ((1.0f - left) / cut_weights) : 0.0f;
-    }
-    if (owner() < 3) return sum;
-    return left > 0 ? left : transmittance_at_the_end(1.0f - sum);
+  /// The whole warp: this lane's channel of the two pixels in a pair of rows: red, green, blue, or
+  /// transmittance. `behind` is the background in that channel, and 1 for the transmittance.
+  __device__ float2 channel_of_pair(int pair, float behind) const {
+    const float4 sums = shared_.sums[pair][lane_of_thread()];
+    const float2 left = shared_.transmittance[pair][lane_of_thread()];
+    return {channel(sums.x + sums.y, left.x, behind), channel(sums.z + sums.w, left.y, behind)};
   }
   /// The whole warp: returns 1 + position of a pixel's last blended splat; 0: none.
   __device__ std::uint32_t last(int row) const {
@@ -137,6 +130,16 @@ class SubtilePixels {
   }
 
  private:
+  // The channel of a pixel from the sum of the second product and the transmittance as shared
+  // memory has it.
+  __device__ float channel(float sum, float left, float behind) const {
+    const float weights = __shfl_sync(kAllLanes, sum, kOwners - 1, kOwners);
+    const float color = owner() < 3 ? sum : 0.0f;
+    if constexpr (Kind::fast)
+      return fmaf(left, behind, weights > 0 ? color * ((1.0f - left) / weights) : 0.0f);
+    else
+      return fmaf(left > 0 ? left : transmittance_at_the_end(1.0f - weights), behind, color);
+  }
   // True if a pixel of this transmittance takes further fragments.
   __device__ static bool is_open(float transmittance) {
     return Kind::fast ? transmittance >= float(kMinTransmittance) : transmittance > 0;
@@ -144,7 +147,7 @@ class SubtilePixels {
   // The transmittance of a closed pixel from 1 - sum of its weights.
   __device__ static float transmittance_at_the_end(float left) {
     return Kind::rule == BlendRule::classic ? fmaxf(left, float(kMinTransmittance))
-                                            : clamp_to(left, 0.0f, float(kMinTransmittance));
+                                            : fminf(__saturatef(left), float(kMinTransmittance));
   }
 
   // This lane's part of a row of the exponents' left-hand side: two of 1, x, y, x^2, x y, y^2, 1,
@@ -154,12 +157,29 @@ class SubtilePixels {
     return *reinterpret_cast<const unsigned*>(&part);
   }
 
-  // Blends a batch into two pixels, one above the other. `open_` is the transmittance before the
-  // batch; returns that after.
+  // This lane's two pixels of a pair of rows, one above the other: what shared memory holds of
+  // them, and the bit of the pair in open_pairs_.
+  struct RowPair {
+    unsigned bit = 1;
+    float2* transmittance;
+    float4* sums;
+    __device__ explicit RowPair(Shared& shared)
+        : transmittance(&shared.transmittance[0][lane_of_thread()]),
+          sums(&shared.sums[0][lane_of_thread()]) {}
+    __device__ void next() {
+      bit <<= 1;
+      transmittance += kWarp;
+      sums += kWarp;
+    }
+    __device__ int number() const { return __ffs(bit) - 1; }
+  };
+
+  // Blends a batch into two pixels, one above the other.
   template <int products>
-  __device__ float2 blend_rows(int pair, const float (&exponents)[products][4], const float2& open_,
-                               const float (&color_columns)[products][2], const Queue& queue) {
+  __device__ void blend_rows(const RowPair& pair, const float (&exponents)[products][4],
+                             const float (&color_columns)[products][2], const Queue& queue) {
     constexpr int batch = 8 * products, owned = owned_of(batch);
+    const float2 open_ = *pair.transmittance;
     float open[2] = {open_.x, open_.y};
     if (Kind::fast)
       for (float& one : open) one = is_open(one) ? one : kClosed;
@@ -179,45 +199,58 @@ class SubtilePixels {
       }
     // The light that reaches them, and the light behind the whole batch.
     float reaching[2], left[2];
-    bool ends[2];
 #pragma unroll
     for (int r = 0; r < 2; ++r) {
-      const float through = light[r] * (1.0f / kLight);
+      // Rounding may make the light behind an opaque splat negative.
+      const float through = __saturatef(light[r] * (1.0f / kLight));
       const float next = of_partner(through, 1), two = through * next;
       const float other_two = of_partner(two, 2);
-      reaching[r] = open[r] * ((owner() & 1 ? next : 1.0f) * (owner() & 2 ? other_two : 1.0f));
+      reaching[r] = open[r];
+      if (owner() & 1) reaching[r] *= next;
+      if (owner() & 2) reaching[r] *= other_two;
       left[r] = open[r] * (two * other_two);
-      ends[r] = left[r] < fminf(open[r], float(kMinTransmittance));
+    }
+    const unsigned least = __float_as_uint(float(kMinTransmittance));
+    if (__any_sync(kAllLanes, min(__float_as_uint(left[0]), __float_as_uint(left[1])) < least)) {
+#pragma unroll
+      for (int r = 0; r < 2; ++r) {
+        const bool ends = __float_as_uint(left[r]) < least;
+        if (!__any_sync(kAllLanes, ends)) {
+          scale(weights, r, reaching[r]);
+          continue;
+        }
+        weigh_to_the_end(weights, r, reaching[r], last[r]);
+        if constexpr (Kind::fast) {
+          const float after = open[r] - sum_of_owners(weights, r);
+          if (ends) left[r] = after;
+        } else if (ends) {
+          left[r] = kClosed;
+        }
+      }
+      if (!__any_sync(kAllLanes, is_open(fmaxf(left[0], left[1])))) open_pairs_ &= ~pair.bit;
+    } else {
+      scale(weights, 0, reaching[0]);
+      scale(weights, 1, reaching[1]);
     }
     if (Kind::fast) {
       if (open[0] == kClosed) left[0] = open_.x;
       if (open[1] == kClosed) left[1] = open_.y;
     }
-    if (__any_sync(kAllLanes, ends[0] || ends[1])) {
-#pragma unroll
-      for (int r = 0; r < 2; ++r) {
-        weigh_to_the_end(weights, r, reaching[r], last[r]);
-        if constexpr (Kind::fast) {
-          const float after = open[r] - sum_of_owners(weights, r);
-          if (ends[r]) left[r] = after;
-        } else if (ends[r]) {
-          left[r] = kClosed;
-        }
-      }
-    } else {
-#pragma unroll
-      for (int i = 0; i < owned; ++i)
-#pragma unroll
-        for (int r = 0; r < 2; ++r) weights[i][r] *= reaching[r];
-    }
-    add_colors(shared_.sums[pair][lane_of_thread()], weights, color_columns);
-    shared_.transmittance[pair][lane_of_thread()] = {left[0], left[1]};
+    add_colors(*pair.sums, weights, color_columns);
+    *pair.transmittance = {left[0], left[1]};
     if constexpr (Kind::with_history)
 #pragma unroll
       for (int r = 0; r < 2; ++r)
         if (last[r] >= 0 && open[r] > 0)
-          shared_.last[2 * pair + r][lane_of_thread()] = queue.position(batch, last[r]) + 1;
-    return {left[0], left[1]};
+          shared_.last[2 * pair.number() + r][lane_of_thread()] =
+              queue.position(batch, last[r]) + 1;
+  }
+
+  // Scales a row's weights by the light that reaches them.
+  template <int owned>
+  __device__ static void scale(float (&weights)[owned][2], int r, float reaching) {
+#pragma unroll
+    for (int i = 0; i < owned; ++i) weights[i][r] *= reaching;
   }
 
   // The same weights where the pixel may become opaque among them: fragments behind that point get
@@ -227,11 +260,12 @@ class SubtilePixels {
                                           int& last) {
     last = -1;
     float through = 1;
+    // Below it, through * reaching is opaque. A closed pixel has -infinity and weights of 0.
+    const float least = float(kMinTransmittance) / reaching;
 #pragma unroll
     for (int i = 0; i < owned; ++i) {
       const float after = through - weights[i][r];
-      const bool is_blended =
-          !is_opaque(reaching * (Kind::rule == BlendRule::classic ? after : through));
+      const bool is_blended = (Kind::rule == BlendRule::classic ? after : through) >= least;
       weights[i][r] = is_blended ? weights[i][r] * reaching : 0.0f;
       if (Kind::with_history && weights[i][r] > 0) last = i;
       through = after;
@@ -267,8 +301,8 @@ class SubtilePixels {
 
   Shared& shared_;
   // This lane's part of the exponents' left-hand side as a polynomial of y, exact in fp16.
-  __half2 monomials_[3] = {};
-  bool any_open_ = true;
+  __half2 monomials_[3];
+  unsigned open_pairs_;  // a bit for each pair of rows that takes further fragments
 };
 
 /// The whole warp: blends a batch. A queue with fewer splats is filled up to half a batch or a

@@ -24,7 +24,13 @@
 namespace gs::cuda {
 
 static_assert(kBatch == kWarp);
-inline constexpr int kColorParts = 6;  // red, green, blue in two parts each
+inline constexpr int kColorColumns = 8;  // red, green, blue in two parts each, then 1 and 0
+
+/// The colors of a batch as columns of the product, one after the other. A column has the places of
+/// a batch and four more, so that columns begin in different banks of shared memory.
+struct alignas(16) QueueColors {
+  float columns[kColorColumns][kBatch + 4];
+};
 
 // A fragment is dropped where 255 alpha < 1. The product (255 alpha) kLeast flushes to zero exactly
 // there, since kLeast is the smallest normal number, so that no comparison is needed. Light is
@@ -38,13 +44,13 @@ inline constexpr float kLight = float(kMinAlpha) / kLeast;
 template <bool with_positions, unsigned places>
 struct QueueShared {
   uint4 high[places], low[places];  // eight fp16 each, factors of 1, x, y, x^2, x y, y^2, 1, x
-  float2 colors[places][kColorParts / 2];
+  QueueColors colors[places / kBatch];
   std::uint32_t positions[places];  // in the tile's list
 };
 template <unsigned places>
 struct QueueShared<false, places> {
   uint4 high[places], low[places];
-  float2 colors[places][kColorParts / 2];
+  QueueColors colors[places / kBatch];
 };
 
 /// What a queue takes of a splat: the factors of its conic, log2(255 opacity), and its color,
@@ -68,11 +74,26 @@ template <bool with_positions, unsigned places, bool fast>
 class SplatQueue {
  public:
   using Shared = QueueShared<with_positions, places>;
+  static constexpr bool has_one_batch = places == kBatch;
 
   /// `center` of the sub-tile, in pixels.
-  __device__ SplatQueue(Shared& shared, const Vec2f& center) : shared_(shared), center_(center) {}
+  __device__ SplatQueue(Shared& shared, const Vec2f& center) : shared_(shared), center_(center) {
+    for (QueueColors& colors : shared_.colors) {
+      colors.columns[kColorColumns - 2][lane_of_thread()] = 1;
+      colors.columns[kColorColumns - 1][lane_of_thread()] = 0;
+    }
+  }
 
   __device__ unsigned count() const { return count_; }
+
+  /// The whole warp: takes splats until a batch waits, or those that are left of the walk's segment.
+  template <class Walk>
+  __device__ void take_batch(Walk& walk) {
+    if constexpr (has_one_batch)
+      take(walk);  // as many as are left, up to a batch
+    else
+      while (count_ < kBatch && !walk.segment_is_done()) take(walk);
+  }
 
   /// The whole warp: takes those of the walk's next 32 splats that hit the pixels.
   template <class Walk>
@@ -83,15 +104,16 @@ class SplatQueue {
       // A splat this far away is invisible at every pixel, and its coefficients would overflow
       // fp16.
       if (!(terms.of[0] > kFarAway)) terms = invisible();
-      put(count_ + k, terms, color_of(splat), position);
+      put(has_one_batch ? k : count_ + k, terms, color_of(splat), position);
     });
   }
 
   /// The whole warp: fills up the batch, or half a batch, with invisible splats.
   __device__ void fill_up(unsigned batch) {
+    if (count_ >= batch) return;
     if (lane_of_thread() >= count_ && lane_of_thread() < batch)
       put(lane_of_thread(), invisible(), {0, 0, 0}, 0);
-    count_ = max(count_, batch);
+    count_ = batch;
     __syncwarp();
   }
 
@@ -112,17 +134,27 @@ class SplatQueue {
   }
 
   /// The right-hand sides of the colors of the next batch: rows t and t + 4 of product j are splats
-  /// 2 j and 2 j + 1 of lane t of a pixel's four.
+  /// 2 j and 2 j + 1 of lane t of a pixel's four. Of a whole batch, each four rows are the 16 bytes
+  /// that ldmatrix takes at a time.
   template <int products>
   __device__ void load_colors(float (&columns)[products][2]) const {
-    const int lane = lane_of_thread(), column = lane / kOwners;
-    const float* const from =
-        &shared_.colors[begin_ + lane % kOwners * owned_of(8 * products)][0].x;
+    const QueueColors& colors = shared_.colors[begin_ / kBatch];
+    const unsigned lane = lane_of_thread();
+    if constexpr (products == products_of(kBatch)) {
 #pragma unroll
-    for (int i = 0; i < owned_of(8 * products); ++i)
-      columns[i / 2][i % 2] = column < kColorParts    ? from[i * kColorParts + column]
-                              : column == kColorParts ? 1.0f
-                                                      : 0.0f;
+      for (unsigned j = 0; j < products; j += 2) {
+        unsigned words[4];
+        load_four_matrices(words, &colors.columns[lane % 8][(2 * j + lane / 8) * kOwners]);
+#pragma unroll
+        for (unsigned i = 0; i < 4; ++i) columns[j + i / 2][i % 2] = __uint_as_float(words[i]);
+      }
+    } else {
+      const float* const from =
+          &colors.columns[lane / kOwners][place_of_color(lane % kOwners * owned_of(8 * products))];
+#pragma unroll
+      for (unsigned i = 0; i < owned_of(8 * products); ++i)
+        columns[i / 2][i % 2] = from[place_of_color(i)];
+    }
   }
 
   /// The position in the tile's list of this lane's i-th splat of the next batch.
@@ -130,11 +162,12 @@ class SplatQueue {
     return shared_.positions[begin_ + lane_of_thread() % kOwners * owned_of(batch) + i];
   }
 
-  /// The whole warp: drops the next batch, or the last half.
+  /// The whole warp: drops the next batch, or the last half. The walk that brings the splats after it
+  /// synchronizes the warp before a queue of one batch takes them.
   __device__ void pop(unsigned batch) {
     begin_ = (begin_ + kBatch) % places;
     count_ -= batch;
-    __syncwarp();
+    if constexpr (!has_one_batch) __syncwarp();
   }
 
  private:
@@ -147,7 +180,7 @@ class SplatQueue {
   }
   __device__ void put(unsigned k, const ExponentTerms<float>& terms, const Vec3f& color,
                       std::uint32_t position) {
-    const unsigned place = (begin_ + k) % places;
+    const unsigned place = has_one_batch ? k : (begin_ + k) % places;
     const unsigned column = place / kBatch * kBatch + place_of_splat(place % kBatch);
     __half2 high[4], low[4];
     float2 rest;
@@ -163,10 +196,13 @@ class SplatQueue {
     low[3] = __floats2half2_rn(fast ? kLeastExponent : 0.0f, 0.0f);
     shared_.high[column] = *reinterpret_cast<const uint4*>(high);
     shared_.low[column] = *reinterpret_cast<const uint4*>(low);
+    QueueColors& colors = shared_.colors[place / kBatch];
+    const unsigned row = place_of_color(place % kBatch);
 #pragma unroll
     for (int c = 0; c < 3; ++c) {
       const float part = tf32_part(color[c]);
-      shared_.colors[place][c] = {part, color[c] - part};
+      colors.columns[2 * c][row] = part;
+      colors.columns[2 * c + 1][row] = color[c] - part;
     }
     if constexpr (with_positions) shared_.positions[place] = position;
   }

@@ -248,25 +248,26 @@ using ListWalk = ListWalkOf<Splat>;
 
 /// The same for a warp that owns a whole part of the tile, of whose edge `edge` is the length. It
 /// fetches only splats that hit the part, 32 at a time.
-template <class AnySplat, int edge>
+template <class AnySplat, int edge, bool with_positions>
 class PartWalkOf {
  public:
   using Lists = TileListsOf<AnySplat>;
   /// Shared memory, one for each warp.
   struct Ahead {
     SplatOfLanes<AnySplat> splats;
-    std::uint32_t gaussians[2 * kWarp], positions[2 * kWarp];  // of the splats found, in a ring
+    // of the splats found, in a ring
+    std::uint32_t gaussians[2 * kWarp], positions[with_positions ? 2 * kWarp : 1];
   };
 
-  __device__ PartWalkOf(Ahead& ahead, const Lists& lists, std::uint32_t tile,
-                        const PixelRange& pixels, std::uint32_t first, std::uint32_t last,
-                        bool stops_at_segments)
-      : ahead_(ahead), lists_(lists), part_(pixels.bit<edge>()), begin_(lists.ranges[tile]),
-        end_(begin_ + last), next_(begin_ + first),
-        stop_(stops_at_segments ? min(next_ + kSegmentLength, end_) : end_) {
+  /// `part` is its bit.
+  __device__ PartWalkOf(Ahead& ahead, const Lists& lists, std::uint32_t tile, std::uint32_t part,
+                        std::uint32_t first, std::uint32_t last, bool stops_at_segments)
+      : ahead_(ahead), lists_(lists), part_(part), begin_(lists.ranges[tile]), end_(begin_ + last),
+        next_(begin_ + first), stop_(stops_at_segments ? min(next_ + kSegmentLength, end_) : end_) {
     instance_ = lists_.instance_at(next_ + lane_of_thread(), end_);
     instance_after_ = lists_.instance_at(next_ + kWarp + lane_of_thread(), end_);
     look_ahead();
+    __syncwarp();
   }
   __device__ bool segment_is_done() const { return found_ == 0 && next_ >= stop_; }
   __device__ bool is_done() const { return segment_is_done() && stop_ >= end_; }
@@ -284,10 +285,11 @@ class PartWalkOf {
     const int lane = lane_of_thread();
     const unsigned count = min(found_, unsigned(kWarp)), place = (taken_ + lane) % (2 * kWarp);
     const AnySplat splat = ahead_.splats.load();
-    const std::uint32_t gaussian = ahead_.gaussians[place], position = ahead_.positions[place];
+    const std::uint32_t gaussian = ahead_.gaussians[place];
+    const std::uint32_t position = with_positions ? ahead_.positions[place] : 0;
     taken_ += count;
     found_ -= count;
-    __syncwarp();
+    if constexpr (with_positions) __syncwarp();  // look_ahead() overwrites positions in the ring
     look_ahead();
     if (lane < count) take(lane, splat, position, gaussian);
     __syncwarp();
@@ -301,11 +303,9 @@ class PartWalkOf {
     while (found_ < kWarp && next_ < stop_) {
       const bool hit = instance_ & part_;
       const unsigned hits = __ballot_sync(kAllLanes, hit);
-      if (hit) {
-        const unsigned place = (taken_ + found_ + __popc(hits & lanes_below())) % (2 * kWarp);
-        ahead_.gaussians[place] = gaussian_of<edge>(instance_);
-        ahead_.positions[place] = next_ + lane - begin_;
-      }
+      const unsigned place = (taken_ + found_ + __popc(hits & below_)) % (2 * kWarp);
+      if (hit) ahead_.gaussians[place] = gaussian_of<edge>(instance_);
+      if (with_positions && hit) ahead_.positions[place] = next_ + lane - begin_;
       found_ += __popc(hits);
       next_ += kWarp;
       instance_ = instance_after_;
@@ -320,6 +320,7 @@ class PartWalkOf {
   Ahead& ahead_;
   const Lists& lists_;
   const std::uint32_t part_;
+  const unsigned below_ = lanes_below();
   std::uint32_t begin_, end_, next_, stop_;          // places in the list
   std::uint32_t instance_ = 0, instance_after_ = 0;  // this lane's, of the next 32 and after
   unsigned taken_ = 0, found_ = 0;                   // splats taken so far, and found beyond those

@@ -131,6 +131,24 @@ TEST_F(CudaBlendGemm, TwoOpaqueSplatsEndAPixelAlike) {
   expect_same(layers, camera);
 }
 
+// The alpha of an opaque splat may be rounded to more than 1. Its pixels end there all the same.
+TEST_F(CudaBlendGemm, AlphasThatAreRoundedAboveOneEndPixels) {
+  const Camera camera = plain_camera(96, 80);
+  for (const float opacity : {0.9999999f, 0.999999f}) {
+    Gaussians layers(80, host_memory());
+    for (std::size_t i = 0; i < layers.count(); ++i)
+      set_gaussian(
+          layers, i,
+          behind_pixel(camera, float(7 * i % 96), float(11 * i % 80), 2 + 0.01f * float(i)),
+          i % 2 ? 0.02f : 8, opacity, {float(i % 2), float(i % 3) / 2, 1});
+    expect_same(layers, camera);
+    for (const float T : render(layers, camera, {}).transmittance) {
+      EXPECT_GE(T, 0);
+      EXPECT_LT(T, 2 * kMinTransmittance);
+    }
+  }
+}
+
 // Lists whose length is not a multiple of a batch, lists longer than a segment, and empty ones;
 // tiles that lie partly outside of the picture.
 TEST_F(CudaBlendGemm, ListsOfAnyLength) {

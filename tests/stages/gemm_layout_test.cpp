@@ -75,6 +75,28 @@ TEST(GemmLayout, RowsOfMemoryAreColumnsOfTheProduct) {
     }
 }
 
+// ldmatrix gives lane 4 g + t number t of row g, here of a column of colors: four places are b[i] of
+// product j, splats 2 j + i of the four owners. Half a batch is read one number at a time, each at
+// its distance from the lane's first.
+TEST(GemmLayout, ColorsOfFourOwnersLieTogether) {
+  std::set<unsigned> places;
+  for (unsigned splat = 0; splat < kBatch; ++splat) places.insert(place_of_color(splat));
+  EXPECT_EQ(places.size(), unsigned(kBatch));
+  EXPECT_EQ(*places.rbegin(), unsigned(kBatch) - 1);
+  for (int lane = 0; lane < kLanes; ++lane)
+    for (int j = 0; j < products_of(kBatch); ++j)
+      for (int i = 0; i < 2; ++i) {
+        const Entry entry = right_entry(lane, i);
+        const unsigned splat = unsigned(lane % kOwners * owned_of(kBatch) + 2 * j + i);
+        EXPECT_EQ(place_of_color(splat), unsigned(8 * j + entry.row));
+      }
+  for (unsigned owner = 0; owner < kOwners; ++owner)
+    for (unsigned i = 0; i < owned_of(kHalfBatch); ++i) {
+      const unsigned first = owner * owned_of(kHalfBatch);
+      EXPECT_EQ(place_of_color(first + i), place_of_color(first) + place_of_color(i));
+    }
+}
+
 // The sums of the first product are, without moving them, the left-hand side of the second: entry k
 // of its inner dimension is splat 2 j of the lane for k < 4, else splat 2 j + 1.
 TEST(GemmLayout, WeightsLieAsALeftHandSide) {
