@@ -26,7 +26,7 @@ struct RenderSettings : SplatSettings {
   // How the CUDA backend blends; the scalar one ignores these.
   // where the GPU has them: exponents as matrix products, blend_gemm.cu
   bool use_tensor_cores = true;
-  // with tensor cores, without a backward pass: colors to some 1e-5 (gemm_pixels.cuh)
+  // with tensor cores, without a backward pass: colors to some 1e-5 (gemm_variants.cuh)
   bool fast_blending = false;
   bool packs_sh = true;      // pack(): SH beyond degree 0 in 16 bits
   bool for_backward = true;  // false: what only the backward pass reads may be skipped

@@ -17,8 +17,9 @@
 // Exponents are as exact as in fp32: the monomials of a pixel are exact in fp16, a coefficient is
 // the sum of two fp16 numbers (together they fill the 16 columns of one product), and sums are
 // fp32. Weights are split into two TF32 parts, or cut off to one with settings.fast_blending
-// (gemm_pixels.cuh).
+// (gemm_variants.cuh).
 #include "cuda/render/gemm_pixels.cuh"
+#include "cuda/render/gemm_variants.cuh"
 
 namespace gs::cuda {
 namespace {
@@ -44,7 +45,7 @@ struct Variant : PixelVariant<rule, with_history, fast, height> {
   /// What the walk needs to know of the warp's pixels: sub-tile `number` of the tile, with the
   /// corner (x0, y0).
   __device__ static auto pixels_of_walk(int number, int x0, int y0) {
-    if constexpr (height == kPart)
+    if constexpr (Variant::has_part)
       return bit_of_part<edge>(number);
     else
       return PixelRange(x0, y0, kSubtileWidth, height);

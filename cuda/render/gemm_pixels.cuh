@@ -3,36 +3,12 @@
 #pragma once
 
 #include "cuda/render/splat_queue.cuh"
-#include "cuda/stages.cuh"
 
 namespace gs::cuda {
-
-inline constexpr int kBlocks = 7;         // per multiprocessor, as many as registers allow
-inline constexpr int kHistoryBlocks = 5;  // the same with history
-// warps of 8 x 8 pixels, in multiples of those that run at a time
-inline constexpr int kSmallPicture = 3;
 
 // Transmittance of a pixel that takes no more fragments. As an unsigned number its bits are larger
 // than those of any open pixel, so that one comparison finds the pixels that a batch ends.
 inline constexpr float kClosed = -0.0f;
-
-/// A variant of the pixels that a warp blends.
-///
-/// In a fast one weights go into the product of colors cut off to TF32, as the tensor cores read
-/// them. The pixel's color is divided by the sum of these weights and multiplied by that of the
-/// uncut ones, which is 1 - transmittance: what remains of the cuts is their scatter, times
-/// differences of color within the pixel.
-template <BlendRule rule_, bool with_history_, bool fast_, int height_>
-struct PixelVariant {
-  static_assert(!fast_ || (!with_history_ && rule_ == BlendRule::faster_gs));
-  static constexpr BlendRule rule = rule_;
-  static constexpr bool with_history = with_history_;  // for the backward pass: last, checkpoints
-  static constexpr bool fast = fast_;                  // for viewing
-  static constexpr int height = height_;               // pixels of a sub-tile
-  static constexpr bool has_part = height == kPart;
-  using Queue = SplatQueue<with_history, has_part ? kBatch : 2 * kBatch, fast>;
-  static constexpr int blocks = with_history ? kHistoryBlocks : kBlocks;
-};
 
 /// The pixels of one warp between batches, row by row of the sub-tile. In shared memory.
 template <int height, bool with_history>
@@ -56,7 +32,8 @@ __device__ inline std::uint32_t greatest_of_owners(std::uint32_t value) {
   return max(value, __shfl_xor_sync(kAllLanes, value, 2));
 }
 
-/// The pixels of a warp's sub-tile, whose corner is (x0, y0). `Kind` is a PixelVariant.
+/// The pixels of a warp's sub-tile, whose corner is (x0, y0). `Kind` is a PixelVariant of
+/// gemm_variants.cuh.
 template <class Kind>
 class SubtilePixels {
  public:
@@ -72,8 +49,9 @@ class SubtilePixels {
     monomials_[0] = __floats2half2_rn(t % 3 == 0 ? 1.0f : 0.0f, t == 2 ? 0.0f : t == 1 ? x * x : x);
     monomials_[1] = __floats2half2_rn(t == 1 ? 1.0f : t == 2 ? x : 0.0f, 0.0f);
     monomials_[2] = __floats2half2_rn(0.0f, t == 2 ? 1.0f : 0.0f);
-    open_pairs_ = (1u << min(kPairs, (lists.height - y0 + 1) / 2)) - 1;    // inside the picture
-    const int rows = x0 + column() < lists.width ? lists.height - y0 : 0;  // the same
+    open_pairs_ = (1u << min(kPairs, (lists.height - y0 + 1) / 2)) - 1;  // inside the picture
+    // of this lane's column, inside the picture
+    const int rows = x0 + column() < lists.width ? lists.height - y0 : 0;
     for (int pair = 0; pair < kPairs; ++pair) {
       shared_.transmittance[pair][lane_of_thread()] = {2 * pair < rows ? 1.0f : kClosed,
                                                        2 * pair + 1 < rows ? 1.0f : kClosed};
@@ -316,41 +294,6 @@ __device__ void blend_next(Queue& queue, Pixels& pixels) {
     queue.fill_up(kBatch);
     pixels.template blend<kBatch>(queue);
   }
-}
-
-/// True where a picture has so few pixels that a warp takes 8 x 4 of them. Sub-tiles of 8 x 8 cost
-/// less for each pixel, but only half as many warps share the work.
-inline bool has_small_subtiles(const Context& context, std::size_t pixels) {
-  return pixels / (kPart * kPart) <
-         std::size_t(kSmallPicture * kBlocks * kBlendWarps * context.multiprocessors());
-}
-
-/// Calls f(std::bool_constant<value>()).
-template <class F>
-void with_constant(bool value, F&& f) {
-  if (value)
-    f(std::true_type());
-  else
-    f(std::false_type());
-}
-/// Calls f with the blend rule as a constant.
-template <class F>
-void with_rule(BlendRule rule, F&& f) {
-  if (rule == BlendRule::classic)
-    f(std::integral_constant<BlendRule, BlendRule::classic>());
-  else
-    f(std::integral_constant<BlendRule, BlendRule::faster_gs>());
-}
-/// For a picture without a backward pass: calls f with the blend rule, and with whether blending is
-/// fast. It is exact under the classic rule, where a pixel's end may be worth 1 % of its light.
-template <class F>
-void with_rule_and_speed(const RenderSettings& settings, F&& f) {
-  with_rule(settings.blend_rule, [&](auto rule) {
-    if constexpr (rule() == BlendRule::classic)
-      f(rule, std::false_type());
-    else
-      with_constant(settings.fast_blending, [&](auto fast) { f(rule, fast); });
-  });
 }
 
 }  // namespace gs::cuda

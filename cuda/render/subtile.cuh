@@ -84,10 +84,9 @@ struct PixelRange {
         y_max(float(y0 + height) - 0.5f) {}
 
   /// The bit of the tile's part that they lie in.
-  template <int edge>
   __device__ std::uint32_t bit() const {
-    constexpr int kAcross = kPartsAcross<edge>;
-    return bit_of_part<edge>(int(x_min) / kPart % kAcross + int(y_min) / kPart % kAcross * kAcross);
+    constexpr int kAcross = kPartsAcross<kTileWidth>;
+    return bit_of_part(int(x_min) / kPart % kAcross + int(y_min) / kPart % kAcross * kAcross);
   }
 };
 
@@ -185,7 +184,7 @@ class ListWalkOf {
   __device__ ListWalkOf(Ahead& ahead, const Lists& lists, std::uint32_t tile,
                         const PixelRange& pixels, std::uint32_t first, std::uint32_t last,
                         bool stops_at_segments)
-      : splats_(ahead), lists_(lists), pixels_(pixels), part_(pixels.bit<kTileWidth>()),
+      : splats_(ahead), lists_(lists), pixels_(pixels), part_(pixels.bit()),
         begin_(lists.ranges[tile]), end_(begin_ + last), next_(begin_ + first),
         stop_(stops_at_segments ? min(next_ + kSegmentLength, end_) : end_) {
     instance_ahead_ = lists_.instance_at(next_ + lane_of_thread(), end_);

@@ -406,7 +406,7 @@ TEST_F(CudaPhotometricRun, LearnsWhereTheModelGrows) {
   config.density.gradient_threshold = 1e-5f;
   config.density.reset_opacity_every = 200;
   config.photometric.model = "gains";
-  config.photometric.rate = 2e-3f;  // what they learn falsely after a reset is up to 20 times this
+  config.photometric.rate = 2e-3f;  // the default when the bound below was chosen
   Trainer trainer(scene, config, gpu());
   trainer.run();
   EXPECT_EQ(gpu().rows().count_not_finite(trainer.model()), 0u);
