@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// The variants of the kernel that blends on tensor cores, and the choice between them. blend_gemm.cu
-// explains the method.
+// The variants of the kernel that blends on tensor cores, and the choice between them.
+// blend_gemm.cu explains the method.
 #pragma once
 
 #include "cuda/render/splat_queue.cuh"

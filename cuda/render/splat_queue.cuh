@@ -86,7 +86,8 @@ class SplatQueue {
 
   __device__ unsigned count() const { return count_; }
 
-  /// The whole warp: takes splats until a batch waits, or those that are left of the walk's segment.
+  /// The whole warp: takes splats until a batch waits, or those that are left of the walk's
+  /// segment.
   template <class Walk>
   __device__ void take_batch(Walk& walk) {
     if constexpr (has_one_batch)
@@ -162,8 +163,8 @@ class SplatQueue {
     return shared_.positions[begin_ + lane_of_thread() % kOwners * owned_of(batch) + i];
   }
 
-  /// The whole warp: drops the next batch, or the last half. The walk that brings the splats after it
-  /// synchronizes the warp before a queue of one batch takes them.
+  /// The whole warp: drops the next batch, or the last half. The walk that brings the splats after
+  /// it synchronizes the warp before a queue of one batch takes them.
   __device__ void pop(unsigned batch) {
     begin_ = (begin_ + kBatch) % places;
     count_ -= batch;
