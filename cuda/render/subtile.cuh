@@ -146,7 +146,7 @@ __device__ inline ListedSplat listed(const Splat& splat, std::uint32_t position,
 /// same fragments.
 __device__ inline float base2_exponent(const ListedSplat& splat, float dx, float dy) {
   const float u_x = fmaf(splat.L.xx, dx, splat.L.xy * dy), u_y = splat.L.yy * dy;
-  return -fmaf(u_x, u_x, u_y * u_y);
+  return fmaf(-u_x, u_x, -(u_y * u_y));
 }
 __device__ inline float exp2_fragment(float e) { return exp2f(e); }
 
@@ -245,9 +245,10 @@ class ListWalkOf {
 
 using ListWalk = ListWalkOf<Splat>;
 
-/// The same for a warp that owns a whole part of the tile, of whose edge `edge` is the length. It
-/// fetches only splats that hit the part, 32 at a time.
-template <class AnySplat, int edge, bool with_positions>
+/// The same for a warp that owns a part of the tile, of whose edge `edge` is the length, or pixels
+/// of it. It fetches only splats that hit the part, 32 at a time. 16 bits are enough for a Position
+/// where the walk is no longer than 65,536 places.
+template <class AnySplat, int edge, bool with_positions, class Position = std::uint32_t>
 class PartWalkOf {
  public:
   using Lists = TileListsOf<AnySplat>;
@@ -255,14 +256,16 @@ class PartWalkOf {
   struct Ahead {
     SplatOfLanes<AnySplat> splats;
     // of the splats found, in a ring
-    std::uint32_t gaussians[2 * kWarp], positions[with_positions ? 2 * kWarp : 1];
+    std::uint32_t gaussians[2 * kWarp];
+    Position positions[with_positions ? 2 * kWarp : 1];
   };
 
   /// `part` is its bit.
   __device__ PartWalkOf(Ahead& ahead, const Lists& lists, std::uint32_t tile, std::uint32_t part,
                         std::uint32_t first, std::uint32_t last, bool stops_at_segments)
       : ahead_(ahead), lists_(lists), part_(part), begin_(lists.ranges[tile]), end_(begin_ + last),
-        next_(begin_ + first), stop_(stops_at_segments ? min(next_ + kSegmentLength, end_) : end_) {
+        first_(first), next_(begin_ + first),
+        stop_(stops_at_segments ? min(next_ + kSegmentLength, end_) : end_) {
     instance_ = lists_.instance_at(next_ + lane_of_thread(), end_);
     instance_after_ = lists_.instance_at(next_ + kWarp + lane_of_thread(), end_);
     look_ahead();
@@ -285,7 +288,7 @@ class PartWalkOf {
     const unsigned count = min(found_, unsigned(kWarp)), place = (taken_ + lane) % (2 * kWarp);
     const AnySplat splat = ahead_.splats.load();
     const std::uint32_t gaussian = ahead_.gaussians[place];
-    const std::uint32_t position = with_positions ? ahead_.positions[place] : 0;
+    const std::uint32_t position = with_positions ? position_of(ahead_.positions[place]) : 0;
     taken_ += count;
     found_ -= count;
     if constexpr (with_positions) __syncwarp();  // look_ahead() overwrites positions in the ring
@@ -304,7 +307,7 @@ class PartWalkOf {
       const unsigned hits = __ballot_sync(kAllLanes, hit);
       const unsigned place = (taken_ + found_ + __popc(hits & below_)) % (2 * kWarp);
       if (hit) ahead_.gaussians[place] = gaussian_of<edge>(instance_);
-      if (with_positions && hit) ahead_.positions[place] = next_ + lane - begin_;
+      if (with_positions && hit) ahead_.positions[place] = Position(next_ + lane - begin_);
       found_ += __popc(hits);
       next_ += kWarp;
       instance_ = instance_after_;
@@ -316,11 +319,17 @@ class PartWalkOf {
     __pipeline_commit();
   }
 
+  __device__ std::uint32_t position_of(Position stored) const {
+    return sizeof(Position) == sizeof(first_) ? stored : first_ + Position(stored - first_);
+  }
+
   Ahead& ahead_;
   const Lists& lists_;
   const std::uint32_t part_;
   const unsigned below_ = lanes_below();
-  std::uint32_t begin_, end_, next_, stop_;          // places in the list
+  std::uint32_t begin_, end_;                        // places in the list
+  const std::uint32_t first_;                        // position
+  std::uint32_t next_, stop_;                        // places in the list
   std::uint32_t instance_ = 0, instance_after_ = 0;  // this lane's, of the next 32 and after
   unsigned taken_ = 0, found_ = 0;                   // splats taken so far, and found beyond those
 };

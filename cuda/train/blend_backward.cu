@@ -14,31 +14,46 @@
 // right-hand side is exact in TF32. The left-hand sides are split into two TF32 parts, so that only
 // the sums are rounded.
 //
+// A warp lists 32 splats of its part of the tile at a time, as far as they hit its sub-tile. Its
+// lanes then take two splats in each step of their loop, without a branch: a fragment that is not
+// kept has f = w = 0. f and w of the two lie side by side in shared memory, which is the order in
+// which a lane's registers hold the left-hand side of a product.
+//
 // Scores of density control that sum over fragments (FragmentSums) cost little more. sum f is one
 // of the moments, and sum w v is another column of the colors, with a value v of each pixel. The
 // rest is summed from the registers that the products load.
 #include "cuda/device/mma.cuh"
 #include "cuda/render/subtile.cuh"
 #include "cuda/stages.cuh"
+#include "cuda/train/gradient_sums.cuh"
 
 namespace gs::cuda {
 namespace {
 
-constexpr int kBlocks = 7;                  // per multiprocessor, as many as registers allow
-constexpr int kBlocksAbsolute = 6;          // the same with absolute gradients
-constexpr int kBlocksFragments = 6;         // the same with sums over fragments
-constexpr int kRows = 16;                   // splats of one product
-constexpr int kRowStride = 2 * kWarp + 16;  // floats; rows lie 16 banks apart, for 16-byte loads
-constexpr int kProducts = kWarp / 8;        // of 8 pixels each
-constexpr int kSumStride = 20;              // floats from one splat's sums to the next
-constexpr int kSecondAt = 16;               // the place of FragmentSums::second among them
+constexpr int kBlocks = 6;            // per multiprocessor, as many as registers and memory allow
+constexpr int kProductSplats = 16;    // of one product
+constexpr int kProducts = kWarp / 8;  // of 8 pixels each
+constexpr int kPairStride = 2 * 8;    // floats: two splats at the pixels of a product
+constexpr int kLeftStride = kProductSplats / 2 * kPairStride;  // floats: a left-hand side
+constexpr int kColorStride = kWarp + 8;                        // floats; columns are 8 banks apart
+constexpr int kSecondAt = 16;  // the place of FragmentSums::second among a splat's sums
 
+// Where the left-hand sides of product q begin, f and then w. Those of odd products lie 16 banks
+// apart from those of even ones, because half a warp writes both at a time.
+constexpr int place_of_f(int q) { return q / 2 * kLeftStride + q % 2 * (4 * kLeftStride + 16); }
+constexpr int place_of_w(int q) { return place_of_f(q) + 2 * kLeftStride; }
+
+using Walk = PartWalkOf<Splat, kTileWidth, true, std::uint16_t>;
+static_assert(kSegmentLength <= 65536);  // a walk of 16 bits
+
+template <FragmentStatistic statistic>
 struct WarpShared {
+  static constexpr int kColorColumns = statistic == FragmentStatistic::values ? 8 : 6;
   ListedSplat list[kWarp];
-  ListWalk::Ahead ahead;
-  alignas(16) float rows[kRows * kRowStride];  // f and w of each pixel, one splat a row; then sums
-  float2 colors[kProducts][kWarp];             // right-hand side of the colors: each lane's part
-  alignas(8) float values[kWarp];              // v of each pixel
+  Walk::Ahead ahead;
+  // the left-hand sides: f and w of 16 splats at each pixel; then the sums over the pixels
+  alignas(16) float fragments[place_of_w(kProducts - 1) + kLeftStride];
+  alignas(8) float colors[kColorColumns][kColorStride];  // the right-hand side, by columns
 };
 
 // This lane's part of the right-hand side of the moments, column l / 4: x^a y^b, a + b <= 2. Row t
@@ -67,27 +82,18 @@ struct Monomials {
   }
 };
 
-// The whole warp: writes the right-hand side of the colors: columns r, g, b of dL/d(pixel) in TF32,
-// then the rest of each, then those of v.
-__device__ void stage_colors(WarpShared& shared, const Vec3f& dL_dpixel, float value) {
-  const int lane = lane_of_thread(), column = lane / 4, t = lane % 4;
-  shared.values[lane] = value;
-  __syncwarp();
-  for (int q = 0; q < kProducts; ++q) {
-    float part[2];
-    for (int k = 0; k < 2; ++k) {
-      const int pixel = 8 * q + 2 * t + k;
-      const float red = __shfl_sync(kAllLanes, dL_dpixel.x, pixel);
-      const float green = __shfl_sync(kAllLanes, dL_dpixel.y, pixel);
-      const float blue = __shfl_sync(kAllLanes, dL_dpixel.z, pixel);
-      const float number = column >= 6       ? shared.values[pixel]
-                           : column % 3 == 0 ? red
-                           : column % 3 == 1 ? green
-                                             : blue;
-      const float high = tf32_part(number);
-      part[k] = column < 3 || column == 6 ? high : number - high;
-    }
-    shared.colors[q][lane] = {part[0], part[1]};
+// Writes this lane's row of the right-hand side of the colors: red, green and blue of dL/d(pixel),
+// which a product cuts off to TF32, and the rest of each. Where asked for, v and its rest follow.
+template <class Shared>
+__device__ void write_colors(Shared& shared, const Vec3f& dL_dpixel, float value) {
+  const int lane = lane_of_thread();
+  for (int c = 0; c < 3; ++c) {
+    shared.colors[c][lane] = dL_dpixel[c];
+    shared.colors[3 + c][lane] = dL_dpixel[c] - tf32_part(dL_dpixel[c]);
+  }
+  if constexpr (Shared::kColorColumns == 8) {
+    shared.colors[6][lane] = value;
+    shared.colors[7][lane] = value - tf32_part(value);
   }
 }
 
@@ -117,164 +123,89 @@ __device__ Vec2f absolute_gradient(const ListedSplat& splat, float dx, float dy,
           warp_sum(fabsf(f * (Q.xy * dx + Q.yy * dy)))};
 }
 
-// What a sub-tile adds to one Gaussian.
-struct SplatShare {
-  SplatGradientSum gradient;
-  FragmentSums fragments;
-};
-
-// The sums of the gradients of all Gaussians, in floating point or in fixed point. add() is called
-// by the whole warp: lane r < count has the share of row r's splat, and scratch memory from
-// numbers[r * kSumStride] on.
-template <bool kAbsolute_>
-struct FloatSums {
-  static constexpr bool kAbsolute = kAbsolute_;
-  static constexpr FragmentStatistic kStatistic = FragmentStatistic::none;
-  SplatGradientSum* of_gaussian;
-
-  __device__ void add(int count, std::uint32_t gaussian, const SplatShare& share, float*) const {
-    if (lane_of_thread() >= count) return;
-    const SplatGradientSum& sum = share.gradient;
-    float4* const into = reinterpret_cast<float4*>(of_gaussian + gaussian);
-    add_to(into, {sum.mean2d.x, sum.mean2d.y, sum.conic_xx, sum.conic_xy});
-    add_to(into + 1, {sum.conic_yy, sum.opacity, sum.red, sum.green});
-    if (kAbsolute)
-      add_to(into + 2, {sum.blue, sum.absolute_x, sum.absolute_y, 0.0f});
-    else
-      atomicAdd(&of_gaussian[gaussian].blue, sum.blue);
-  }
-};
-// With the score "force": count and second of FragmentSums are in place of absolute gradients.
-// sum f follows from the gradient by the opacity (gather_forces_kernel()).
-struct FloatSumsOfForces : FloatSums<true> {
-  static constexpr bool kAbsolute = false;
-  static constexpr FragmentStatistic kStatistic = FragmentStatistic::force;
-
-  __device__ void add(int count, std::uint32_t gaussian, SplatShare share, float* numbers) const {
-    share.gradient.absolute_x = share.fragments.count;
-    share.gradient.absolute_y = share.fragments.second;
-    FloatSums<true>::add(count, gaussian, share, numbers);
-  }
-};
-template <bool kAbsolute_>
-struct FixedSums {
-  static constexpr bool kAbsolute = kAbsolute_;
-  static constexpr FragmentStatistic kStatistic = FragmentStatistic::none;
-  FineSums* fine;
-  CoarseSums* coarse;
-
-  // Neighboring lanes add neighboring numbers, which share sectors of memory.
-  __device__ void add(int count, std::uint32_t gaussian, const SplatShare& share,
-                      float* numbers) const {
-    constexpr int kNumbers = kAbsolute ? kAllGradientNumbers : kGradientNumbers;
-    const int lane = lane_of_thread();
-    if (lane < count)
-      store_in_vectors(reinterpret_cast<SplatGradientSum*>(numbers + lane * kSumStride),
-                       share.gradient);
-    __syncwarp();
-    for (int first = 0; first < count * kNumbers; first += kWarp) {
-      const int k = first + lane, row = k / kNumbers, number = k % kNumbers;
-      const std::uint32_t owner = __shfl_sync(kAllLanes, gaussian, row % kWarp);
-      if (row < count)
-        add_to(fine + owner, coarse + owner, number, numbers[row * kSumStride + number]);
-    }
-  }
-};
-
-// The same with sums over fragments, which go to memory of their own. They have kernels of their
-// own, so that other steps do not pay for them.
-template <class Sums, FragmentStatistic kStatistic_>
-struct WithFragments : Sums {
-  static constexpr FragmentStatistic kStatistic = kStatistic_;
-  FragmentSink fragments;
-
-  __device__ void add(int count, std::uint32_t gaussian, const SplatShare& share,
-                      float* numbers) const {
-    if (lane_of_thread() < count) fragments.add(gaussian, share.fragments);
-    Sums::add(count, gaussian, share, numbers);
-  }
-};
-
-// FragmentSums::second of two rows, g and g + 8, over the pixels that this lane loads.
+// FragmentSums::second of the splats 2 g and 2 g + 1 over the pixels that this lane loads.
 template <FragmentStatistic statistic>
 struct SecondSums {
-  float top = 0, bottom = 0;
+  float first = 0, second = 0;
 
-  // f and w of two neighboring pixels in both rows, and v of these pixels.
-  __device__ void add(const float4& of_top, const float4& of_bottom, const float2& values) {
+  // Left-hand sides of f and w, and v of their two pixels.
+  __device__ void add(const float4& f, const float4& w, const float2& values) {
     if (statistic == FragmentStatistic::force) {
-      top = fmaf(of_top.x, of_top.x, fmaf(of_top.z, of_top.z, top));
-      bottom = fmaf(of_bottom.x, of_bottom.x, fmaf(of_bottom.z, of_bottom.z, bottom));
+      first = fmaf(f.x, f.x, fmaf(f.z, f.z, first));
+      second = fmaf(f.y, f.y, fmaf(f.w, f.w, second));
     } else if (statistic == FragmentStatistic::values) {
-      top += (of_top.y > 0 ? values.x : 0.0f) + (of_top.w > 0 ? values.y : 0.0f);
-      bottom += (of_bottom.y > 0 ? values.x : 0.0f) + (of_bottom.w > 0 ? values.y : 0.0f);
+      first += (w.x > 0 ? values.x : 0.0f) + (w.z > 0 ? values.y : 0.0f);
+      second += (w.y > 0 ? values.x : 0.0f) + (w.w > 0 ? values.y : 0.0f);
     }
   }
-  /// The four lanes of a row: the sum over all pixels, of row g in even lanes and of g + 8 in odd
-  /// ones.
+  /// The four lanes with the same g: the sum over all pixels, of splat 2 g in even lanes and of
+  /// 2 g + 1 in odd ones.
   __device__ float total() const {
     const bool is_odd = lane_of_thread() % 2;
-    const float given = __shfl_xor_sync(kAllLanes, is_odd ? top : bottom, 1);
-    const float pair = (is_odd ? bottom : top) + given;
+    const float given = __shfl_xor_sync(kAllLanes, is_odd ? first : second, 1);
+    const float pair = (is_odd ? second : first) + given;
     return pair + __shfl_xor_sync(kAllLanes, pair, 2);
   }
 };
 
-// What lane r knows of row r's splat.
-struct RowOfLane {
-  int slot = 0;          // its place in the list
-  Vec2f absolute{0, 0};  // its absolute gradient, where asked for
-  unsigned kept = 0;     // the pixels of its fragments, a bit each, where asked for
+// What lane k knows of the k-th splat, where asked for.
+struct SplatOfLane {
+  Vec2f absolute{0, 0};  // its absolute gradient
+  unsigned kept = 0;     // the pixels of its fragments, a bit each
 };
 
-// The whole warp: sums the first `count` rows over the pixels and adds each splat's share to the
-// sums of its Gaussian.
-template <class Sums>
-__device__ void add_rows(WarpShared& shared, int count, const RowOfLane& row,
-                         const Monomials& monomials, const Vec2f& center, const Sums& sums) {
+// The whole warp: sums f and w of up to 16 splats over the pixels, and adds each splat's share to
+// the sums of its Gaussian. Splats 2 g and 2 g + 1 are rows g and g + 8 of the products.
+template <class Sums, class Shared>
+__device__ void add_shares(Shared& shared, const ListedSplat* list, int count,
+                           const SplatOfLane& of_lane, const Monomials& monomials,
+                           const Vec2f& center, const Sums& sums) {
   constexpr bool kHasFragments = Sums::kStatistic != FragmentStatistic::none;
   const int lane = lane_of_thread(), g = lane / 4, t = lane % 4;
   __syncwarp();
+  const float* const column = shared.colors[min(g, Shared::kColorColumns - 1)] + 2 * t;
   SecondSums<Sums::kStatistic> seconds;
   float moments[4] = {}, colors[4] = {};
 #pragma unroll
   for (int q = 0; q < kProducts; ++q) {
-    const float* const at = shared.rows + g * kRowStride + 16 * q + 4 * t;
-    const float4 top = *reinterpret_cast<const float4*>(at);
-    const float4 bottom = *reinterpret_cast<const float4*>(at + 8 * kRowStride);
+    const float4 f = *reinterpret_cast<const float4*>(shared.fragments + place_of_f(q) + 4 * lane);
+    const float4 w = *reinterpret_cast<const float4*>(shared.fragments + place_of_w(q) + 4 * lane);
     const float y = monomials.y_of_row(q);
-    const float2 color = shared.colors[q][lane];
-    multiply_add_exactly(moments, {top.x, bottom.x, top.z, bottom.z},
-                         {monomials.x[0] * y, monomials.x[1] * y});
-    multiply_add_exactly(colors, {top.y, bottom.y, top.w, bottom.w}, {color.x, color.y});
+    const float2 color = *reinterpret_cast<const float2*>(column + 8 * q);
+    multiply_add_exactly(moments, {f.x, f.y, f.z, f.w}, {monomials.x[0] * y, monomials.x[1] * y});
+    multiply_add_exactly(colors, {w.x, w.y, w.z, w.w}, {color.x, color.y});
     if (kHasFragments)
-      seconds.add(top, bottom, *reinterpret_cast<const float2*>(shared.values + 8 * q + 2 * t));
+      seconds.add(f, w,
+                  *reinterpret_cast<const float2*>(shared.colors[Shared::kColorColumns - 2] +
+                                                   8 * q + 2 * t));
   }
   [[maybe_unused]] const float second = kHasFragments ? seconds.total() : 0.0f;
   __syncwarp();
-  float* const to = shared.rows + g * kSumStride + 2 * t;
+  float* const to = shared.fragments + 2 * g * kSumStride + 2 * t;
   *reinterpret_cast<float2*>(to) = {moments[0], moments[1]};
   *reinterpret_cast<float2*>(to + 8) = {colors[0], colors[1]};
-  *reinterpret_cast<float2*>(to + 8 * kSumStride) = {moments[2], moments[3]};
-  *reinterpret_cast<float2*>(to + 8 * kSumStride + 8) = {colors[2], colors[3]};
-  if (kHasFragments && t < 2) shared.rows[(g + 8 * t) * kSumStride + kSecondAt] = second;
+  *reinterpret_cast<float2*>(to + kSumStride) = {moments[2], moments[3]};
+  *reinterpret_cast<float2*>(to + kSumStride + 8) = {colors[2], colors[3]};
+  if (kHasFragments && t < 2) shared.fragments[(2 * g + t) * kSumStride + kSecondAt] = second;
   __syncwarp();
   std::uint32_t gaussian = 0;
   SplatShare share;
   if (lane < count) {
-    const ListedSplat splat = shared.list[row.slot];
-    const float* const of_row = shared.rows + lane * kSumStride;
+    const ListedSplat splat = list[lane];
+    const float* const of_splat = shared.fragments + lane * kSumStride;
     gaussian = splat.gaussian;
-    share.gradient = splat_gradient(splat, center, of_row);
+    share.gradient = splat_gradient(splat, center, of_splat);
     if (Sums::kAbsolute)
-      share.gradient.absolute_x = row.absolute.x, share.gradient.absolute_y = row.absolute.y;
+      share.gradient.absolute_x = of_lane.absolute.x,
+      share.gradient.absolute_y = of_lane.absolute.y;
     if (kHasFragments) {
       const bool is_force = Sums::kStatistic == FragmentStatistic::force;
-      share.fragments = {float(__popc(row.kept)), is_force ? of_row[0] : of_row[14] + of_row[15],
-                         of_row[kSecondAt]};
+      const float of_values = of_splat[14] + of_splat[15];
+      share.fragments = {float(__popc(of_lane.kept)), is_force ? of_splat[0] : of_values,
+                         of_splat[kSecondAt]};
     }
   }
-  sums.add(count, gaussian, share, shared.rows);
+  sums.add(count, gaussian, share, shared.fragments);
   __syncwarp();
 }
 
@@ -285,7 +216,7 @@ struct PixelWalk {
   float behind = 0;       // <color behind without background, dL/dpixel> - background_term
   float last_behind = 0;  // the same behind the last fragment: -background_term
   float transmittance = 1;
-  std::uint32_t last = 0;
+  int last = -1;  // the position of the last fragment
 
   __device__ PixelWalk(const TileLists& lists, const Subtile& subtile, const Vec3f& background,
                        const float* image, const float* final_transmittance,
@@ -295,7 +226,7 @@ struct PixelWalk {
     dL_dpixel = {dL_dimage[at], dL_dimage[plane + at], dL_dimage[2 * plane + at]};
     behind = inner(dL_dpixel, Vec3f(image[at], image[plane + at], image[2 * plane + at]));
     last_behind = final_transmittance[at] * inner(dL_dpixel, background);
-    last = last_instance[at];
+    last = int(last_instance[at]) - 1;
   }
 
   /// Skips to a later segment; the checkpoint has (color, transmittance) before it.
@@ -304,18 +235,19 @@ struct PixelWalk {
     transmittance = checkpoint.w;
   }
 
-  /// Returns f and w of a fragment that is kept, and advances past it.
+  /// Returns f and w of a fragment, and advances past it. A fragment that is not kept has opacity 0:
+  /// f and w are 0 and the state stays as it is, without a branch.
   template <BlendRule rule>
-  __device__ float2 step(const ListedSplat& splat, float e) {
-    const float gaussian = exp2_fragment(e);
-    const float alpha = fragment_alpha<rule>(splat.opacity, gaussian);
+  __device__ float2 step(const ListedSplat& splat, float e, bool is_kept) {
+    const float opacity = is_kept ? splat.opacity : 0.0f, gaussian = exp2_fragment(e);
+    const float alpha = fragment_alpha<rule>(opacity, gaussian);
     const float weight = transmittance * alpha;
     const float shade =
         fmaf(splat.red, dL_dpixel.x, fmaf(splat.green, dL_dpixel.y, splat.blue * dL_dpixel.z));
-    behind = splat.position + 1 == last ? last_behind : fmaf(-weight, shade, behind);
+    behind = int(splat.position) == last ? last_behind : fmaf(-weight, shade, behind);
     const float q = 1.0f / fmaxf(1.0f - alpha, kMinOneMinusAlpha);
     float f = fmaf(weight, shade, -alpha * q * behind);
-    if (rule == BlendRule::classic && splat.opacity * gaussian > kMaxAlphaClassic) f = 0.0f;
+    if (rule == BlendRule::classic && opacity * gaussian > kMaxAlphaClassic) f = 0.0f;
     transmittance = transmittance * (1.0f - alpha);
     return {f, weight};
   }
@@ -330,18 +262,32 @@ struct Forward {
   const Vec4f* checkpoints;                // (.., pixels of a tile)
 };
 
-template <class Sums>
-constexpr int blocks_of() {
-  if (Sums::kAbsolute) return kBlocksAbsolute;
-  return Sums::kStatistic != FragmentStatistic::none ? kBlocksFragments : kBlocks;
+// The whole warp: lists those of the walk's next 32 splats that hit the sub-tile, and returns their
+// number. One without color or opacity follows where they are no whole pairs.
+__device__ int list_next(ListedSplat* list, Walk& walk, const PixelRange& pixels) {
+  ListedSplat splat_of_lane;
+  bool is_hit = false;
+  walk.take_next([&](int, const Splat& splat, std::uint32_t position, std::uint32_t gaussian) {
+    const SplatOutline outline = outline_of(splat);
+    is_hit = rectangle_is_hit(outline.mean2d, outline.conic, outline.cutoff, pixels.x_min,
+                              pixels.x_max, pixels.y_min, pixels.y_max, kSubtileSlack);
+    splat_of_lane = listed(splat, position, gaussian);
+  });
+  const unsigned hits = __ballot_sync(kAllLanes, is_hit);
+  const int count = __popc(hits);
+  if (is_hit) list[__popc(hits & lanes_below())] = splat_of_lane;
+  if (lane_of_thread() == 0 && count % 2) list[count] = {};
+  __syncwarp();
+  return count;
 }
 
 template <BlendRule rule, class Sums>
-__global__ void __launch_bounds__(kBlendThreads, blocks_of<Sums>())
+__global__ void __launch_bounds__(kBlendThreads, kBlocks)
     blend_backward_kernel(TileLists lists, const ListSegment* segments, Vec3f background,
                           Forward forward, const float* dL_dimage, Sums sums) {
-  __shared__ WarpShared shared_of_warps[kBlendWarps];
-  WarpShared& shared = shared_of_warps[threadIdx.x / kWarp];
+  constexpr bool kHasFragments = Sums::kStatistic != FragmentStatistic::none;
+  __shared__ WarpShared<Sums::kStatistic> shared_of_warps[kBlendWarps];
+  auto& shared = shared_of_warps[threadIdx.x / kWarp];
   const int lane = lane_of_thread();
   const WarpWork work;
   const ListSegment segment = segments[work.item];
@@ -349,7 +295,8 @@ __global__ void __launch_bounds__(kBlendThreads, blocks_of<Sums>())
   const Subtile subtile(lists, segment.tile, work.subtile);
   PixelWalk pixel(lists, subtile, background, forward.image, forward.transmittance, forward.last,
                   dL_dimage);
-  const std::uint32_t longest = warp_max(pixel.last), first = segment.number * kSegmentLength;
+  const std::uint32_t longest = warp_max(std::uint32_t(pixel.last + 1)),
+                      first = segment.number * kSegmentLength;
   if (longest <= first) return;
   if (segment.number > 0)
     pixel.skip_to(forward.checkpoints[subtile.checkpoint(forward.first_checkpoints[segment.tile] +
@@ -357,38 +304,46 @@ __global__ void __launch_bounds__(kBlendThreads, blocks_of<Sums>())
   float value = 0;
   if constexpr (Sums::kStatistic == FragmentStatistic::values)
     if (subtile.is_inside) value = sums.fragments.values[subtile.pixel(lists)];
-  stage_colors(shared, pixel.dL_dpixel, value);
+  write_colors(shared, pixel.dL_dpixel, value);
   const Monomials monomials;
   const Vec2f center{float(subtile.x0) + 0.5f * kSubtileWidth,
                      float(subtile.y0) + 0.5f * kSubtileHeight};
   const float x = float(subtile.x) + 0.5f, y = float(subtile.y) + 0.5f;
-  for (ListWalk walk(shared.ahead, lists, subtile.tile, subtile.pixels(), first,
-                     min(longest, first + kSegmentLength), false);
+  float* const left = shared.fragments + place_of_f(lane / 8) + 2 * (lane % 8);
+  const PixelRange pixels = subtile.pixels();
+  for (Walk walk(shared.ahead, lists, subtile.tile, pixels.bit(), first,
+                 min(longest, first + kSegmentLength), false);
        !walk.is_done();) {
-    const int count = walk.list_next(shared.list);
-    int rows = 0;
-    RowOfLane row;
-    for (int i = 0; i < count; ++i) {
-      const ListedSplat splat = shared.list[i];
-      const float dx = x - splat.mean2d.x, dy = y - splat.mean2d.y;
-      const float e = base2_exponent(splat, dx, dy);
-      const bool keep = e >= splat.lowest && splat.position < pixel.last;
-      const unsigned kept = __ballot_sync(kAllLanes, keep);
-      if (!kept) continue;
-      float2 fragment{0.0f, 0.0f};
-      if (keep) fragment = pixel.step<rule>(splat, e);
-      *reinterpret_cast<float2*>(shared.rows + rows * kRowStride + 2 * lane) = fragment;
-      if (Sums::kAbsolute) {
-        const Vec2f sum = absolute_gradient(splat, dx, dy, fragment.x);
-        if (lane == rows) row.absolute = sum;
+    const int listed = list_next(shared.list, walk, pixels);
+    for (int from = 0; from < listed; from += kProductSplats) {
+      const ListedSplat* const list = shared.list + from;
+      const int count = min(listed - from, kProductSplats);
+      SplatOfLane of_lane;
+      const auto step = [&](int k, const ListedSplat& splat) {
+        const float dx = x - splat.mean2d.x, dy = y - splat.mean2d.y;
+        const float e = base2_exponent(splat, dx, dy);
+        const bool is_kept = e >= splat.lowest && int(splat.position) <= pixel.last;
+        const float2 fragment = pixel.step<rule>(splat, e, is_kept);
+        if (Sums::kAbsolute) {
+          const Vec2f sum = absolute_gradient(splat, dx, dy, fragment.x);
+          if (lane == k) of_lane.absolute = sum;
+        }
+        if (kHasFragments) {
+          const unsigned kept = __ballot_sync(kAllLanes, is_kept);
+          if (lane == k) of_lane.kept = kept;
+        }
+        return fragment;
+      };
+      float* to = left;
+#pragma unroll 1
+      for (int k = 0; k < count; k += 2, to += kPairStride) {
+        const ListedSplat one = list[k], other = list[k + 1];
+        const float2 a = step(k, one), b = step(k + 1, other);
+        *reinterpret_cast<float2*>(to) = {a.x, b.x};
+        *reinterpret_cast<float2*>(to + place_of_w(0)) = {a.y, b.y};
       }
-      if (lane == rows) row.slot = i, row.kept = kept;
-      if (++rows == kRows) {
-        add_rows(shared, rows, row, monomials, center, sums);
-        rows = 0;
-      }
+      add_shares(shared, list, count, of_lane, monomials, center, sums);
     }
-    if (rows) add_rows(shared, rows, row, monomials, center, sums);
     __syncwarp();
   }
 }

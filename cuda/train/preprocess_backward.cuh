@@ -18,8 +18,8 @@
 
 namespace gs::cuda {
 
-// Two warps, each with shared memory of its own.
-inline constexpr int kGradientThreads = 64;
+// One warp: shared memory, which bounds the number of warps on a multiprocessor, is given to blocks.
+inline constexpr int kGradientThreads = kWarp;
 inline constexpr int kBasisStride =
     kShBasisCount + 1;  // odd, so that 32 rows begin in different banks
 
@@ -28,10 +28,12 @@ struct GradientShared : CodeRows<Numbers::kCodeBytes>, MissedRows<is_lazy> {
   // of the parameters, and what goes along; aligned for copies of 16 bytes
   alignas(16) float sh_rows[kFloatArrays<Numbers>][kWarp * kShRowNumbers];
   union {
-    Rows numbers;                       // parameters at first, gradients in the end
-    float basis[kWarp * kBasisStride];  // of the viewing direction of each Gaussian, between
+    Rows numbers;                         // parameters at first, gradients in the end
+    struct {                              // between
+      float basis[kWarp * kBasisStride];  // of the viewing direction of each Gaussian
+      float dL_dcolor[kWarp * 3];         // zero where a Gaussian is not visible
+    };
   };
-  float dL_dcolor[kWarp * 3];  // zero where a Gaussian is not visible
 };
 
 // dL/d(number `number` of SH row `row` of the warp).
@@ -268,7 +270,7 @@ __device__ void pull_back_rows(SharedOf<Sink>& shared, const Input<Source>& in, 
 inline constexpr int kGroupsOfWarp = 8;
 
 template <int degree, bool has_time, class Sink, class Source>
-__global__ void __launch_bounds__(kGradientThreads, Sink::kSkipsInvisible ? 5 : 1)
+__global__ void __launch_bounds__(kGradientThreads, Sink::kSkipsInvisible ? 10 : 1)
     preprocess_backward_kernel(const Input<Source> in, const Sink sink) {
   __shared__ SharedOf<Sink> shared_of_warps[kGradientThreads / kWarp];
   auto& shared = shared_of_warps[threadIdx.x / kWarp];
