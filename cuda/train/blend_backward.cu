@@ -48,7 +48,7 @@ static_assert(kSegmentLength <= 65536);  // a walk of 16 bits
 
 template <FragmentStatistic statistic>
 struct WarpShared {
-  static constexpr int kColorColumns = statistic == FragmentStatistic::values ? 8 : 6;
+  static constexpr int kColorColumns = statistic == FragmentStatistic::values ? 8 : 6;  // in use
   ListedSplat list[kWarp];
   Walk::Ahead ahead;
   // the left-hand sides: f and w of 16 splats at each pixel; then the sums over the pixels
@@ -58,7 +58,7 @@ struct WarpShared {
 
 // This lane's part of the right-hand side of the moments, column l / 4: x^a y^b, a + b <= 2. Row t
 // of product q is pixel 8 q + 2 t of the sub-tile, and row t + 4 is the next pixel, so that a lane
-// reads f and w of both in 16 consecutive bytes.
+// reads f of two splats at both pixels in 16 consecutive bytes, and w as well.
 struct Monomials {
   float x[2];        // x^a of the columns 2 t and 2 t + 1
   float y[2], sign;  // y^b of the first two rows; times `sign`, mirrored, of the last two
@@ -263,7 +263,7 @@ struct Forward {
 };
 
 // The whole warp: lists those of the walk's next 32 splats that hit the sub-tile, and returns their
-// number. One without color or opacity follows where they are no whole pairs.
+// number. If it is odd, a splat with opacity 0 follows, which completes the last pair.
 __device__ int list_next(ListedSplat* list, Walk& walk, const PixelRange& pixels) {
   ListedSplat splat_of_lane;
   bool is_hit = false;
