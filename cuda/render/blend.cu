@@ -83,14 +83,10 @@ void blend(Context& context, const RenderSettings& settings, RenderPass& pass) {
   const Output out{pass.image.data(), pass.transmittance.data(), pass.last_instance.data(),
                    scratch.first_checkpoints.data(),
                    makes_segments(settings) ? scratch.checkpoints() : nullptr};
-  const auto launch = [&](auto kernel) {
-    context.launch("blend", kernel, blend_blocks(pass.tile_count()), kBlendThreads,
+  with_rule(settings.blend_rule, [&](auto rule) {
+    context.launch("blend", blend_kernel<rule()>, blend_blocks(pass.tile_count()), kBlendThreads,
                    tile_lists(pass), scratch.order(), settings.background, out);
-  };
-  if (settings.blend_rule == BlendRule::classic)
-    launch(blend_kernel<BlendRule::classic>);
-  else
-    launch(blend_kernel<BlendRule::faster_gs>);
+  });
 }
 
 }  // namespace gs::cuda

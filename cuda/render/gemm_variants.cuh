@@ -45,14 +45,6 @@ void with_constant(bool value, F&& f) {
   else
     f(std::false_type());
 }
-/// Calls f with the blend rule as a constant.
-template <class F>
-void with_rule(BlendRule rule, F&& f) {
-  if (rule == BlendRule::classic)
-    f(std::integral_constant<BlendRule, BlendRule::classic>());
-  else
-    f(std::integral_constant<BlendRule, BlendRule::faster_gs>());
-}
 /// For a picture without a backward pass: calls f with the blend rule, and with whether blending is
 /// fast. It is exact under the classic rule, where a pixel's end may be worth 1 % of its light.
 template <class F>

@@ -8,6 +8,8 @@
 
 #include <cuda_pipeline.h>
 
+#include <type_traits>
+
 #include "cuda/device/warp.cuh"
 #include "cuda/stages.cuh"
 #include "gs_core/math/blend.h"
@@ -63,6 +65,15 @@ inline std::size_t blend_blocks(std::size_t tiles) {
   return tiles * kSubtilesPerTile / kBlendWarps;
 }
 
+/// Calls f with the blend rule as a constant.
+template <class F>
+void with_rule(BlendRule rule, F&& f) {
+  if (rule == BlendRule::classic)
+    f(std::integral_constant<BlendRule, BlendRule::classic>());
+  else
+    f(std::integral_constant<BlendRule, BlendRule::faster_gs>());
+}
+
 /// The tile, or segment, of this warp, and which of its sub-tiles.
 struct WarpWork {
   std::uint32_t item;
@@ -87,6 +98,13 @@ struct PixelRange {
   __device__ std::uint32_t bit() const {
     constexpr int kAcross = kPartsAcross<kTileWidth>;
     return bit_of_part(int(x_min) / kPart % kAcross + int(y_min) / kPart % kAcross * kAcross);
+  }
+  /// True where a splat may have a fragment among them.
+  template <class AnySplat>
+  __device__ bool are_hit_by(const AnySplat& splat) const {
+    const SplatOutline outline = outline_of(splat);
+    return rectangle_is_hit(outline.mean2d, outline.conic, outline.cutoff, x_min, x_max, y_min,
+                            y_max, kSubtileSlack);
   }
 };
 
@@ -207,11 +225,8 @@ class ListWalkOf {
     __pipeline_wait_prior(0);
     const std::uint32_t place = next_ + lane_of_thread(), instance = instance_;
     const AnySplat splat = splats_.load();
-    const SplatOutline outline = outline_of(splat);
     // Both are evaluated: a branch would cost more.
-    const bool hit = ((instance & part_) != 0) &
-                     rectangle_is_hit(outline.mean2d, outline.conic, outline.cutoff, pixels_.x_min,
-                                      pixels_.x_max, pixels_.y_min, pixels_.y_max, kSubtileSlack);
+    const bool hit = ((instance & part_) != 0) & pixels_.are_hit_by(splat);
     const unsigned hits = __ballot_sync(kAllLanes, hit);
     next_ += kWarp;
     fetch();

@@ -268,9 +268,7 @@ __device__ int list_next(ListedSplat* list, Walk& walk, const PixelRange& pixels
   ListedSplat splat_of_lane;
   bool is_hit = false;
   walk.take_next([&](int, const Splat& splat, std::uint32_t position, std::uint32_t gaussian) {
-    const SplatOutline outline = outline_of(splat);
-    is_hit = rectangle_is_hit(outline.mean2d, outline.conic, outline.cutoff, pixels.x_min,
-                              pixels.x_max, pixels.y_min, pixels.y_max, kSubtileSlack);
+    is_hit = pixels.are_hit_by(splat);
     splat_of_lane = listed(splat, position, gaussian);
   });
   const unsigned hits = __ballot_sync(kAllLanes, is_hit);
@@ -377,17 +375,13 @@ void blend_backward(Context& context, const RenderSettings& settings, Span<const
   const CudaScratch& scratch = pass.scratch<CudaScratch>();
   const Forward forward{pass.image.data(), pass.transmittance.data(), pass.last_instance.data(),
                         scratch.first_checkpoints.data(), scratch.checkpoints()};
-  const auto launch = [&](auto rule, const auto& sums) {
-    context.launch("blend backward",
-                   blend_backward_kernel<rule(), std::remove_cvref_t<decltype(sums)>>,
-                   blend_blocks(scratch.segments.size()), kBlendThreads, tile_lists(pass),
-                   scratch.segments.data(), settings.background, forward, dL_dimage.data, sums);
-  };
-  const auto launch_by_rule = [&](const auto& sums) {
-    if (settings.blend_rule == BlendRule::classic)
-      launch(std::integral_constant<BlendRule, BlendRule::classic>(), sums);
-    else
-      launch(std::integral_constant<BlendRule, BlendRule::faster_gs>(), sums);
+  const auto launch = [&](const auto& sums) {
+    with_rule(settings.blend_rule, [&](auto rule) {
+      context.launch("blend backward",
+                     blend_backward_kernel<rule(), std::remove_cvref_t<decltype(sums)>>,
+                     blend_blocks(scratch.segments.size()), kBlendThreads, tile_lists(pass),
+                     scratch.segments.data(), settings.background, forward, dL_dimage.data, sums);
+    });
   };
   const FragmentSink fragments{
       settings.deterministic ? nullptr : workspace.fragment_sums.data(),
@@ -397,14 +391,14 @@ void blend_backward(Context& context, const RenderSettings& settings, Span<const
   const auto launch_with = [&](const auto& sums) {
     using Sums = std::remove_cvref_t<decltype(sums)>;
     switch (settings.fragment_statistic) {
-      case FragmentStatistic::none: return launch_by_rule(sums);
+      case FragmentStatistic::none: return launch(sums);
       case FragmentStatistic::force:
         if constexpr (std::is_same_v<Sums, FloatSums<false>>)
-          return launch_by_rule(FloatSumsOfForces{{sums.of_gaussian}});
+          return launch(FloatSumsOfForces{{sums.of_gaussian}});
         else
-          return launch_by_rule(WithFragments<Sums, FragmentStatistic::force>{sums, fragments});
+          return launch(WithFragments<Sums, FragmentStatistic::force>{sums, fragments});
       case FragmentStatistic::values:
-        return launch_by_rule(WithFragments<Sums, FragmentStatistic::values>{sums, fragments});
+        return launch(WithFragments<Sums, FragmentStatistic::values>{sums, fragments});
     }
   };
   const auto launch_as_asked = [&](auto absolute) {
