@@ -43,13 +43,16 @@ constexpr int kSecondAt = 16;  // the place of FragmentSums::second among a spla
 constexpr int place_of_f(int q) { return q / 2 * kLeftStride + q % 2 * (4 * kLeftStride + 16); }
 constexpr int place_of_w(int q) { return place_of_f(q) + 2 * kLeftStride; }
 
+// Room for the splats of a product that waits to be filled, and for the next 32.
+constexpr int kListed = kProductSplats + kWarp;
+
 using Walk = PartWalkOf<Splat, kTileWidth, true, std::uint16_t>;
 static_assert(kSegmentLength <= 65536);  // a walk of 16 bits
 
 template <FragmentStatistic statistic>
 struct WarpShared {
   static constexpr int kColorColumns = statistic == FragmentStatistic::values ? 8 : 6;  // in use
-  ListedSplat list[kWarp];
+  ListedSplat list[kListed];  // a ring
   Walk::Ahead ahead;
   // the left-hand sides: f and w of 16 splats at each pixel; then the sums over the pixels
   alignas(16) float fragments[place_of_w(kProducts - 1) + kLeftStride];
@@ -262,9 +265,9 @@ struct Forward {
   const Vec4f* checkpoints;                // (.., pixels of a tile)
 };
 
-// The whole warp: lists those of the walk's next 32 splats that hit the sub-tile, and returns their
-// number. If it is odd, a splat with opacity 0 follows, which completes the last pair.
-__device__ int list_next(ListedSplat* list, Walk& walk, const PixelRange& pixels) {
+// The whole warp: lists those of the walk's next 32 splats that hit the sub-tile, from a place of
+// the ring on, and returns their number.
+__device__ int list_next(ListedSplat* ring, int place, Walk& walk, const PixelRange& pixels) {
   ListedSplat splat_of_lane;
   bool is_hit = false;
   walk.take_next([&](int, const Splat& splat, std::uint32_t position, std::uint32_t gaussian) {
@@ -272,11 +275,9 @@ __device__ int list_next(ListedSplat* list, Walk& walk, const PixelRange& pixels
     splat_of_lane = listed(splat, position, gaussian);
   });
   const unsigned hits = __ballot_sync(kAllLanes, is_hit);
-  const int count = __popc(hits);
-  if (is_hit) list[__popc(hits & lanes_below())] = splat_of_lane;
-  if (lane_of_thread() == 0 && count % 2) list[count] = {};
-  __syncwarp();
-  return count;
+  place += __popc(hits & lanes_below());
+  if (is_hit) ring[place < kListed ? place : place - kListed] = splat_of_lane;
+  return __popc(hits);
 }
 
 template <BlendRule rule, class Sums>
@@ -309,13 +310,18 @@ __global__ void __launch_bounds__(kBlendThreads, kBlocks)
   const float x = float(subtile.x) + 0.5f, y = float(subtile.y) + 0.5f;
   float* const left = shared.fragments + place_of_f(lane / 8) + 2 * (lane % 8);
   const PixelRange pixels = subtile.pixels();
-  for (Walk walk(shared.ahead, lists, subtile.tile, pixels.bit(), first,
-                 min(longest, first + kSegmentLength), false);
-       !walk.is_done();) {
-    const int listed = list_next(shared.list, walk, pixels);
-    for (int from = 0; from < listed; from += kProductSplats) {
-      const ListedSplat* const list = shared.list + from;
-      const int count = min(listed - from, kProductSplats);
+  Walk walk(shared.ahead, lists, subtile.tile, pixels.bit(), first,
+            min(longest, first + kSegmentLength), false);
+  ListedSplat* list = shared.list;  // of the next product
+  int listed = 0;                   // from there on
+  while (true) {
+    while (listed < kProductSplats && !walk.is_done())
+      listed += list_next(shared.list, int(list - shared.list) + listed, walk, pixels);
+    if (listed == 0) break;
+    {
+      const int count = min(listed, kProductSplats);
+      if (lane == 0 && count % 2) list[count] = {};  // the other one of a pair
+      __syncwarp();
       SplatOfLane of_lane;
       const auto step = [&](int k, const ListedSplat& splat) {
         const float dx = x - splat.mean2d.x, dy = y - splat.mean2d.y;
@@ -341,8 +347,9 @@ __global__ void __launch_bounds__(kBlendThreads, kBlocks)
         *reinterpret_cast<float2*>(to + place_of_w(0)) = {a.y, b.y};
       }
       add_shares(shared, list, count, of_lane, monomials, center, sums);
+      listed -= count;
+      list = list + kProductSplats < shared.list + kListed ? list + kProductSplats : shared.list;
     }
-    __syncwarp();
   }
 }
 
