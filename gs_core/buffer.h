@@ -27,13 +27,13 @@ struct Span {
   GS_HD operator Span<const T>() const { return {data, size}; }
 };
 
-/// Bytes from which on a Buffer that grows takes an eighth of its capacity in reserve. Smaller ones
-/// take a half. Large arrays are what fills a device, and time to copy them grows slower than they.
+/// Bytes from which on a Buffer that grows takes a sixteenth of its capacity in reserve. Smaller
+/// ones take a half. Large arrays are what fills a device, and time to copy them grows slower than they.
 inline constexpr std::size_t kLargeBufferBytes = std::size_t(1) << 20;
 
 /// The bytes of a Buffer that has `capacity` bytes and needs `bytes`, which are more.
 constexpr std::size_t grown_bytes(std::size_t capacity, std::size_t bytes) {
-  return std::max(bytes, capacity + capacity / (capacity < kLargeBufferBytes ? 2 : 8));
+  return std::max(bytes, capacity + capacity / (capacity < kLargeBufferBytes ? 2 : 16));
 }
 
 /// An array of plain values in one Memory. Its capacity only grows, so that steady work allocates

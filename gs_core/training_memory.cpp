@@ -25,8 +25,8 @@ constexpr double kBytesOfDepthPixel = 24;   // blended depths, and the gradient
 constexpr double kBytesOfRecolored = 24;    // the picture shown, and what is behind it
 constexpr double kBytesOfTile = 3 * kWord + 2 * kWord;  // range, order, checkpoint; a segment
 
-constexpr double kMeanReserve = 1.0625;  // of large arrays
-constexpr double kShareOfFree = 0.9;     // that an offloaded run may take
+constexpr double kMeanReserve = 1.03125;  // of large arrays
+constexpr double kShareOfFree = 0.9;      // that an offloaded run may take
 
 // Bytes that an array of so many is expected to have, half way between two steps of its growth.
 double with_reserve(double bytes) {

@@ -191,7 +191,7 @@ TEST(TrainingMemory, FittingGaussiansTakeTheBytes) {
 TEST(Buffers, TakeAHalfInReserveWhileTheyAreSmallAndAnEighthLater) {
   EXPECT_EQ(grown_bytes(1000, 1001), 1500u);
   EXPECT_EQ(grown_bytes(1000, 5000), 5000u);
-  EXPECT_EQ(grown_bytes(kLargeBufferBytes, kLargeBufferBytes + 1), kLargeBufferBytes / 8 * 9);
+  EXPECT_EQ(grown_bytes(kLargeBufferBytes, kLargeBufferBytes + 1), kLargeBufferBytes / 16 * 17);
 }
 
 }  // namespace
