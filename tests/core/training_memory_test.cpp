@@ -188,7 +188,7 @@ TEST(TrainingMemory, FittingGaussiansTakeTheBytes) {
   EXPECT_LT(gaussians_that_fit(size, 1000), 1);
 }
 
-TEST(Buffers, TakeAHalfInReserveWhileTheyAreSmallAndAnEighthLater) {
+TEST(Buffers, TakeAHalfInReserveWhileTheyAreSmallAndASixteenthLater) {
   EXPECT_EQ(grown_bytes(1000, 1001), 1500u);
   EXPECT_EQ(grown_bytes(1000, 5000), 5000u);
   EXPECT_EQ(grown_bytes(kLargeBufferBytes, kLargeBufferBytes + 1), kLargeBufferBytes / 16 * 17);
