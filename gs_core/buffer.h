@@ -27,13 +27,16 @@ struct Span {
   GS_HD operator Span<const T>() const { return {data, size}; }
 };
 
-/// Bytes from which on a Buffer that grows takes a sixteenth of its capacity in reserve. Smaller
-/// ones take a half. Large arrays are what fills a device, and time to copy them grows slower than they.
-inline constexpr std::size_t kLargeBufferBytes = std::size_t(1) << 20;
+/// The share of its capacity that a Buffer which grows takes in reserve, of so many bytes. Large
+/// arrays are what fills a device, and time to copy them grows slower than they.
+constexpr double reserve_share(std::size_t capacity) {
+  constexpr std::size_t kMiB = std::size_t(1) << 20;
+  return capacity < kMiB ? 1.0 / 2 : capacity < 16 * kMiB ? 1.0 / 16 : 1.0 / 32;
+}
 
 /// The bytes of a Buffer that has `capacity` bytes and needs `bytes`, which are more.
 constexpr std::size_t grown_bytes(std::size_t capacity, std::size_t bytes) {
-  return std::max(bytes, capacity + capacity / (capacity < kLargeBufferBytes ? 2 : 16));
+  return std::max(bytes, capacity + std::size_t(double(capacity) * reserve_share(capacity)));
 }
 
 /// An array of plain values in one Memory. Its capacity only grows, so that steady work allocates

@@ -25,12 +25,11 @@ constexpr double kBytesOfDepthPixel = 24;   // blended depths, and the gradient
 constexpr double kBytesOfRecolored = 24;    // the picture shown, and what is behind it
 constexpr double kBytesOfTile = 3 * kWord + 2 * kWord;  // range, order, checkpoint; a segment
 
-constexpr double kMeanReserve = 1.03125;  // of large arrays
-constexpr double kShareOfFree = 0.9;      // that an offloaded run may take
+constexpr double kShareOfFree = 0.9;  // that an offloaded run may take
 
 // Bytes that an array of so many is expected to have, half way between two steps of its growth.
 double with_reserve(double bytes) {
-  return bytes * (bytes < double(kLargeBufferBytes) ? 1.25 : kMeanReserve);
+  return bytes * (1.0 + 0.5 * reserve_share(std::size_t(bytes)));
 }
 
 // Adds up arrays with a row per Gaussian.
@@ -249,7 +248,8 @@ double training_bytes(const TrainingSize& size) {
   // An array that grows holds its old rows until they are copied. SH coefficients have most, and
   // without them rotations.
   const double row = size.offloads_sh ? sizeof(Quatf) : sizeof(ShRest);
-  const double old_rows = is_held_twice ? size.gaussians * row / kMeanReserve : 0;
+  const double rows = size.gaussians * row,
+               old_rows = is_held_twice ? rows * rows / with_reserve(rows) : 0;
   const double most =
       old_rows < double(kBytesWorthReleasing) ? of_step + old_rows : std::max(of_step, old_rows);
   return state.sum() + kept.sum() + most + picture_bytes(size) + kSmallBuffers;

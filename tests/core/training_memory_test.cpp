@@ -188,10 +188,12 @@ TEST(TrainingMemory, FittingGaussiansTakeTheBytes) {
   EXPECT_LT(gaussians_that_fit(size, 1000), 1);
 }
 
-TEST(Buffers, TakeAHalfInReserveWhileTheyAreSmallAndASixteenthLater) {
+TEST(Buffers, TakeAHalfInReserveWhileTheyAreSmallAndLessLater) {
+  constexpr std::size_t kMiB = 1 << 20;
   EXPECT_EQ(grown_bytes(1000, 1001), 1500u);
   EXPECT_EQ(grown_bytes(1000, 5000), 5000u);
-  EXPECT_EQ(grown_bytes(kLargeBufferBytes, kLargeBufferBytes + 1), kLargeBufferBytes / 16 * 17);
+  EXPECT_EQ(grown_bytes(kMiB, kMiB + 1), kMiB / 16 * 17);
+  EXPECT_EQ(grown_bytes(160 * kMiB, 160 * kMiB + 1), 165 * kMiB);
 }
 
 }  // namespace
