@@ -27,10 +27,9 @@ constexpr double kBytesOfTile = 3 * kWord + 2 * kWord;  // range, order, checkpo
 
 constexpr double kShareOfFree = 0.9;  // that an offloaded run may take
 
-// Bytes that an array of so many is expected to have, half way between two steps of its growth.
-double with_reserve(double bytes) {
-  return bytes * (1.0 + 0.5 * reserve_share(std::size_t(bytes)));
-}
+// What an array is expected to have for each byte in use, half way between two steps of its growth.
+double mean_reserve(double bytes) { return 1.0 + 0.5 * reserve_share(std::size_t(bytes)); }
+double with_reserve(double bytes) { return bytes * mean_reserve(bytes); }
 
 // Adds up arrays with a row per Gaussian.
 class Rows {
@@ -248,8 +247,8 @@ double training_bytes(const TrainingSize& size) {
   // An array that grows holds its old rows until they are copied. SH coefficients have most, and
   // without them rotations.
   const double row = size.offloads_sh ? sizeof(Quatf) : sizeof(ShRest);
-  const double rows = size.gaussians * row,
-               old_rows = is_held_twice ? rows * rows / with_reserve(rows) : 0;
+  const double rows = size.gaussians * row;
+  const double old_rows = is_held_twice ? rows / mean_reserve(rows) : 0;
   const double most =
       old_rows < double(kBytesWorthReleasing) ? of_step + old_rows : std::max(of_step, old_rows);
   return state.sum() + kept.sum() + most + picture_bytes(size) + kSmallBuffers;

@@ -14,10 +14,11 @@
 // right-hand side is exact in TF32. The left-hand sides are split into two TF32 parts, so that only
 // the sums are rounded.
 //
-// A warp lists 32 splats of its part of the tile at a time, as far as they hit its sub-tile. Its
-// lanes then take two splats in each step of their loop, without a branch: a fragment that is not
-// kept has f = w = 0. f and w of the two lie side by side in shared memory, which is the order in
-// which a lane's registers hold the left-hand side of a product.
+// A warp looks at 32 splats of its part of the tile at a time, and lists those that hit its sub-tile
+// until there are the 16 of a product. Its lanes then take two splats in each step of their loop,
+// without a branch: a fragment that is not kept has f = w = 0. f and w of the two lie side by side
+// in shared memory, which is the order in which a lane's registers hold the left-hand side of a
+// product.
 //
 // Scores of density control that sum over fragments (FragmentSums) cost little more. sum f is one
 // of the moments, and sum w v is another column of the colors, with a value v of each pixel. The
@@ -43,7 +44,7 @@ constexpr int kSecondAt = 16;  // the place of FragmentSums::second among a spla
 constexpr int place_of_f(int q) { return q / 2 * kLeftStride + q % 2 * (4 * kLeftStride + 16); }
 constexpr int place_of_w(int q) { return place_of_f(q) + 2 * kLeftStride; }
 
-// Room for the splats of a product that waits to be filled, and for the next 32.
+// Places for the splats of a product that is not full yet, and for the next 32.
 constexpr int kListed = kProductSplats + kWarp;
 
 using Walk = PartWalkOf<Splat, kTileWidth, true, std::uint16_t>;
@@ -52,7 +53,7 @@ static_assert(kSegmentLength <= 65536);  // a walk of 16 bits
 template <FragmentStatistic statistic>
 struct WarpShared {
   static constexpr int kColorColumns = statistic == FragmentStatistic::values ? 8 : 6;  // in use
-  ListedSplat list[kListed];  // a ring
+  ListedSplat list[kListed];                                                            // a ring
   Walk::Ahead ahead;
   // the left-hand sides: f and w of 16 splats at each pixel; then the sums over the pixels
   alignas(16) float fragments[place_of_w(kProducts - 1) + kLeftStride];
@@ -312,44 +313,42 @@ __global__ void __launch_bounds__(kBlendThreads, kBlocks)
   const PixelRange pixels = subtile.pixels();
   Walk walk(shared.ahead, lists, subtile.tile, pixels.bit(), first,
             min(longest, first + kSegmentLength), false);
-  ListedSplat* list = shared.list;  // of the next product
-  int listed = 0;                   // from there on
+  ListedSplat* list = shared.list;  // where the next product begins
+  int listed = 0;                   // splats from there on
   while (true) {
     while (listed < kProductSplats && !walk.is_done())
       listed += list_next(shared.list, int(list - shared.list) + listed, walk, pixels);
     if (listed == 0) break;
-    {
-      const int count = min(listed, kProductSplats);
-      if (lane == 0 && count % 2) list[count] = {};  // the other one of a pair
-      __syncwarp();
-      SplatOfLane of_lane;
-      const auto step = [&](int k, const ListedSplat& splat) {
-        const float dx = x - splat.mean2d.x, dy = y - splat.mean2d.y;
-        const float e = base2_exponent(splat, dx, dy);
-        const bool is_kept = e >= splat.lowest && int(splat.position) <= pixel.last;
-        const float2 fragment = pixel.step<rule>(splat, e, is_kept);
-        if (Sums::kAbsolute) {
-          const Vec2f sum = absolute_gradient(splat, dx, dy, fragment.x);
-          if (lane == k) of_lane.absolute = sum;
-        }
-        if (kHasFragments) {
-          const unsigned kept = __ballot_sync(kAllLanes, is_kept);
-          if (lane == k) of_lane.kept = kept;
-        }
-        return fragment;
-      };
-      float* to = left;
-#pragma unroll 1
-      for (int k = 0; k < count; k += 2, to += kPairStride) {
-        const ListedSplat one = list[k], other = list[k + 1];
-        const float2 a = step(k, one), b = step(k + 1, other);
-        *reinterpret_cast<float2*>(to) = {a.x, b.x};
-        *reinterpret_cast<float2*>(to + place_of_w(0)) = {a.y, b.y};
+    const int count = min(listed, kProductSplats);
+    if (lane == 0 && count % 2) list[count] = {};  // the other one of a pair
+    __syncwarp();
+    SplatOfLane of_lane;
+    const auto step = [&](int k, const ListedSplat& splat) {
+      const float dx = x - splat.mean2d.x, dy = y - splat.mean2d.y;
+      const float e = base2_exponent(splat, dx, dy);
+      const bool is_kept = e >= splat.lowest && int(splat.position) <= pixel.last;
+      const float2 fragment = pixel.step<rule>(splat, e, is_kept);
+      if (Sums::kAbsolute) {
+        const Vec2f sum = absolute_gradient(splat, dx, dy, fragment.x);
+        if (lane == k) of_lane.absolute = sum;
       }
-      add_shares(shared, list, count, of_lane, monomials, center, sums);
-      listed -= count;
-      list = list + kProductSplats < shared.list + kListed ? list + kProductSplats : shared.list;
+      if (kHasFragments) {
+        const unsigned kept = __ballot_sync(kAllLanes, is_kept);
+        if (lane == k) of_lane.kept = kept;
+      }
+      return fragment;
+    };
+    float* to = left;
+#pragma unroll 1
+    for (int k = 0; k < count; k += 2, to += kPairStride) {
+      const ListedSplat one = list[k], other = list[k + 1];
+      const float2 a = step(k, one), b = step(k + 1, other);
+      *reinterpret_cast<float2*>(to) = {a.x, b.x};
+      *reinterpret_cast<float2*>(to + place_of_w(0)) = {a.y, b.y};
     }
+    add_shares(shared, list, count, of_lane, monomials, center, sums);
+    listed -= count;
+    list = list + kProductSplats < shared.list + kListed ? list + kProductSplats : shared.list;
   }
 }
 
