@@ -1,0 +1,101 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "tests/cuda/arithmetic_kernels.h"
+
+#include <cstring>
+#include <stdexcept>
+
+#include "gs_core/math/arithmetic.h"
+
+#ifndef GS_BRANCHLESS_QUOTIENTS
+#error "this file tests quotients without a branch"
+#endif
+
+namespace gs {
+namespace {
+
+constexpr int kBlocks = 2048, kThreads = 256;
+constexpr std::uint64_t kStride = std::uint64_t(kBlocks) * kThreads;
+
+__device__ std::uint64_t first_item() { return std::uint64_t(blockIdx.x) * kThreads + threadIdx.x; }
+
+__global__ void roots_kernel(std::uint32_t least, std::uint32_t most, unsigned long long* differ) {
+  unsigned long long count = 0;
+  for (std::uint64_t bits = least + first_item(); bits <= most; bits += kStride) {
+    const float x = __uint_as_float(std::uint32_t(bits));
+    count += __float_as_uint(root(x)) != __float_as_uint(__fsqrt_rn(x));
+  }
+  if (count) atomicAdd(differ, count);
+}
+
+// A number that looks random, from `seed` (SplitMix64).
+__device__ std::uint64_t scrambled(std::uint64_t seed) {
+  seed += 0x9e3779b97f4a7c15u;
+  seed = (seed ^ seed >> 30) * 0xbf58476d1ce4e5b9u;
+  seed = (seed ^ seed >> 27) * 0x94d049bb133111ebu;
+  return seed ^ seed >> 31;
+}
+
+__device__ float drawn(std::uint64_t random, int exponents) {
+  std::uint32_t mantissa = std::uint32_t(random) & 0x7fffffu;
+  const std::uint32_t place = std::uint32_t(random >> 23) & 7u;
+  if (place == 0) mantissa |= 0x7fff00u;
+  if (place == 1) mantissa &= 0xffu;
+  const std::uint32_t exponent =
+      std::uint32_t(127 - exponents) + std::uint32_t(random >> 32) % (2 * exponents + 1);
+  return __uint_as_float(std::uint32_t(random >> 63) << 31 | exponent << 23 | mantissa);
+}
+
+__global__ void quotients_kernel(std::uint64_t count, int exponents, unsigned long long* differ) {
+  unsigned long long different = 0;
+  for (std::uint64_t k = first_item(); k < count; k += kStride) {
+    const float a = drawn(scrambled(2 * k), exponents), b = drawn(scrambled(2 * k + 1), exponents);
+    different += __float_as_uint(quotient(a, b)) != __float_as_uint(__fdiv_rn(a, b));
+  }
+  if (different) atomicAdd(differ, different);
+}
+
+__global__ void one_kernel(float a, float b, float* results) {
+  results[0] = quotient(a, b);
+  results[1] = root(a);
+}
+
+// What launch(pointer) leaves in memory that both sides see.
+template <class T, class Launch>
+T result_of(const Launch& launch, int place = 0) {
+  T* results = nullptr;
+  if (cudaMallocManaged(&results, 2 * sizeof(T)) != cudaSuccess)
+    throw std::runtime_error("no managed memory");
+  results[0] = results[1] = T();
+  launch(results);
+  const cudaError_t error = cudaDeviceSynchronize();
+  const T result = results[place];
+  cudaFree(results);
+  if (error != cudaSuccess) throw std::runtime_error(cudaGetErrorString(error));
+  return result;
+}
+
+}  // namespace
+
+std::uint64_t differing_roots(float least, float most) {
+  return result_of<unsigned long long>([&](unsigned long long* differ) {
+    std::uint32_t bits[2];
+    memcpy(bits, &least, sizeof least);
+    memcpy(bits + 1, &most, sizeof most);
+    roots_kernel<<<kBlocks, kThreads>>>(bits[0], bits[1], differ);
+  });
+}
+
+std::uint64_t differing_quotients(std::uint64_t count, int exponents) {
+  return result_of<unsigned long long>([&](unsigned long long* differ) {
+    quotients_kernel<<<kBlocks, kThreads>>>(count, exponents, differ);
+  });
+}
+
+float quotient_on_gpu(float a, float b) {
+  return result_of<float>([&](float* results) { one_kernel<<<1, 1>>>(a, b, results); });
+}
+float root_on_gpu(float x) {
+  return result_of<float>([&](float* results) { one_kernel<<<1, 1>>>(x, 1, results); }, 1);
+}
+
+}  // namespace gs
