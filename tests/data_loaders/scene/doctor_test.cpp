@@ -428,10 +428,10 @@ TEST(Forecast, AddsUpWhatTheGpuHolds) {
   EXPECT_THAT(forecast(config, scene, device).text, HasSubstr("takes about 9.5 GiB of GPU memory"));
   config.train.deterministic = true;  // 184 bytes more, and a reserve
   EXPECT_THAT(forecast(config, scene, device).text,
-              HasSubstr("takes about 11.4 GiB of GPU memory"));
+              HasSubstr("takes about 11.2 GiB of GPU memory"));
   config.train.deterministic = false;
   scene.train_share = 0.5;
-  EXPECT_THAT(forecast(config, scene, device).text, HasSubstr("takes about 9.1 GiB of GPU memory"));
+  EXPECT_THAT(forecast(config, scene, device).text, HasSubstr("takes about 9.0 GiB of GPU memory"));
 }
 
 TEST(Forecast, CountsPhotosThatAreNotLoadedYet) {

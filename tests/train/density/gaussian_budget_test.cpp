@@ -63,7 +63,7 @@ TEST(GaussiansOnGpu, AreNeverLessThanThereAreNorMoreThanCanBeNumbered) {
 // 45 numbers with moments, a reserve, and a copy of SH.
 TEST(GaussiansOffloaded, TakeWhatTheHostHasFreeAndTheirOwn) {
   const TrainingSize size = with_offload({});
-  const double of_gaussian = 540 * 1.0625 + 180, free = 0.85 * double(10 * kGib);
+  const double of_gaussian = 540 * (1 + 1.0 / 64) + 180, free = 0.85 * double(10 * kGib);
   EXPECT_EQ(gaussians_offloaded(size, 10 * kGib, 0), std::int64_t(free / of_gaussian));
   EXPECT_EQ(gaussians_offloaded(size, 10 * kGib, 1'000'000),
             std::int64_t((free + 540e6) / of_gaussian));
