@@ -44,7 +44,7 @@ constexpr int kSecondAt = 16;  // the place of FragmentSums::second among a spla
 constexpr int place_of_f(int q) { return q / 2 * kLeftStride + q % 2 * (4 * kLeftStride + 16); }
 constexpr int place_of_w(int q) { return place_of_f(q) + 2 * kLeftStride; }
 
-// Places for the splats of a product that is not full yet, and for the next 32.
+// Places of the ring of listed splats: for a product that is not full yet, and for the next 32.
 constexpr int kListed = kProductSplats + kWarp;
 
 using Walk = PartWalkOf<Splat, kTileWidth, true, std::uint16_t>;
@@ -53,7 +53,7 @@ static_assert(kSegmentLength <= 65536);  // a walk of 16 bits
 template <FragmentStatistic statistic>
 struct WarpShared {
   static constexpr int kColorColumns = statistic == FragmentStatistic::values ? 8 : 6;  // in use
-  ListedSplat list[kListed];                                                            // a ring
+  ListedSplat list[kListed];
   Walk::Ahead ahead;
   // the left-hand sides: f and w of 16 splats at each pixel; then the sums over the pixels
   alignas(16) float fragments[place_of_w(kProducts - 1) + kLeftStride];

@@ -55,11 +55,7 @@ GS_HD FrustumLimits<T> frustum_limits(const PinholeCamera<T>& camera) {
 ///       [  0    fy/z  -fy y/z^2 ]                                Kerbl et al. 2023, Eq. 5
 template <class T>
 GS_HD Mat23<T> projection_jacobian(const PinholeCamera<T>& camera, const Vec3<T>& p) {
-#ifdef GS_HACK
-  const FrustumLimits<T> limits = {{-camera.fx, -camera.fy}, {camera.fx, camera.fy}};
-#else
   const FrustumLimits<T> limits = frustum_limits(camera);
-#endif
   const T x = clamp_to(quotient(p.x, p.z), limits.low.x, limits.high.x);
   const T y = clamp_to(quotient(p.y, p.z), limits.low.y, limits.high.y);
   const T jx = quotient(camera.fx, p.z), jy = quotient(camera.fy, p.z);
