@@ -5,6 +5,7 @@
 #include <stdexcept>
 
 #include "gs_core/math/arithmetic.h"
+#include "gs_core/random.h"
 
 #ifndef GS_BRANCHLESS_QUOTIENTS
 #error "this file tests quotients without a branch"
@@ -27,51 +28,52 @@ __global__ void roots_kernel(std::uint32_t least, std::uint32_t most, unsigned l
   if (count) atomicAdd(differ, count);
 }
 
-// A number that looks random, from `seed` (SplitMix64).
-__device__ std::uint64_t scrambled(std::uint64_t seed) {
-  seed += 0x9e3779b97f4a7c15u;
-  seed = (seed ^ seed >> 30) * 0xbf58476d1ce4e5b9u;
-  seed = (seed ^ seed >> 27) * 0x94d049bb133111ebu;
-  return seed ^ seed >> 31;
-}
-
-__device__ float drawn(std::uint64_t random, int exponents) {
-  std::uint32_t mantissa = std::uint32_t(random) & 0x7fffffu;
-  const std::uint32_t place = std::uint32_t(random >> 23) & 7u;
+// A float from two words of random bits.
+__device__ float drawn(std::uint32_t word, std::uint32_t other_word, int exponents) {
+  std::uint32_t mantissa = word & 0x7fffffu;
+  const std::uint32_t place = word >> 23 & 7u;
   if (place == 0) mantissa |= 0x7fff00u;
   if (place == 1) mantissa &= 0xffu;
-  const std::uint32_t exponent =
-      std::uint32_t(127 - exponents) + std::uint32_t(random >> 32) % (2 * exponents + 1);
-  return __uint_as_float(std::uint32_t(random >> 63) << 31 | exponent << 23 | mantissa);
+  const std::uint32_t exponent = std::uint32_t(127 - exponents) + other_word % (2 * exponents + 1);
+  return __uint_as_float((word & 0x80000000u) | exponent << 23 | mantissa);
 }
 
 __global__ void quotients_kernel(std::uint64_t count, int exponents, unsigned long long* differ) {
   unsigned long long different = 0;
   for (std::uint64_t k = first_item(); k < count; k += kStride) {
-    const float a = drawn(scrambled(2 * k), exponents), b = drawn(scrambled(2 * k + 1), exponents);
+    const RandomBits bits = Random{1, RandomStream::test}.bits(k);
+    const float a = drawn(bits.word[0], bits.word[1], exponents);
+    const float b = drawn(bits.word[2], bits.word[3], exponents);
     different += __float_as_uint(quotient(a, b)) != __float_as_uint(__fdiv_rn(a, b));
   }
   if (different) atomicAdd(differ, different);
 }
 
-__global__ void one_kernel(float a, float b, float* results) {
-  results[0] = quotient(a, b);
-  results[1] = root(a);
+struct Results {
+  float quotient, root;
+};
+
+__global__ void one_kernel(float a, float b, Results* results) {
+  *results = {quotient(a, b), root(a)};
 }
 
 // What launch(pointer) leaves in memory that both sides see.
 template <class T, class Launch>
-T result_of(const Launch& launch, int place = 0) {
-  T* results = nullptr;
-  if (cudaMallocManaged(&results, 2 * sizeof(T)) != cudaSuccess)
+T result_of(const Launch& launch) {
+  T* shared = nullptr;
+  if (cudaMallocManaged(&shared, sizeof(T)) != cudaSuccess)
     throw std::runtime_error("no managed memory");
-  results[0] = results[1] = T();
-  launch(results);
+  *shared = T();
+  launch(shared);
   const cudaError_t error = cudaDeviceSynchronize();
-  const T result = results[place];
-  cudaFree(results);
+  const T result = *shared;
+  cudaFree(shared);
   if (error != cudaSuccess) throw std::runtime_error(cudaGetErrorString(error));
   return result;
+}
+
+Results results_of(float a, float b) {
+  return result_of<Results>([&](Results* results) { one_kernel<<<1, 1>>>(a, b, results); });
 }
 
 }  // namespace
@@ -91,11 +93,7 @@ std::uint64_t differing_quotients(std::uint64_t count, int exponents) {
   });
 }
 
-float quotient_on_gpu(float a, float b) {
-  return result_of<float>([&](float* results) { one_kernel<<<1, 1>>>(a, b, results); });
-}
-float root_on_gpu(float x) {
-  return result_of<float>([&](float* results) { one_kernel<<<1, 1>>>(x, 1, results); }, 1);
-}
+float quotient_on_gpu(float a, float b) { return results_of(a, b).quotient; }
+float root_on_gpu(float x) { return results_of(x, 1).root; }
 
 }  // namespace gs
