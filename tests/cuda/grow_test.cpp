@@ -326,11 +326,7 @@ TEST_F(CudaFragmentSums, HaveTheSameBitsAgainInDeterministicSteps) {
 class CudaBudgetedRun : public CudaTest {
  protected:
   CudaBudgetedRun() { config_.train.deterministic = true; }
-  TrainingModel trained() {
-    Trainer trainer(scene_, config_, gpu());
-    trainer.run();
-    return on_host(trainer.model());
-  }
+  TrainingModel trained() { return model_of_run(scene_, config_, gpu()); }
 
   const Scene scene_ = small_scene();
   Config config_ = busy_run();

@@ -274,11 +274,7 @@ TEST_F(CudaLazyAdam, RowsCatchUpBeforeTheyMove) {
 
 class CudaLazyRun : public CudaTest {
  protected:
-  TrainingModel trained(const Config& config) {
-    Trainer trainer(scene_, config, gpu());
-    trainer.run();
-    return on_host(trainer.model());
-  }
+  TrainingModel trained(const Config& config) { return model_of_run(scene_, config, gpu()); }
   double psnr_after(const Config& config) {
     Trainer trainer(scene_, config, gpu());
     trainer.run();

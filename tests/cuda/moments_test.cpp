@@ -336,11 +336,7 @@ class CudaCodedRun : public CudaTest {
     }
     return sum / kSeeds;
   }
-  TrainingModel trained(const Config& config) {
-    Trainer trainer(scene_, config, gpu());
-    trainer.run();
-    return on_host(trainer.model());
-  }
+  TrainingModel trained(const Config& config) { return model_of_run(scene_, config, gpu()); }
   const Scene scene_ = small_scene();
 };
 

@@ -12,11 +12,7 @@ namespace {
 
 class CudaPhotometricRun : public CudaTest {
  protected:
-  TrainingModel trained(const Config& config) {
-    Trainer trainer(scene_, config, gpu());
-    trainer.run();
-    return on_host(trainer.model());
-  }
+  TrainingModel trained(const Config& config) { return model_of_run(scene_, config, gpu()); }
   const Scene scene_ = wall_scene(true);
 };
 

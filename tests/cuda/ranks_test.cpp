@@ -232,11 +232,7 @@ TEST_P(CudaRanks, RunsWithDensityControlHaveTheBytesOfOneGpu) {
       config.density.from_step = config.density.every = 20;
       config.density.gradient_threshold = 1e-5f;
       if (strategy == "mcmc") config.density.max_gaussians = 200;
-      const auto trained = [&](Backend& backend) {
-        Trainer trainer(scene, config, backend);
-        trainer.run();
-        return copy_to(host_memory(), trainer.model());
-      };
+      const auto trained = [&](Backend& backend) { return model_of_run(scene, config, backend); };
       const TrainingModel expected = trained(gpu());
       for (const int count : {2, 3}) {
         SomeRanks backend = ranks_of(count, scene.train_views);

@@ -42,6 +42,13 @@ class StopAfter final : public Observer {
   int step_;
 };
 
+/// The model, in host memory, of a whole run.
+inline TrainingModel model_of_run(const Scene& scene, const Config& config, Backend& backend) {
+  Trainer trainer(scene, config, backend);
+  trainer.run();
+  return copy_to(host_memory(), trainer.model());
+}
+
 /// The model, in host memory, of a run that is stopped after a step and goes on from its
 /// checkpoint, with the settings `afterwards`.
 inline TrainingModel resumed_after(int stop, const Scene& scene, const Config& config,
@@ -66,11 +73,7 @@ inline TrainingModel resumed_after(int stop, const Scene& scene, const Config& c
 class SceneRun : public ::testing::Test {
  protected:
   explicit SceneRun(Scene scene) : scene_(std::move(scene)) {}
-  TrainingModel trained(const Config& config) {
-    Trainer trainer(scene_, config, *backend_);
-    trainer.run();
-    return copy_to(host_memory(), trainer.model());
-  }
+  TrainingModel trained(const Config& config) { return model_of_run(scene_, config, *backend_); }
   /// Of the training views, after a run that must leave finite numbers.
   double psnr_after(const Config& config) {
     Trainer trainer(scene_, config, *backend_);

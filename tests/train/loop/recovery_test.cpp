@@ -12,6 +12,7 @@
 #include "gs_train/loop/trainer.h"
 #include "gs_train/stages/scalar_stages.h"
 #include "tests/support/models.h"
+#include "tests/support/scene_run.h"
 #include "tests/support/small_scene.h"
 
 namespace gs {
@@ -95,9 +96,7 @@ class Recovery : public ::testing::Test {
  protected:
   void SetUp() override { first_failure = 0; }
   TrainingModel undisturbed(const Config& config) {
-    Trainer trainer(scene_, config, *backend_);
-    trainer.run();
-    return copy_to(host_memory(), trainer.model());
+    return model_of_run(scene_, config, *backend_);
   }
 
   Scene scene_ = small_scene();

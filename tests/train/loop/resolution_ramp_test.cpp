@@ -61,9 +61,7 @@ class ResolutionRamp : public SceneRun {
     return config;
   }
   TrainingModel trained_on(const Scene& scene, const Config& config) {
-    Trainer trainer(scene, config, *backend_);
-    trainer.run();
-    return copy_to(host_memory(), trainer.model());
+    return model_of_run(scene, config, *backend_);
   }
 };
 

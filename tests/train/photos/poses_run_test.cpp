@@ -21,9 +21,7 @@ class PosesRun : public ::testing::Test {
                       posed_.truth);
   }
   TrainingModel trained(const Config& config) {
-    Trainer trainer(posed_.disturbed, config, *backend_);
-    trainer.run();
-    return copy_to(host_memory(), trainer.model());
+    return model_of_run(posed_.disturbed, config, *backend_);
   }
 
   const PosedScene posed_ = posed_scene();

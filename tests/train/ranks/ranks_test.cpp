@@ -36,9 +36,7 @@ class RankedRun : public SceneRun {
  protected:
   RankedRun() : SceneRun(small_scene()) {}
   TrainingModel trained_by(Backend& backend, const Config& config) {
-    Trainer trainer(scene_, config, backend);
-    trainer.run();
-    return copy_to(host_memory(), trainer.model());
+    return model_of_run(scene_, config, backend);
   }
   void expect_same_for_any_number(const Config& config) {
     const TrainingModel expected = trained(config);
