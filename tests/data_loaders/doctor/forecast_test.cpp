@@ -1,0 +1,150 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "data_loaders/doctor/forecast.h"
+
+#include <gmock/gmock.h>
+
+#include "tests/support/adaptive.h"
+
+namespace gs {
+namespace {
+
+using testing::AllOf;
+using testing::ElementsAre;
+using testing::HasSubstr;
+using testing::IsEmpty;
+using testing::Not;
+
+TEST(Forecast, GrowsWithThePointsOfTheSceneUpToTheCap) {
+  Config config = adaptive_config();
+  EXPECT_NEAR(expected_gaussians(config, 9000), 215e3, 20e3);    // fox_640: 215,465
+  EXPECT_NEAR(expected_gaussians(config, 33485), 909e3, 100e3);  // south_building: 908,930
+  EXPECT_EQ(expected_gaussians(config, 1500000), 3000000);       // starts beyond a million
+  config.train.iterations = 200;
+  EXPECT_EQ(expected_gaussians(config, 9000), 9000);  // ends before the first growth
+  config = adaptive_config();
+  config.density.max_gaussians = 50000;
+  EXPECT_EQ(expected_gaussians(config, 9000), 50000);
+  EXPECT_EQ(expected_gaussians(config, 90000), 50000);
+  config.density.strategy = "mcmc";
+  EXPECT_EQ(expected_gaussians(config, 100), 50000);
+  config.density.strategy = "budgeted";
+  EXPECT_LT(expected_gaussians(config, 100), 50000);
+  config.density.curve = GrowthCurve::linear;
+  EXPECT_EQ(expected_gaussians(config, 100), 50000);
+  config.density.curve = GrowthCurve::share;
+  EXPECT_LT(expected_gaussians(config, 100), 50000);
+}
+
+TEST(Forecast, NamesGpuFiguresForAGpuOnly) {
+  const Config config = adaptive_config();
+  const SceneSize scene = {1e8, 0, 1.0, 30000};
+  EXPECT_THAT(forecast(config, scene, {}).text,
+              AllOf(HasSubstr("on the CPU"), Not(HasSubstr("H200")), Not(HasSubstr("GPU"))));
+  const Forecast on_gpu = forecast(config, scene, {true, std::size_t(80) << 30});
+  EXPECT_THAT(on_gpu.text, AllOf(HasSubstr("80.0 GiB are free"), HasSubstr("on an H200")));
+  EXPECT_THAT(on_gpu.warnings, IsEmpty());
+}
+
+// 59 parameters take 4 bytes less each, and half of that again, of about 1,700 on a GPU.
+// 236 of 472 bytes of 10 million Gaussians are 2.2 GiB, and 354 are 3.3 GiB.
+TEST(Forecast, CountsTheBytesOfMomentsAsCodes) {
+  Config config = adaptive_config();
+  config.density.strategy = "mcmc";
+  config.density.max_gaussians = 10'000'000;
+  const SceneSize scene = {0, 0, 1.0, 30000};
+  const ForecastDevice gpu{true, std::size_t(80) << 30};
+  EXPECT_THAT(forecast(config, scene, gpu).text, HasSubstr("training takes about 8.5 GiB"));
+  config.optimizer.moments = MomentForm::compact;
+  EXPECT_THAT(forecast(config, scene, gpu).text, HasSubstr("training takes about 6.3 GiB"));
+  config.optimizer.moments = MomentForm::tiny;
+  EXPECT_THAT(forecast(config, scene, gpu).text, HasSubstr("training takes about 5.2 GiB"));
+}
+
+TEST(Forecast, WarnsOfARunThatDoesNotFit) {
+  Config config = adaptive_config();
+  config.density.max_gaussians = 10000000;
+  config.density.strategy = "mcmc";
+  config.train.offload = OffloadMode::none;
+  const SceneSize scene = {1e8, 1e8, 1.0, 30000};
+  const Forecast on_gpu = forecast(config, scene, {true, std::size_t(4) << 30});
+  ASSERT_EQ(on_gpu.warnings.size(), 1u);
+  EXPECT_THAT(on_gpu.warnings[0],
+              AllOf(HasSubstr("the GPU has 4.0 GiB free"), HasSubstr("--max-gaussians 4")));
+
+  config.density.max_gaussians = std::int64_t(1) << 40;  // 2 PiB
+  const Forecast on_cpu = forecast(config, scene, {});
+  ASSERT_EQ(on_cpu.warnings.size(), 1u);
+  EXPECT_THAT(on_cpu.warnings[0],
+              AllOf(HasSubstr("of RAM are free"), HasSubstr("--max-gaussians")));
+}
+
+// Some 0.4 GiB on the GPU and 0.7 GiB of RAM, of which the machine of the test has more.
+TEST(Forecast, CountsOffloadedShAsMemoryOfTheHost) {
+  Config config = adaptive_config();
+  config.density.max_gaussians = 1'000'000;
+  config.density.strategy = "mcmc";
+  const SceneSize scene = {1e6, 1e6, 0.1, 30000};
+  const auto on_gpu = [&](double gib) {
+    return forecast(config, scene, {true, std::size_t(gib * double(std::size_t(1) << 30))});
+  };
+  EXPECT_THAT(on_gpu(8).text, Not(HasSubstr("train.offload")));
+  EXPECT_THAT(on_gpu(0.6).text, HasSubstr("train.offload is sh (auto), 0.7 GiB of RAM"));
+  EXPECT_THAT(on_gpu(0.6).warnings, IsEmpty());
+  config.train.offload = OffloadMode::none;
+  ASSERT_EQ(on_gpu(0.6).warnings.size(), 1u);
+  EXPECT_THAT(on_gpu(0.6).warnings[0], HasSubstr("--set train.offload=sh"));
+  config.train.offload = OffloadMode::sh;
+  EXPECT_THAT(on_gpu(8).text, HasSubstr("train.offload is sh, 0.7 GiB of RAM"));
+  EXPECT_THAT(forecast(config, scene, {}).text, Not(HasSubstr("train.offload")));  // on a CPU
+}
+
+TEST(Blocks, AreAdvisedWhereOneRunDoesNotHoldTheScene) {
+  Config config = adaptive_config();
+  const ForecastDevice device = {true, std::size_t(24) << 30};  // some 23 million Gaussians
+  SceneSize scene = {1e8, 0, 1.0, 30'000};
+  EXPECT_EQ(advice_on_blocks(config, scene, device).blocks, 1u);
+  EXPECT_THAT(advice_on_blocks(config, scene, device).text, HasSubstr("one run holds"));
+  scene.points = 40'000'000;  // more than model.most_points, which limits one run alone
+  const BlockAdvice advice = advice_on_blocks(config, scene, device);
+  EXPECT_GE(advice.blocks, 6u);
+  EXPECT_LE(advice.blocks, 12u);
+  EXPECT_THAT(advice.text, HasSubstr("--blocks " + std::to_string(advice.blocks)));
+  config.density.max_gaussians = 5'000'000;  // who limits the scene asks for no more
+  EXPECT_EQ(advice_on_blocks(config, scene, device).blocks, 1u);
+  EXPECT_THAT(advice_on_blocks(config, scene, {true, 0}).text, IsEmpty());
+}
+
+TEST(Blocks, ACapByPointsCounts) {
+  Config config;
+  config.density.gaussians_per_point = 30;
+  const ForecastDevice device = {true, std::size_t(24) << 30};
+  EXPECT_EQ(advice_on_blocks(config, {1e8, 0, 1.0, 100'000}, device).blocks, 1u);
+  EXPECT_GT(advice_on_blocks(config, {1e8, 0, 1.0, 40'000'000}, device).blocks, 1u);
+}
+
+TEST(Forecast, AddsUpWhatTheGpuHolds) {
+  Config config = adaptive_config();
+  config.density.strategy = "mcmc";
+  config.density.max_gaussians = 10'000'000;
+  SceneSize scene = {1e9, 0, 2.0, 30'000};
+  const ForecastDevice device = {true, std::size_t(80) << 30};
+  EXPECT_THAT(forecast(config, scene, device).text, HasSubstr("takes about 9.5 GiB of GPU memory"));
+  config.train.deterministic = true;  // 184 bytes more, and a reserve
+  EXPECT_THAT(forecast(config, scene, device).text,
+              HasSubstr("takes about 11.2 GiB of GPU memory"));
+  config.train.deterministic = false;
+  scene.train_share = 0.5;
+  EXPECT_THAT(forecast(config, scene, device).text, HasSubstr("takes about 9.0 GiB of GPU memory"));
+}
+
+TEST(Forecast, CountsPhotosThatAreNotLoadedYet) {
+  Config config = adaptive_config();
+  config.dataset.photo_ram_gib = 1e6f;
+  SceneSize scene = {1e15, 0, 1.0, 30000};
+  EXPECT_THAT(forecast(config, scene, {true, 0}).warnings, ElementsAre(HasSubstr("--photo-ram")));
+  scene.loaded_bytes = scene.photo_bytes;
+  EXPECT_THAT(forecast(config, scene, {true, 0}).warnings, IsEmpty());
+}
+
+}  // namespace
+}  // namespace gs
