@@ -231,6 +231,10 @@ void blend_backward(Context& context, const RenderSettings& settings, Span<const
 
 /// From a photo's forces by the mean loss to those by its sum.
 inline float force_scale(std::size_t pixels) { return 3.0f * float(pixels); }
+/// The same where only sums of forces are scaled.
+inline float force_scale(FragmentStatistic statistic, std::size_t pixels) {
+  return statistic == FragmentStatistic::force ? force_scale(pixels) : 1.0f;
+}
 /// Before 6  fragment_sums.cu: the values of the pixels that the score sums, into
 /// workspace.pixel_values. `photo` is null without a photometric model.
 void find_pixel_values(Context& context, const PhotoBytes& bytes, const View& view,

@@ -109,13 +109,9 @@ __global__ void stretch_kernel(Span<float> values, const std::uint32_t* range, f
   values[i] = limit < 0 ? value : value > limit ? 1.0f : 0.0f;
 }
 
-// From the gradients of the mean loss to those of its sum.
-__device__ FragmentSums scaled_forces(const FragmentSums& sums, float scale) {
-  return {sums.count, sums.first * scale, sums.second * (scale * scale)};
-}
-
-// Sums that have memory of their own. `scale` is that of the forces; 1 for values. Clears the sums
-// of the photo, also where a step is not to be counted.
+// Sums that have memory of their own. `scale` is that of the forces; 1 for values, and for sums in
+// fixed point, which were scaled before they were rounded. Clears the sums of the photo, also where
+// a step is not to be counted.
 __global__ void gather_kernel(Span<FragmentSums> statistics, Vec4f* sums, FixedFragmentSums* fixed,
                               float scale, ScorePooling pooling, const std::uint32_t* halted,
                               Shard shard) {
@@ -195,8 +191,8 @@ void gather_fragment_sums(Context& context, const RenderSettings& settings, Work
                           const Shard& shard) {
   if (sums_of_forces_are_added(settings, pooling)) return;
   const StageScope scope(context, "statistics");
-  const bool is_force = settings.fragment_statistic == FragmentStatistic::force;
-  const float scale = is_force ? force_scale(pass.pixel_count()) : 1.0f;
+  const float scale =
+      settings.deterministic ? 1.0f : force_scale(settings.fragment_statistic, pass.pixel_count());
   const std::size_t blocks = blocks_for(to.sums.size(), kThreads);
   const std::uint32_t* const halted = shard.halted_or(workspace.halted.data());
   if (sums_among_gradients(settings))

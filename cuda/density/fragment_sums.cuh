@@ -10,11 +10,18 @@
 namespace gs::cuda {
 
 /// FragmentSums in multiples of kUnit, so that the result does not depend on the order of
-/// additions. A share that is not below kMost counts as nothing.
+/// additions. Forces are those of the loss times its 3 H W values: those of the mean loss are so
+/// small in a photo of usual size that their squares would round to zero. A share that is not below
+/// kMost counts as nothing.
 struct FixedFragmentSums {
   static constexpr float kUnit = 0x1p-36f, kMost = 0x1p24f;
   long long numbers[3];
 };
+
+/// From the forces of the mean loss to those of the loss times its values.
+__device__ inline FragmentSums scaled_forces(const FragmentSums& sums, float scale) {
+  return {sums.count, sums.first * scale, sums.second * (scale * scale)};
+}
 
 /// Where blend_backward() adds, but for the score "force" in floating point without absolute
 /// gradients, whose sums find room in SplatGradientSum. One of the first two is null, and `values`
@@ -23,6 +30,7 @@ struct FragmentSink {
   Vec4f* sums;               // (N)  count, first, second, 0
   FixedFragmentSums* fixed;  // (N)
   const float* values;       // (H, W)
+  float force_scale;         // from forces of the mean loss to those of FragmentSums; 1 for values
 
   /// Adds the share that one sub-tile has in a Gaussian's sums.
   __device__ void add(std::uint32_t gaussian, const FragmentSums& share) const {
@@ -31,7 +39,8 @@ struct FragmentSink {
              float4{share.count, share.first, share.second, 0.0f});
       return;
     }
-    const float shares[] = {share.count, share.first, share.second};
+    const FragmentSums scaled = scaled_forces(share, force_scale);
+    const float shares[] = {scaled.count, scaled.first, scaled.second};
     for (int k = 0; k < 3; ++k) {
       if (!(fabsf(shares[k]) < FixedFragmentSums::kMost)) continue;
       const long long steps = __float2ll_rn(shares[k] * (1 / FixedFragmentSums::kUnit));

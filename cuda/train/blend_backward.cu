@@ -393,7 +393,8 @@ void blend_backward(Context& context, const RenderSettings& settings, Span<const
       settings.deterministic ? nullptr : workspace.fragment_sums.data(),
       settings.deterministic ? workspace.fixed_fragment_sums.data() : nullptr,
       settings.fragment_statistic == FragmentStatistic::values ? workspace.pixel_values.data()
-                                                               : nullptr};
+                                                               : nullptr,
+      force_scale(settings.fragment_statistic, pass.pixel_count())};
   const auto launch_with = [&](const auto& sums) {
     using Sums = std::remove_cvref_t<decltype(sums)>;
     switch (settings.fragment_statistic) {

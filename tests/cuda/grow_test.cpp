@@ -224,6 +224,19 @@ class CudaFragmentSums : public CudaTest {
     density.mask_error = 0.3f;
     return density;
   }
+  /// After one step with a photo of 640 x 360 pixels.
+  TrainingModel after_large_photo(Backend& backend, GrowthScore score, bool is_deterministic) {
+    const Camera camera = random_camera(640, 360);
+    const View view{"large", camera, random_photo(640, 360, 3)};
+    RenderSettings settings;
+    settings.deterministic = is_deterministic;
+    TrainingModel model =
+        copy_to(backend.memory(), model_of(random_gaussians(kTypical, 300, camera, 1)));
+    const TrainingPhoto photo{&view, settings, 1};
+    backend.step(model, {&photo, 1}, {0.2f}, {kRates}, gathering(score, ScorePooling::sum));
+    backend.synchronize(model);
+    return on_host(model);
+  }
   TrainingModel after(Backend& backend, const Scene& scene, GrowthScore score,
                       const RenderSettings& settings, std::size_t batch_size, int reduction = 1,
                       ScorePooling pooling = ScorePooling::sum) {
@@ -255,6 +268,17 @@ TEST_F(CudaFragmentSums, AreThoseOfTheScalarTwin) {
           expect_same_sums(after(gpu(), scene, score, settings, batch),
                            after(cpu(), scene, score, settings, batch));
         }
+}
+
+// The forces of the mean loss fall with the number of pixels, and their squares twice as fast: sums
+// in fixed point must not round them to zero.
+TEST_F(CudaFragmentSums, OfALargePhotoAreThoseOfTheScalarTwin) {
+  for (const GrowthScore score : {GrowthScore::force, GrowthScore::error, GrowthScore::edge})
+    for (const bool is_deterministic : {false, true}) {
+      SCOPED_TRACE(std::to_string(int(score)) + (is_deterministic ? " fixed" : " float"));
+      expect_same_sums(after_large_photo(gpu(), score, is_deterministic),
+                       after_large_photo(cpu(), score, false));
+    }
 }
 
 TEST_F(CudaFragmentSums, AreTheLargestOfTheScalarTwin) {
