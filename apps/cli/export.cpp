@@ -63,6 +63,14 @@ std::optional<Georeference> georeference_of(const ExportCommand& command, const 
   return read_georef(georef_file_of(scene));
 }
 
+/// What must stay where it is while the folders of outputs are made.
+std::vector<std::filesystem::path> inputs_of(const ExportCommand& command, const Config& config) {
+  std::vector<std::filesystem::path> inputs =
+      inputs_of(static_cast<const CommandLine&>(command), config);
+  inputs.insert(inputs.end(), {command.model, command.georef});
+  return inputs;
+}
+
 /// An output that ends in / is the folder of a tileset.
 bool is_tileset(const ExportCommand& command, const std::string& output) {
   return !command.table && output.ends_with('/');
@@ -89,7 +97,7 @@ std::vector<std::filesystem::path> pages_of(const ExportCommand& command) {
   return pages;
 }
 
-std::vector<TilesetRequest> tilesets_of(const ExportCommand& command, int sh_degree,
+std::vector<TilesetRequest> tilesets_of(const ExportCommand& command, const Config& config,
                                         const std::optional<Georeference>& georeference) {
   std::vector<TilesetRequest> tilesets;
   std::set<std::filesystem::path> names;
@@ -103,11 +111,9 @@ std::vector<TilesetRequest> tilesets_of(const ExportCommand& command, int sh_deg
       throw UsageError(
           "--recenter, --up and --scale move the model, and a tileset stands where the scene is; "
           "leave them out");
-    tilesets.push_back({std::filesystem::path(output).parent_path(),
-                        *georeference,
-                        sh_degree,
-                        command.tile_gaussians,
-                        {command.model}});
+    tilesets.push_back({std::filesystem::path(output).parent_path(), *georeference,
+                        config.model.sh_degree, command.tile_gaussians,
+                        inputs_of(command, config)});
     check_tileset(tilesets.back(), command.force);
     if (!names.insert(std::filesystem::absolute(tilesets.back().folder).lexically_normal()).second)
       throw UsageError(output + " is named twice");
@@ -213,12 +219,13 @@ void export_all(const ExportCommand& command, const std::vector<ExportRequest>& 
 }
 
 LevelsRequest levels_request_of(const ExportCommand& command, const GaussianModel& model,
-                                int sh_degree) {
+                                const Config& config) {
   if (command.outputs.size() != 1)
     throw UsageError("--lod takes one folder, in which it writes levels of detail");
-  LevelsRequest request{command.outputs[0], transform_of(command, model), sh_degree};
+  LevelsRequest request{command.outputs[0], transform_of(command, model), config.model.sh_degree};
   request.lod.leaf_rows = command.lod_leaf;
-  check_export_levels(request, command.force, {command.model});
+  request.needed = inputs_of(command, config);
+  check_export_levels(request, command.force);
   return request;
 }
 
@@ -260,10 +267,10 @@ void run_export(const ExportCommand& command) {
   std::vector<ExportRequest> requests;
   LevelsRequest levels;
   if (command.lod) {
-    levels = levels_request_of(command, opened.model, sh_degree);
+    levels = levels_request_of(command, opened.model, config);
   } else {
     requests = requests_of(command, opened, sh_degree, georeference);
-    const std::vector<TilesetRequest> tilesets = tilesets_of(command, sh_degree, georeference);
+    const std::vector<TilesetRequest> tilesets = tilesets_of(command, config, georeference);
     const std::vector<std::filesystem::path> pages = pages_of(command);
     export_tilesets(command, tilesets, opened.model);
     export_pages(command, pages, opened, config);

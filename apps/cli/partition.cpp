@@ -96,8 +96,7 @@ void make_room(const PartitionCommand& command, const Config& config, OutputLock
                      " is not empty; name another folder with -o, or add --force, which renames it "
                      "to " +
                      command.output + ".bak-1 or the like");
-  const std::filesystem::path backup =
-      lock.move_folder_aside({config.dataset.source, config.model.start_from});
+  const std::filesystem::path backup = lock.move_folder_aside(inputs_of(command, config));
   log_info("the earlier partition is now in {}", backup.string());
 }
 

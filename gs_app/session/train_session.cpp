@@ -150,10 +150,7 @@ Config TrainSession::config_of_new_run() const {
 
 // What must stay where it is while the run's folder is made.
 std::vector<fs::path> TrainSession::inputs() const {
-  const DatasetConfig& dataset = config_.dataset;
-  std::vector<fs::path> inputs = {dataset.source, config_.model.start_from, dataset.photo_list};
-  for (const std::string& part : {dataset.images, dataset.masks, dataset.depth, dataset.model})
-    if (!dataset.source.empty() && !part.empty()) inputs.push_back(fs::path(dataset.source) / part);
+  std::vector<fs::path> inputs = inputs_of(config_);
   if (resumed_) inputs.push_back(resumed_->source);
   return inputs;
 }
