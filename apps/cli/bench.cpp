@@ -19,6 +19,7 @@
 #include "gs_app/run/results.h"
 #include "gs_app/run/run_folder.h"
 #include "gs_core/error.h"
+#include "gs_core/io/output_names.h"
 #include "gs_core/math/constants.h"
 #include "gs_core/threads/parallel.h"
 #include "gs_render/render_settings.h"
@@ -100,6 +101,9 @@ std::string draw_lists(Backend& backend, const GaussiansSpan& gaussians,
   const ListPictures pictures = list_pictures(backend, gaussians, camera, subject.settings);
   const std::filesystem::path folder = command.lists;
   std::filesystem::create_directories(folder);
+  OutputNames names;
+  if (!command.output.empty()) names.add_file(command.output);
+  for (const auto& [name, picture] : pictures.files) names.add_file(folder / name);
   for (const auto& [name, picture] : pictures.files) {
     keep_older_aside(folder / name);
     write_png(folder / name, picture);

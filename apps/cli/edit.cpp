@@ -12,6 +12,7 @@
 
 #include "apps/cli/options.h"
 #include "apps/cli/verbs.h"
+#include "data_loaders/photos/photo_names.h"
 #include "data_loaders/photos/photos.h"
 #include "gs_app/edit/edit_picture.h"
 #include "gs_app/edit/edit_step.h"
@@ -20,6 +21,7 @@
 #include "gs_app/run/make_backend.h"
 #include "gs_app/run/text.h"
 #include "gs_core/error.h"
+#include "gs_core/io/output_names.h"
 #include "gs_core/threads/parallel.h"
 #include "gs_render/render_settings.h"
 
@@ -56,6 +58,20 @@ std::vector<EditStep> steps_of(const EditCommand& command) {
   return steps;
 }
 
+// The picture is a PNG, and no file that the command writes or reads.
+void check_picture(const EditCommand& command) {
+  if (lowercase_ending(command.picture) != ".png")
+    throw UsageError("--picture " + command.picture +
+                     ": the picture is a PNG; name a file that ends in .png");
+  check_place(command.picture, command.force);
+  OutputNames names;
+  if (!command.output.empty() && !command.dry_run) {
+    names.add_file(command.output);
+    names.add_file(sidecar_of(command.output));
+  }
+  names.add_file(command.picture);
+}
+
 void check(const EditCommand& command, const std::vector<EditStep>& steps) {
   if (steps.empty() && command.inputs.size() < 2)
     throw UsageError(
@@ -65,7 +81,7 @@ void check(const EditCommand& command, const std::vector<EditStep>& steps) {
     throw UsageError("there is no file to write; name it with -o, or give --dry-run");
   if (!command.output.empty() && !command.dry_run)
     check_export({command.output, command.options}, command.force);
-  if (!command.picture.empty()) check_place(command.picture, command.force);
+  if (!command.picture.empty()) check_picture(command);
   if (!command.picture_view.empty() && command.picture.empty())
     throw UsageError("--picture-view goes with --picture FILE.png");
 }

@@ -7,7 +7,6 @@
 #include <cmath>
 #include <iostream>
 #include <memory>
-#include <set>
 #include <utility>
 
 #include "apps/cli/devices.h"
@@ -22,6 +21,7 @@
 #include "gs_app/run/progress_bar.h"
 #include "gs_app/view/page/model_page.h"
 #include "gs_core/error.h"
+#include "gs_core/io/output_names.h"
 #include "gs_core/threads/parallel.h"
 
 namespace gs {
@@ -81,7 +81,7 @@ bool is_page(const ExportCommand& command, const std::string& output) {
   return !command.table && !command.lod && is_model_page(output);
 }
 
-std::vector<std::filesystem::path> pages_of(const ExportCommand& command) {
+std::vector<std::filesystem::path> pages_of(const ExportCommand& command, OutputNames& names) {
   std::vector<std::filesystem::path> pages;
   for (const std::string& output : command.outputs) {
     if (!is_page(command, output)) continue;
@@ -90,17 +90,16 @@ std::vector<std::filesystem::path> pages_of(const ExportCommand& command) {
           "--recenter, --up and --scale move the model, and a page has the cameras of the run "
           "beside it; leave them out, or export a moved model first, and then its page");
     check_model_page(output, command.force);
-    if (std::find(pages.begin(), pages.end(), output) != pages.end())
-      throw UsageError(output + " is named twice");
+    names.add_file(output);
     pages.emplace_back(output);
   }
   return pages;
 }
 
 std::vector<TilesetRequest> tilesets_of(const ExportCommand& command, const Config& config,
-                                        const std::optional<Georeference>& georeference) {
+                                        const std::optional<Georeference>& georeference,
+                                        OutputNames& names) {
   std::vector<TilesetRequest> tilesets;
-  std::set<std::filesystem::path> names;
   for (const std::string& output : command.outputs) {
     if (!is_tileset(command, output)) continue;
     if (!georeference)
@@ -115,8 +114,7 @@ std::vector<TilesetRequest> tilesets_of(const ExportCommand& command, const Conf
                         config.model.sh_degree, command.tile_gaussians,
                         inputs_of(command, config)});
     check_tileset(tilesets.back(), command.force);
-    if (!names.insert(std::filesystem::absolute(tilesets.back().folder).lexically_normal()).second)
-      throw UsageError(output + " is named twice");
+    names.add_folder(tilesets.back().folder);
   }
   return tilesets;
 }
@@ -143,7 +141,8 @@ std::vector<std::string> files_of_table(const std::string& folder, const ExportO
 
 std::vector<ExportRequest> requests_of(const ExportCommand& command, const OpenedModel& opened,
                                        int sh_degree,
-                                       const std::optional<Georeference>& georeference) {
+                                       const std::optional<Georeference>& georeference,
+                                       OutputNames& names) {
   const GaussianModel& model = opened.model;
   const ModelTransform transform = transform_of(command, model);
   std::vector<ExportRequest> requests;
@@ -154,12 +153,11 @@ std::vector<ExportRequest> requests_of(const ExportCommand& command, const Opene
     if (!is_tileset(command, file) && !is_page(command, file))
       requests.push_back(
           {file, command.options, transform, sh_degree, opened.input_from_model, georeference});
-  std::set<std::filesystem::path> names;
   for (const ExportRequest& request : requests) {
     check_export(request, command.force);
     check_holds(format_to_write(request.file), model.gaussians.has_time, request.file.string());
-    if (!names.insert(std::filesystem::absolute(request.file).lexically_normal()).second)
-      throw UsageError(request.file.string() + " is named twice");
+    names.add_file(request.file);
+    names.add_file(sidecar_of(request.file));
   }
   if (command.table) check_place(table_file(command.outputs[0]), command.force);
   return requests;
@@ -269,9 +267,10 @@ void run_export(const ExportCommand& command) {
   if (command.lod) {
     levels = levels_request_of(command, opened.model, config);
   } else {
-    requests = requests_of(command, opened, sh_degree, georeference);
-    const std::vector<TilesetRequest> tilesets = tilesets_of(command, config, georeference);
-    const std::vector<std::filesystem::path> pages = pages_of(command);
+    OutputNames names;
+    requests = requests_of(command, opened, sh_degree, georeference, names);
+    const std::vector<TilesetRequest> tilesets = tilesets_of(command, config, georeference, names);
+    const std::vector<std::filesystem::path> pages = pages_of(command, names);
     export_tilesets(command, tilesets, opened.model);
     export_pages(command, pages, opened, config);
   }

@@ -4,6 +4,8 @@
 #include <spdlog/fmt/fmt.h>
 
 #include <algorithm>
+#include <set>
+#include <string_view>
 
 #include "data_loaders/formats/formats.h"
 #include "data_loaders/scene/scene_hash.h"
@@ -76,7 +78,12 @@ struct TrainSession::Observers {
 
 TrainSession::TrainSession(TrainRequest request, SessionHooks& hooks)
     : request_(std::move(request)), hooks_(hooks) {
-  for (const std::string& name : request_.exports) format_named(name).require({});
+  std::set<std::string_view> formats;
+  for (const std::string& name : request_.exports) {
+    format_named(name).require({});
+    if (!formats.insert(format_named(name).ending).second)
+      throw UsageError("--export names " + name + " twice; name each format once");
+  }
 }
 
 TrainSession::~TrainSession() = default;

@@ -121,6 +121,20 @@ TEST_F(EditVerb, APictureIsWrittenEvenInADryRun) {
   EXPECT_TRUE(fs::exists(path("a.png.bak-1")));
 }
 
+TEST_F(EditVerb, APictureIsNotWrittenOverTheModel) {
+  const Outcome same = edit("--recenter -o " + text("d.ply") + " --picture " + text("d.ply"));
+  EXPECT_EQ(same.code, 2);
+  EXPECT_THAT(same.err, HasSubstr("ends in .png"));
+  EXPECT_FALSE(fs::exists(path("d.ply")));
+  write_bytes(path("d.ply"), "older");
+  fs::create_symlink(path("d.ply"), path("e.png"));
+  const Outcome linked =
+      edit("--recenter --force -o " + text("d.ply") + " --picture " + text("e.png"));
+  EXPECT_EQ(linked.code, 2);
+  EXPECT_THAT(linked.err, HasSubstr("named twice"));
+  EXPECT_EQ(read_bytes(path("d.ply")), "older");
+}
+
 TEST_F(EditVerb, MistakesAreNamedBeforeTheWorkAndNothingIsOverwritten) {
   const auto refusal = [&](const std::string& more) {
     const Outcome outcome = edit(more);

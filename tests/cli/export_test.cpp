@@ -313,6 +313,9 @@ TEST_F(Export, ATableThatIsThereIsRefusedOrMovedAside) {
 
 TEST_F(Export, OneFileNamedTwiceIsAnError) {
   train("run");
+  fs::create_directory_symlink(path("run"), path("link"));
+  EXPECT_THAT(export_run(text("run/a.spz") + " " + text("link/a.spz")).err, HasSubstr("twice"));
+  EXPECT_THAT(train("other", "--export spz,splat,spz").err, HasSubstr("names spz twice"));
   const Outcome outcome = export_run(text("a.spz") + " " + text("./a.spz"));
   EXPECT_EQ(outcome.code, 2);
   EXPECT_THAT(outcome.err, HasSubstr("named twice"));
