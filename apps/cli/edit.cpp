@@ -58,7 +58,7 @@ std::vector<EditStep> steps_of(const EditCommand& command) {
   return steps;
 }
 
-// The picture is a PNG, and no file that the command writes or reads.
+// The picture is a PNG, and not the model that is written.
 void check_picture(const EditCommand& command) {
   if (lowercase_ending(command.picture) != ".png")
     throw UsageError("--picture " + command.picture +
