@@ -104,4 +104,13 @@ std::string fit_for_terminal(std::string_view text, std::size_t most_bytes) {
 
 std::string shown_word(std::string_view word) { return fit(word, kLongestWord, false); }
 
+bool is_utf8(std::string_view text) {
+  for (std::size_t at = 0; at < text.size();) {
+    const Character character = character_at(text, at);
+    if (character.bytes == 0) return false;
+    at += character.bytes;
+  }
+  return true;
+}
+
 }  // namespace gs

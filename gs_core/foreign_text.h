@@ -21,6 +21,10 @@ inline constexpr std::size_t kLongestWord = 120;      // bytes of one name or va
 /// What was returned once comes back unchanged. Needs `most_bytes` >= 100.
 std::string fit_for_terminal(std::string_view text, std::size_t most_bytes);
 
+/// Whether the bytes are UTF-8, which TOML and JSON files are: no stray, overlong or surrogate
+/// sequence.
+bool is_utf8(std::string_view text);
+
 /// One name or value out of a file, for a message: no line ends, and at most kLongestWord bytes.
 std::string shown_word(std::string_view word);
 

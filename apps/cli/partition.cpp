@@ -115,6 +115,7 @@ void partition(const PartitionCommand& command) {
     std::cout << text_of(config, partition_of(command, config)) << "nothing is written\n";
     return;
   }
+  check_partition(command.output, config);
   OutputLock lock = OutputLock::of_folder(command.output);
   if (!command.force) make_room(command, config, lock);  // before the work
   const Partition parts = partition_of(command, config);
