@@ -21,6 +21,7 @@
 #include "gs_app/run/make_backend.h"
 #include "gs_app/run/text.h"
 #include "gs_core/error.h"
+#include "gs_core/io/output_lock.h"
 #include "gs_core/io/output_names.h"
 #include "gs_core/threads/parallel.h"
 #include "gs_render/render_settings.h"
@@ -208,6 +209,8 @@ void write_picture(const std::string& file, const Image8& picture) {
 void edit(const EditCommand& command) {
   setup_log(command.verbosity());
   const std::vector<EditStep> steps = steps_of(command);
+  std::optional<OutputLock> lock;  // of the picture; that of the model is taken when it is written
+  if (!command.picture.empty()) lock.emplace(OutputLock::of_file(command.picture));
   check(command, steps);
   Opened opened = open_all(command, wants_cameras(command, steps));
   set_thread_count(opened.config.train.threads);

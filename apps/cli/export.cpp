@@ -21,6 +21,7 @@
 #include "gs_app/run/progress_bar.h"
 #include "gs_app/view/page/model_page.h"
 #include "gs_core/error.h"
+#include "gs_core/io/output_lock.h"
 #include "gs_core/io/output_names.h"
 #include "gs_core/threads/parallel.h"
 
@@ -211,6 +212,7 @@ void export_all(const ExportCommand& command, const std::vector<ExportRequest>& 
   }
   if (!command.table) return;
   const std::string table = export_table(files);
+  const OutputLock lock = OutputLock::of_file(table_file(command.outputs[0]));
   keep_older_aside(table_file(command.outputs[0]));
   write_text(table_file(command.outputs[0]), table);
   std::cout << "\n" << table;

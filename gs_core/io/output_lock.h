@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Keeps two processes from writing to one output at the same time. Every verb that writes more than
-// one file holds such a lock.
+// Keeps two processes from writing to one output at the same time. Every verb that writes a file or a
+// folder of a user's holds such a lock, from the check whether its place is free to the end.
 #pragma once
 
 #include <filesystem>
