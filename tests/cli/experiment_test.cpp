@@ -311,6 +311,14 @@ TEST_F(Experiment, SlurmScriptAsksForTheGpusOfARun) {
               AllOf(HasSubstr("#SBATCH --gpus-per-task=2\n"), Not(HasSubstr("--gres"))));
 }
 
+TEST_F(Experiment, ANameThatIsNotUtf8IsRefused) {
+  write_experiment(5);
+  fs::rename(path("e.toml"), path("\xff.toml"));
+  const Outcome outcome = run("experiment " + text("\xff.toml") + " --dry-run");
+  EXPECT_EQ(outcome.code, 2);
+  EXPECT_THAT(outcome.err, AllOf(HasSubstr("is not UTF-8"), HasSubstr("rename")));
+}
+
 TEST_F(Experiment, WithoutSbatchTheSlurmCommandSaysWhatToDo) {
   write_experiment(5);
   const Outcome outcome = run("experiment " + text("e.toml") + " --slurm", "PATH=/nowhere ");
