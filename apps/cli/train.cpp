@@ -177,7 +177,10 @@ void train(const TrainCommand& command, const std::optional<RankPlace>& place) {
   }
   const SessionEnd end = session.run();
   if (end == SessionEnd::nothing_left) return;
-  if (end == SessionEnd::stopped) say_stopped(session);
+  if (end == SessionEnd::stopped) {
+    if (viewer) viewer->end_stopped(session.trainer());
+    say_stopped(session);
+  }
   if (!command.quiet) print_summary(session.results(), session.folder());
   if (viewer) viewer->end(session.trainer(), session.results().test);
 }
