@@ -10,6 +10,7 @@
 #include <memory>
 #include <nlohmann/json.hpp>
 
+#include "apps/cli/help_format.h"
 #include "apps/cli/options.h"
 #include "apps/cli/verbs.h"
 #include "data_loaders/photos/photo_names.h"
@@ -252,13 +253,20 @@ void add_operations(CLI::App& verb, EditCommand& command) {
   }
 }
 
+constexpr std::size_t kMeaningColumn = 27;
+
 // What --keep and --drop take, for the end of the help.
 std::string selections_text() {
-  std::string text = "What --keep and --drop take (ranges may lack an end: 0.1.. or ..0.1):\n";
+  const std::size_t width = help_width();
+  std::string text =
+      wrapped("What --keep and --drop take (ranges may lack an end: 0.1.. or ..0.1):", 0, 0,
+              width) +
+      "\n";
   for (const SelectionKind& kind : selection_kinds()) {
     if (kind.meaning.empty()) continue;
     const std::string form = kind.values.empty() ? kind.name : kind.name + "=" + kind.values;
-    text += fmt::format("  {:<24} {}\n", form, kind.meaning);
+    const std::string name = fmt::format("  {:<24} ", form);
+    text += name + wrapped(kind.meaning, name.size(), kMeaningColumn, width) + "\n";
   }
   return text;
 }

@@ -115,6 +115,8 @@ void print_summary(const Results& results, const RunFolder& folder) {
                            folder.metrics().string());
   if (std::filesystem::exists(folder.report()))
     std::cout << fmt::format("report:     {}\n", folder.report().string());
+  if (can_view())
+    std::cout << fmt::format("look at it: gemsplat view {}\n", shell_word(folder.root().string()));
 }
 
 [[noreturn]] void say_stopped(TrainSession& session) {
