@@ -108,6 +108,19 @@ TEST_F(EditVerb, AMovedFileSaysSoAndExportKeepsTheWayBack) {
   EXPECT_FALSE(json("c.ply.transforms.json").contains("was_moved"));
 }
 
+// The lines of docs/other_programs.md.
+TEST_F(EditVerb, TurnsModelsForProgramsWhoseZOrYIsUp) {
+  ASSERT_EQ(edit("--recenter -o " + text("up.ply")).code, 0);
+  ASSERT_EQ(edit("--recenter --turn -90,0,0 -o " + text("z_up.ply")).code, 0);
+  ASSERT_EQ(edit("--recenter --turn 180,0,0 -o " + text("y_up.ply")).code, 0);
+  const GaussianModel model = read_model(path("up.ply")), z_up = read_model(path("z_up.ply")),
+                      y_up = read_model(path("y_up.ply"));
+  for (std::size_t i = 0; i < model.gaussians.count(); ++i) {
+    EXPECT_NEAR(z_up.gaussians.mean[i].z, -model.gaussians.mean[i].y, 1e-5);
+    EXPECT_NEAR(y_up.gaussians.mean[i].y, -model.gaussians.mean[i].y, 1e-5);
+  }
+}
+
 TEST_F(EditVerb, APictureIsWrittenEvenInADryRun) {
   const Outcome outcome = edit("--keep z=..4 --dry-run --picture " + text("a.png"));
   ASSERT_EQ(outcome.code, 0) << outcome.err;
