@@ -3,6 +3,7 @@
 
 #include <spdlog/fmt/fmt.h>
 
+#include <algorithm>
 #include <cstdint>
 
 namespace gs {
@@ -96,12 +97,57 @@ std::string fit(std::string_view text, std::size_t most_bytes, bool keeps_blocks
                         text.size() - 2 * most_bytes, most_bytes);
 }
 
+/// Where a word ends that begins at `at`. A word with backticks holds what is between them.
+std::size_t end_of_word(std::string_view text, std::size_t at) {
+  for (; at < text.size() && text[at] != ' ' && text[at] != '\n'; ++at)
+    if (text[at] == '`') {
+      const std::size_t close = text.find('`', at + 1);
+      if (close < text.find('\n', at)) at = close;
+    }
+  return std::min(at, text.size());
+}
+
+std::size_t columns_of(std::string_view text) {
+  return std::size_t(
+      std::count_if(text.begin(), text.end(), [](char c) { return !is_continuation(c); }));
+}
+
 }  // namespace
+
+std::string wrapped_at(std::string_view text, std::size_t columns, std::size_t start) {
+  std::string result;
+  for (std::size_t at = 0, column = start; at < text.size();) {
+    if (text[at] == '\n') {
+      result += text[at++];
+      column = 0;
+      continue;
+    }
+    const std::size_t first = std::min(text.find_first_not_of(' ', at), text.size());
+    const std::string_view blanks = text.substr(at, first - at),
+                           word = text.substr(first, end_of_word(text, first) - first);
+    const std::size_t width = columns_of(word);
+    const bool breaks = column > 0 && !blanks.empty() && column + blanks.size() + width > columns;
+    column = (breaks ? 0 : column + blanks.size()) + width;
+    result += breaks ? "\n" : blanks;
+    result += word;
+    at = first + word.size();
+  }
+  return result;
+}
 
 std::string fit_for_terminal(std::string_view text, std::size_t most_bytes) {
   return fit(text, most_bytes, true);
 }
 
 std::string shown_word(std::string_view word) { return fit(word, kLongestWord, false); }
+
+bool is_utf8(std::string_view text) {
+  for (std::size_t at = 0; at < text.size();) {
+    const Character character = character_at(text, at);
+    if (character.bytes == 0) return false;
+    at += character.bytes;
+  }
+  return true;
+}
 
 }  // namespace gs

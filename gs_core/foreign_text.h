@@ -21,6 +21,15 @@ inline constexpr std::size_t kLongestWord = 120;      // bytes of one name or va
 /// What was returned once comes back unchanged. Needs `most_bytes` >= 100.
 std::string fit_for_terminal(std::string_view text, std::size_t most_bytes);
 
+/// Whether the bytes are UTF-8, which TOML and JSON files are: no stray, overlong or surrogate
+/// sequence.
+bool is_utf8(std::string_view text);
+
+/// The text in lines of at most `columns` characters, broken at blanks; the first begins in column
+/// `start`. Longer words stay whole, and so does what stands between two backticks: commands and
+/// paths can be copied.
+std::string wrapped_at(std::string_view text, std::size_t columns, std::size_t start = 0);
+
 /// One name or value out of a file, for a message: no line ends, and at most kLongestWord bytes.
 std::string shown_word(std::string_view word);
 

@@ -3,17 +3,19 @@
 
 #include <spdlog/sinks/stdout_sinks.h>
 #include <spdlog/spdlog.h>
+#include <sys/ioctl.h>
 #include <unistd.h>
 
 #include <cstdlib>
 
 #include "gs_core/error.h"
+#include "gs_core/foreign_text.h"
 
 namespace gs {
 namespace {
 
 void write_with_spdlog(detail::LogLevel level, std::string_view line) {
-  const std::string text = in_color(level, line, stderr_has_color());
+  const std::string text = in_color(level, wrapped_for_stderr(line), stderr_has_color());
   switch (level) {
     case detail::LogLevel::info: return spdlog::info(text);
     case detail::LogLevel::warning: return spdlog::warn(text);
@@ -30,6 +32,14 @@ bool stderr_has_color() {
   const char* const terminal = std::getenv("TERM");
   return !(no_color && *no_color) && terminal && std::string_view(terminal) != "dumb" &&
          ::isatty(STDERR_FILENO) == 1;
+}
+
+std::string wrapped_for_stderr(std::string_view text, std::size_t start) {
+  winsize size{};
+  if (::isatty(STDERR_FILENO) != 1 || ::ioctl(STDERR_FILENO, TIOCGWINSZ, &size) != 0 ||
+      size.ws_col == 0)
+    return std::string(text);
+  return wrapped_at(text, size.ws_col, start);
 }
 
 std::string in_color(detail::LogLevel level, std::string_view text, bool enabled) {

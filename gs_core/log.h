@@ -31,6 +31,10 @@ void set_log_sink(void (*sink)(LogLevel, std::string_view));
 /// or empty (no-color.org).
 bool stderr_has_color();
 
+/// The text as standard error shows it best: on a terminal wrapped at its width, behind `start`
+/// columns; elsewhere as it is.
+std::string wrapped_for_stderr(std::string_view text, std::size_t start = 0);
+
 /// The text in the color of its level: errors are red, warnings yellow. Other text, and all text
 /// if not `enabled`, is returned as it is.
 std::string in_color(detail::LogLevel level, std::string_view text, bool enabled);

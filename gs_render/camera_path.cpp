@@ -14,6 +14,8 @@ namespace gs {
 namespace {
 
 constexpr double kRadiansPerDegree = std::numbers::pi / 180;
+constexpr double kTurn = 2 * std::numbers::pi;
+constexpr double kWidestGap = kTurn / 4;  // between cameras that stand all around
 constexpr int kMostRegroupings = 10;
 
 /// Any unit vector perpendicular to v.
@@ -95,6 +97,23 @@ Quat<double> looking_at(const Vec3d& from, const Vec3d& to, const Vec3d& up) {
   return quaternion_of(Mat3<double>{{x.x, y.x, z.x}, {x.y, y.y, z.y}, {x.z, y.z, z.z}});
 }
 
+CameraArc arc_of_cameras(const SceneFrame& frame, const std::vector<CameraPose>& poses) {
+  const Vec3d e1 = across(frame.up), e2 = cross(frame.up, e1);
+  std::vector<double> angles;
+  for (const std::size_t i : ordinary(poses)) {
+    const Vec3d from_center = poses[i].position - frame.center;
+    angles.push_back(std::atan2(inner(from_center, e2), inner(from_center, e1)));
+  }
+  if (angles.empty()) return {frame.center + e1, kTurn};
+  std::sort(angles.begin(), angles.end());
+  double gap = angles.front() + kTurn - angles.back(), begin = angles.front();
+  for (std::size_t i = 1; i < angles.size(); ++i)
+    if (angles[i] - angles[i - 1] > gap) gap = angles[i] - angles[i - 1], begin = angles[i];
+  const double width = gap > kWidestGap ? kTurn - gap : kTurn;
+  const double middle = begin + 0.5 * (kTurn - gap);
+  return {frame.center + frame.radius * (std::cos(middle) * e1 + std::sin(middle) * e2), width};
+}
+
 std::vector<CameraPose> orbit(const Orbit& orbit, std::size_t count) {
   const SceneFrame& frame = orbit.frame;
   const Vec3d start = orbit.start - frame.center;
@@ -102,11 +121,13 @@ std::vector<CameraPose> orbit(const Orbit& orbit, std::size_t count) {
   const Vec3d e1 = length(level) > 1e-9 * frame.radius ? unit(level) : across(frame.up);
   const Vec3d e2 = cross(frame.up, e1);
   const double elevation = frame.elevation * kRadiansPerDegree;
-  const bool is_closed = orbit.turns != 0 && orbit.turns == std::round(orbit.turns);
+  const bool is_closed =
+      orbit.swing != 0 || (orbit.turns != 0 && orbit.turns == std::round(orbit.turns));
   const double steps = is_closed ? double(count) : double(std::max<std::size_t>(count, 2)) - 1;
   std::vector<CameraPose> poses;
   for (std::size_t i = 0; i < count; ++i) {
-    const double angle = 2 * std::numbers::pi * orbit.turns * double(i) / steps;
+    const double way = kTurn * double(i) / steps;
+    const double angle = orbit.swing != 0 ? 0.5 * orbit.swing * std::sin(way) : orbit.turns * way;
     const Vec3d outward = std::cos(elevation) * (std::cos(angle) * e1 + std::sin(angle) * e2) +
                           std::sin(elevation) * frame.up;
     const Vec3d position = frame.center + frame.radius * outward;

@@ -13,15 +13,26 @@ namespace gs {
 /// along `up`.
 Quat<double> looking_at(const Vec3d& from, const Vec3d& to, const Vec3d& up);
 
+/// The part of the circle around a scene from which cameras look.
+struct CameraArc {
+  Vec3d middle{0.0, 0.0, 0.0};  // a point on the side of the center where its middle is
+  double width = 0;             // radians; a whole turn where cameras stand all around
+};
+
+/// Cameras stand all around if the largest part of the circle without one is a quarter turn at most.
+/// Outliers do not count.
+CameraArc arc_of_cameras(const SceneFrame& frame, const std::vector<CameraPose>& poses);
+
 struct Orbit {
   SceneFrame frame;
   double turns = 1;            // seen from above, counterclockwise; negative: clockwise
   Vec3d start{0.0, 0.0, 0.0};  // the first pose is on this point's side of the center
+  double swing = 0;  // radians: not 0: to and fro over so much, with `start` in the middle
 };
 
 /// `count` poses on a circle around the axis through the center, all looking at the center. With
-/// whole turns the film can be looped: the last pose is one step before the first. Otherwise the
-/// last pose is at the end of `turns`.
+/// whole turns, or a swing, the film can be looped: the last pose is one step before the first.
+/// Otherwise the last pose is at the end of `turns`.
 std::vector<CameraPose> orbit(const Orbit& orbit, std::size_t count);
 
 /// Ascending indices of at most `count` poses, each the middle of a group of near poses

@@ -19,6 +19,8 @@
 #include "gs_app/run/results.h"
 #include "gs_app/run/run_folder.h"
 #include "gs_core/error.h"
+#include "gs_core/io/output_lock.h"
+#include "gs_core/io/output_names.h"
 #include "gs_core/math/constants.h"
 #include "gs_core/threads/parallel.h"
 #include "gs_render/render_settings.h"
@@ -99,7 +101,10 @@ std::string draw_lists(Backend& backend, const GaussiansSpan& gaussians,
       at_scale(subject.rendered_views().front().camera, command.plan.scales.front());
   const ListPictures pictures = list_pictures(backend, gaussians, camera, subject.settings);
   const std::filesystem::path folder = command.lists;
-  std::filesystem::create_directories(folder);
+  const OutputLock lock = OutputLock::of_folder(folder);
+  OutputNames names;
+  if (!command.output.empty()) names.add_file(command.output);
+  for (const auto& [name, picture] : pictures.files) names.add_file(folder / name);
   for (const auto& [name, picture] : pictures.files) {
     keep_older_aside(folder / name);
     write_png(folder / name, picture);
@@ -162,6 +167,8 @@ BenchmarkReport measure(const BenchmarkSubject& subject, const BenchCommand& com
 
 void bench(const BenchCommand& command) {
   setup_log(command.verbosity());
+  std::optional<OutputLock> lock;
+  if (!command.output.empty()) lock.emplace(OutputLock::of_file(command.output));
   const std::vector<OtherReport> others =
       read_reports({command.against.begin(), command.against.end()});
   const BenchmarkSubject subject = subject_of(command);

@@ -10,8 +10,10 @@
 #include <memory>
 #include <nlohmann/json.hpp>
 
+#include "apps/cli/help_format.h"
 #include "apps/cli/options.h"
 #include "apps/cli/verbs.h"
+#include "data_loaders/photos/photo_names.h"
 #include "data_loaders/photos/photos.h"
 #include "gs_app/edit/edit_picture.h"
 #include "gs_app/edit/edit_step.h"
@@ -20,6 +22,8 @@
 #include "gs_app/run/make_backend.h"
 #include "gs_app/run/text.h"
 #include "gs_core/error.h"
+#include "gs_core/io/output_lock.h"
+#include "gs_core/io/output_names.h"
 #include "gs_core/threads/parallel.h"
 #include "gs_render/render_settings.h"
 
@@ -56,6 +60,20 @@ std::vector<EditStep> steps_of(const EditCommand& command) {
   return steps;
 }
 
+// The picture is a PNG, and not the model that is written.
+void check_picture(const EditCommand& command) {
+  if (lowercase_ending(command.picture) != ".png")
+    throw UsageError("--picture " + command.picture +
+                     ": the picture is a PNG; name a file that ends in .png");
+  check_place(command.picture, command.force);
+  OutputNames names;
+  if (!command.output.empty() && !command.dry_run) {
+    names.add_file(command.output);
+    names.add_file(sidecar_of(command.output));
+  }
+  names.add_file(command.picture);
+}
+
 void check(const EditCommand& command, const std::vector<EditStep>& steps) {
   if (steps.empty() && command.inputs.size() < 2)
     throw UsageError(
@@ -65,7 +83,7 @@ void check(const EditCommand& command, const std::vector<EditStep>& steps) {
     throw UsageError("there is no file to write; name it with -o, or give --dry-run");
   if (!command.output.empty() && !command.dry_run)
     check_export({command.output, command.options}, command.force);
-  if (!command.picture.empty()) check_place(command.picture, command.force);
+  if (!command.picture.empty()) check_picture(command);
   if (!command.picture_view.empty() && command.picture.empty())
     throw UsageError("--picture-view goes with --picture FILE.png");
 }
@@ -192,6 +210,8 @@ void write_picture(const std::string& file, const Image8& picture) {
 void edit(const EditCommand& command) {
   setup_log(command.verbosity());
   const std::vector<EditStep> steps = steps_of(command);
+  std::optional<OutputLock> lock;  // of the picture; that of the model is taken when it is written
+  if (!command.picture.empty()) lock.emplace(OutputLock::of_file(command.picture));
   check(command, steps);
   Opened opened = open_all(command, wants_cameras(command, steps));
   set_thread_count(opened.config.train.threads);
@@ -233,13 +253,20 @@ void add_operations(CLI::App& verb, EditCommand& command) {
   }
 }
 
+constexpr std::size_t kMeaningColumn = 27;
+
 // What --keep and --drop take, for the end of the help.
 std::string selections_text() {
-  std::string text = "What --keep and --drop take (ranges may lack an end: 0.1.. or ..0.1):\n";
+  const std::size_t width = help_width();
+  std::string text =
+      wrapped("What --keep and --drop take (ranges may lack an end: 0.1.. or ..0.1):", 0, 0,
+              width) +
+      "\n";
   for (const SelectionKind& kind : selection_kinds()) {
     if (kind.meaning.empty()) continue;
     const std::string form = kind.values.empty() ? kind.name : kind.name + "=" + kind.values;
-    text += fmt::format("  {:<24} {}\n", form, kind.meaning);
+    const std::string name = fmt::format("  {:<24} ", form);
+    text += name + wrapped(kind.meaning, name.size(), kMeaningColumn, width) + "\n";
   }
   return text;
 }

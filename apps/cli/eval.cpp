@@ -16,6 +16,7 @@
 #include "gs_app/run/results.h"
 #include "gs_app/run/text.h"
 #include "gs_core/error.h"
+#include "gs_core/io/output_lock.h"
 #include "gs_core/threads/parallel.h"
 #include "gs_train/metrics/depth_error.h"
 #include "gs_train/metrics/lpips.h"
@@ -64,6 +65,8 @@ EvaluationOptions options_of(const EvalCommand& command, const OpenedModel& open
 
 void eval(const EvalCommand& command) {
   setup_log(command.verbosity());
+  std::optional<OutputLock> lock;
+  if (!command.output.empty()) lock.emplace(OutputLock::of_file(command.output));
   OpenedModel opened = open_model(command.model, command.step, command.lod_level);
   // A single file does not say which views were held out, so the usual rule applies.
   if (!opened.run) opened.config.dataset.eval = true;

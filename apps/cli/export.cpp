@@ -7,7 +7,6 @@
 #include <cmath>
 #include <iostream>
 #include <memory>
-#include <set>
 #include <utility>
 
 #include "apps/cli/devices.h"
@@ -22,6 +21,8 @@
 #include "gs_app/run/progress_bar.h"
 #include "gs_app/view/page/model_page.h"
 #include "gs_core/error.h"
+#include "gs_core/io/output_lock.h"
+#include "gs_core/io/output_names.h"
 #include "gs_core/threads/parallel.h"
 
 namespace gs {
@@ -63,6 +64,14 @@ std::optional<Georeference> georeference_of(const ExportCommand& command, const 
   return read_georef(georef_file_of(scene));
 }
 
+/// What must stay where it is while the folders of outputs are made.
+std::vector<std::filesystem::path> inputs_of(const ExportCommand& command, const Config& config) {
+  std::vector<std::filesystem::path> inputs =
+      inputs_of(static_cast<const CommandLine&>(command), config);
+  inputs.insert(inputs.end(), {command.model, command.georef});
+  return inputs;
+}
+
 /// An output that ends in / is the folder of a tileset.
 bool is_tileset(const ExportCommand& command, const std::string& output) {
   return !command.table && output.ends_with('/');
@@ -73,7 +82,7 @@ bool is_page(const ExportCommand& command, const std::string& output) {
   return !command.table && !command.lod && is_model_page(output);
 }
 
-std::vector<std::filesystem::path> pages_of(const ExportCommand& command) {
+std::vector<std::filesystem::path> pages_of(const ExportCommand& command, OutputNames& names) {
   std::vector<std::filesystem::path> pages;
   for (const std::string& output : command.outputs) {
     if (!is_page(command, output)) continue;
@@ -82,17 +91,16 @@ std::vector<std::filesystem::path> pages_of(const ExportCommand& command) {
           "--recenter, --up and --scale move the model, and a page has the cameras of the run "
           "beside it; leave them out, or export a moved model first, and then its page");
     check_model_page(output, command.force);
-    if (std::find(pages.begin(), pages.end(), output) != pages.end())
-      throw UsageError(output + " is named twice");
+    names.add_file(output);
     pages.emplace_back(output);
   }
   return pages;
 }
 
-std::vector<TilesetRequest> tilesets_of(const ExportCommand& command, int sh_degree,
-                                        const std::optional<Georeference>& georeference) {
+std::vector<TilesetRequest> tilesets_of(const ExportCommand& command, const Config& config,
+                                        const std::optional<Georeference>& georeference,
+                                        OutputNames& names) {
   std::vector<TilesetRequest> tilesets;
-  std::set<std::filesystem::path> names;
   for (const std::string& output : command.outputs) {
     if (!is_tileset(command, output)) continue;
     if (!georeference)
@@ -103,14 +111,11 @@ std::vector<TilesetRequest> tilesets_of(const ExportCommand& command, int sh_deg
       throw UsageError(
           "--recenter, --up and --scale move the model, and a tileset stands where the scene is; "
           "leave them out");
-    tilesets.push_back({std::filesystem::path(output).parent_path(),
-                        *georeference,
-                        sh_degree,
-                        command.tile_gaussians,
-                        {command.model}});
+    tilesets.push_back({std::filesystem::path(output).parent_path(), *georeference,
+                        config.model.sh_degree, command.tile_gaussians,
+                        inputs_of(command, config)});
     check_tileset(tilesets.back(), command.force);
-    if (!names.insert(std::filesystem::absolute(tilesets.back().folder).lexically_normal()).second)
-      throw UsageError(output + " is named twice");
+    names.add_folder(tilesets.back().folder);
   }
   return tilesets;
 }
@@ -137,7 +142,8 @@ std::vector<std::string> files_of_table(const std::string& folder, const ExportO
 
 std::vector<ExportRequest> requests_of(const ExportCommand& command, const OpenedModel& opened,
                                        int sh_degree,
-                                       const std::optional<Georeference>& georeference) {
+                                       const std::optional<Georeference>& georeference,
+                                       OutputNames& names) {
   const GaussianModel& model = opened.model;
   const ModelTransform transform = transform_of(command, model);
   std::vector<ExportRequest> requests;
@@ -148,12 +154,11 @@ std::vector<ExportRequest> requests_of(const ExportCommand& command, const Opene
     if (!is_tileset(command, file) && !is_page(command, file))
       requests.push_back(
           {file, command.options, transform, sh_degree, opened.input_from_model, georeference});
-  std::set<std::filesystem::path> names;
   for (const ExportRequest& request : requests) {
     check_export(request, command.force);
     check_holds(format_to_write(request.file), model.gaussians.has_time, request.file.string());
-    if (!names.insert(std::filesystem::absolute(request.file).lexically_normal()).second)
-      throw UsageError(request.file.string() + " is named twice");
+    names.add_file(request.file);
+    names.add_file(sidecar_of(request.file));
   }
   if (command.table) check_place(table_file(command.outputs[0]), command.force);
   return requests;
@@ -207,18 +212,20 @@ void export_all(const ExportCommand& command, const std::vector<ExportRequest>& 
   }
   if (!command.table) return;
   const std::string table = export_table(files);
+  const OutputLock lock = OutputLock::of_file(table_file(command.outputs[0]));
   keep_older_aside(table_file(command.outputs[0]));
   write_text(table_file(command.outputs[0]), table);
   std::cout << "\n" << table;
 }
 
 LevelsRequest levels_request_of(const ExportCommand& command, const GaussianModel& model,
-                                int sh_degree) {
+                                const Config& config) {
   if (command.outputs.size() != 1)
     throw UsageError("--lod takes one folder, in which it writes levels of detail");
-  LevelsRequest request{command.outputs[0], transform_of(command, model), sh_degree};
+  LevelsRequest request{command.outputs[0], transform_of(command, model), config.model.sh_degree};
   request.lod.leaf_rows = command.lod_leaf;
-  check_export_levels(request, command.force, {command.model});
+  request.needed = inputs_of(command, config);
+  check_export_levels(request, command.force);
   return request;
 }
 
@@ -260,11 +267,12 @@ void run_export(const ExportCommand& command) {
   std::vector<ExportRequest> requests;
   LevelsRequest levels;
   if (command.lod) {
-    levels = levels_request_of(command, opened.model, sh_degree);
+    levels = levels_request_of(command, opened.model, config);
   } else {
-    requests = requests_of(command, opened, sh_degree, georeference);
-    const std::vector<TilesetRequest> tilesets = tilesets_of(command, sh_degree, georeference);
-    const std::vector<std::filesystem::path> pages = pages_of(command);
+    OutputNames names;
+    requests = requests_of(command, opened, sh_degree, georeference, names);
+    const std::vector<TilesetRequest> tilesets = tilesets_of(command, config, georeference, names);
+    const std::vector<std::filesystem::path> pages = pages_of(command, names);
     export_tilesets(command, tilesets, opened.model);
     export_pages(command, pages, opened, config);
   }

@@ -15,6 +15,7 @@
 #include "gs_core/error.h"
 #include "gs_core/foreign_text.h"
 #include "gs_core/io/atomic_file.h"
+#include "gs_core/io/output_lock.h"
 #include "gs_core/io/parse_number.h"
 
 namespace gs {
@@ -119,6 +120,7 @@ void georef(const GeorefCommand& command) {
   check(command);
   const std::filesystem::path path =
       command.output.empty() ? georef_file_of(config.dataset.source).string() : command.output;
+  const OutputLock lock = OutputLock::of_file(path);
   check_place(path, command.force);
   const GeorefFile file = georeference_of(command, config);
   if (!is_above_sea(command) && command.crs != "EPSG:4978")

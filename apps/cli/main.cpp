@@ -31,7 +31,8 @@ constexpr int kInternalError = 1;
 
 int fail(const std::string& message, int code) {
   const std::string error = in_color(detail::LogLevel::error, "error:", stderr_has_color());
-  std::fprintf(stderr, "%s %s\n", error.c_str(), message.c_str());
+  const std::string text = wrapped_for_stderr(message, std::string_view("error: ").size());
+  std::fprintf(stderr, "%s %s\n", error.c_str(), text.c_str());
   return code;
 }
 
@@ -154,7 +155,7 @@ int explain() {
     throw;
   } catch (const Error& error) {
     if (error.code() == ExitCode::interrupted) {  // it was asked for, and is no error
-      std::fprintf(stderr, "%s\n", error.what());
+      std::fprintf(stderr, "%s\n", wrapped_for_stderr(error.what()).c_str());
       return int(error.code());
     }
     return fail(error.what(), int(error.code()));

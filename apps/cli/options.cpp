@@ -5,6 +5,7 @@
 #include <algorithm>
 
 #include "apps/cli/foreign_flags.h"
+#include "gs_app/run/run_folder.h"
 #include "gs_core/config/config_fields.h"
 #include "gs_core/error.h"
 
@@ -189,6 +190,12 @@ Config resolve(const CommandLine& line, Config start, SettingOrigins* origins) {
   validate(start, known);
   if (origins) *origins = std::move(known);
   return start;
+}
+
+std::vector<std::filesystem::path> inputs_of(const CommandLine& line, const Config& config) {
+  std::vector<std::filesystem::path> inputs = inputs_of(config);
+  inputs.insert(inputs.end(), line.config_files.begin(), line.config_files.end());
+  return inputs;
 }
 
 std::vector<std::string> normalized_arguments(int argc, const char* const* argv) {

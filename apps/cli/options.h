@@ -3,6 +3,7 @@
 // --set, then flags; a later one wins. A flag is a short name of a setting, and shows its help text.
 #pragma once
 
+#include <filesystem>
 #include <optional>
 #include <string>
 #include <vector>
@@ -67,6 +68,10 @@ void add_http_place(CLI::App& verb, HttpPlace& place, const std::string& prefix,
 /// The settings of the command line over `start`, validated; in `origins`, where given, what came
 /// from where. Throws UsageError.
 Config resolve(const CommandLine& line, Config start = {}, SettingOrigins* origins = nullptr);
+
+/// The files and folders that the command line and its settings name to be read. None of them is ever
+/// moved.
+std::vector<std::filesystem::path> inputs_of(const CommandLine& line, const Config& config);
 
 /// "--" arguments with '_' as '-' in their names, so that both are taken alike.
 std::vector<std::string> normalized_arguments(int argc, const char* const* argv);

@@ -96,8 +96,7 @@ void make_room(const PartitionCommand& command, const Config& config, OutputLock
                      " is not empty; name another folder with -o, or add --force, which renames it "
                      "to " +
                      command.output + ".bak-1 or the like");
-  const std::filesystem::path backup =
-      lock.move_folder_aside({config.dataset.source, config.model.start_from});
+  const std::filesystem::path backup = lock.move_folder_aside(inputs_of(command, config));
   log_info("the earlier partition is now in {}", backup.string());
 }
 
@@ -116,6 +115,7 @@ void partition(const PartitionCommand& command) {
     std::cout << text_of(config, partition_of(command, config)) << "nothing is written\n";
     return;
   }
+  check_partition(command.output, config);
   OutputLock lock = OutputLock::of_folder(command.output);
   if (!command.force) make_room(command, config, lock);  // before the work
   const Partition parts = partition_of(command, config);

@@ -149,7 +149,9 @@ void add_path_options(CLI::App& verb, RenderFlags& flags) {
       ->check(CLI::IsMember({"even", "keys"}))
       ->type_name("even|keys")
       ->group("Path");
-  verb.add_option("--turns", path.turns, "orbit: number of turns; negative: clockwise [1]")
+  verb.add_option("--turns", path.turns,
+                  "orbit: number of turns; negative: clockwise [1; to and fro if the photos were "
+                  "taken from one side]")
       ->type_name("N")
       ->check([](const std::string& text) {
         const double turns = std::atof(text.c_str());

@@ -7,6 +7,7 @@
 
 #include "apps/cli/verbs.h"
 #include "gs_app/report/report_folder.h"
+#include "gs_core/io/output_lock.h"
 #include "gs_core/log.h"
 
 namespace gs {
@@ -28,6 +29,8 @@ void report(const ReportCommand& command) {
   }
   const std::filesystem::path file =
       command.output.empty() ? folder / "report.html" : std::filesystem::path(command.output);
+  check_can_report(folder);
+  const OutputLock lock = OutputLock::of_file(file);
   std::cout << "report: " << write_folder_report(folder, file).string() << '\n';
 }
 

@@ -115,6 +115,8 @@ void print_summary(const Results& results, const RunFolder& folder) {
                            folder.metrics().string());
   if (std::filesystem::exists(folder.report()))
     std::cout << fmt::format("report:     {}\n", folder.report().string());
+  if (can_view())
+    std::cout << fmt::format("look at it: gemsplat view {}\n", shell_word(folder.root().string()));
 }
 
 [[noreturn]] void say_stopped(TrainSession& session) {
@@ -177,7 +179,10 @@ void train(const TrainCommand& command, const std::optional<RankPlace>& place) {
   }
   const SessionEnd end = session.run();
   if (end == SessionEnd::nothing_left) return;
-  if (end == SessionEnd::stopped) say_stopped(session);
+  if (end == SessionEnd::stopped) {
+    if (viewer) viewer->end_stopped(session.trainer());
+    say_stopped(session);
+  }
   if (!command.quiet) print_summary(session.results(), session.folder());
   if (viewer) viewer->end(session.trainer(), session.results().test);
 }

@@ -51,6 +51,7 @@ std::unique_ptr<FileView> view_of(const ViewCommand& command, const OpenedModel&
                                   const Config& config) {
   ViewScene scene = view_scene_of(opened, config, command.has("dataset.source"), command.cameras);
   scene.time = command.time;
+  scene.path = command.model;
   for (const std::string& note : scene.notes) log_warning("{}", note);
   if (!command.remote)
     return std::make_unique<FileView>(std::move(scene), serve_model(opened, command.stream_from));

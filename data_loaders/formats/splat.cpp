@@ -9,6 +9,7 @@
 #include "data_loaders/formats/coding/finite_rows.h"
 #include "data_loaders/formats/coding/little_endian.h"
 #include "data_loaders/formats/coding/quantize.h"
+#include "gs_core/error.h"
 #include "gs_core/io/atomic_file.h"
 #include "gs_core/io/byte_reader.h"
 
@@ -65,6 +66,7 @@ std::vector<std::size_t> by_importance(const Gaussians& g) {
 
 GaussianModel read_splat(const std::filesystem::path& path) {
   ByteReader reader(path);
+  if (reader.size() == 0) cannot_read(path, "it is empty; copy or export it again");
   if (reader.size() % sizeof(Row) != 0)
     cannot_read(path,
                 fmt::format("its {} bytes are not a multiple of the 32 that a Gaussian takes; the "
@@ -79,6 +81,11 @@ GaussianModel read_splat(const std::filesystem::path& path) {
 }
 
 void write_splat(const std::filesystem::path& path, const GaussianModel& model) {
+  if (model.gaussians.count() == 0)
+    throw Error(fmt::format(
+        "cannot write {}: there are no Gaussians, and an empty .splat looks like one that was cut "
+        "short; choose .ply",
+        path.string()));
   std::vector<Row> rows;
   rows.reserve(model.gaussians.count());
   for (const std::size_t i : by_importance(model.gaussians))

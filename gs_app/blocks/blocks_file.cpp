@@ -3,9 +3,13 @@
 
 #include <spdlog/fmt/fmt.h>
 
+#include <algorithm>
 #include <cmath>
+#include <set>
 
+#include "gs_core/config/region_text.h"
 #include "gs_core/error.h"
+#include "gs_core/foreign_text.h"
 #include "gs_core/io/read_json.h"
 
 namespace gs {
@@ -14,6 +18,7 @@ namespace {
 namespace fs = std::filesystem;
 using Json = nlohmann::ordered_json;
 
+constexpr double kSameNormal = 1e-9;  // difference of unit vectors that are the same
 constexpr const char* kRemedy = "write it again with `gemsplat partition`";
 
 Json json_of(const Vec3d& v) { return {v.x, v.y, v.z}; }
@@ -64,6 +69,33 @@ BlockEntry block_of(const Json& json) {
   return block;
 }
 
+// Whether a block's region holds the whole part of space that the block owns.
+bool covers(const std::string& region, const std::vector<WideHalfSpace>& part) {
+  const auto half_spaces = parse_region(region);
+  return half_spaces && std::ranges::all_of(*half_spaces, [&](const WideHalfSpace& half) {
+           return std::ranges::any_of(part, [&](const WideHalfSpace& bound) {
+             const Vec3d turn = half.normal - bound.normal;
+             return inner(turn, turn) < kSameNormal * kSameNormal && half.offset <= bound.offset;
+           });
+         });
+}
+
+// Each block is in the file once, and at the place of its part: else Gaussians would be lost.
+void check_entries(const BlocksFile& blocks) {
+  std::set<std::string> names, runs;
+  for (std::size_t b = 0; b < blocks.blocks.size(); ++b) {
+    const BlockEntry& block = blocks.blocks[b];
+    const auto refuse = [&](const std::string& why) {
+      throw Error(fmt::format("cannot use {}: {}; {}", blocks.file.string(), why, kRemedy));
+    };
+    if (!names.insert(block.name).second) refuse("it names " + shown_word(block.name) + " twice");
+    if (!runs.insert(fs::path(block.run).lexically_normal().string()).second)
+      refuse(shown_word(block.name) + " has the run of another block");
+    if (!covers(block.region, blocks.tree.bounds_of(b)))
+      refuse("the region of " + shown_word(block.name) + " does not hold what the block owns");
+  }
+}
+
 void check(const BlocksFile& blocks) {
   bool is_sound = blocks.tree.is_whole() && blocks.tree.parts() == blocks.blocks.size();
   for (const Cut& cut : blocks.tree.cuts)
@@ -71,6 +103,7 @@ void check(const BlocksFile& blocks) {
   if (!is_sound)
     throw Error(fmt::format("cannot use {}: its cuts do not divide space into its {} blocks; {}",
                             blocks.file.string(), blocks.blocks.size(), kRemedy));
+  check_entries(blocks);
 }
 
 }  // namespace

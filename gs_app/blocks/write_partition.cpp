@@ -4,11 +4,13 @@
 #include <spdlog/fmt/fmt.h>
 
 #include <cmath>
-#include <nlohmann/json.hpp>
 
 #include "data_loaders/scene/photo_list.h"
 #include "gs_app/run/run_folder.h"
+#include "gs_core/config/config_text.h"
 #include "gs_core/config/region_text.h"
+#include "gs_core/error.h"
+#include "gs_core/foreign_text.h"
 
 namespace gs {
 namespace {
@@ -26,16 +28,13 @@ void make_paths_absolute(Config& config) {
   if (config.eval.lpips != "none") config.eval.lpips = absolute_path(config.eval.lpips);
 }
 
-// Text as a word of TOML, which escapes as JSON does.
-std::string quoted(const std::string& text) { return nlohmann::json(text).dump(); }
-
 // What a block changes of the settings that all share. The list is named by its whole path, so that
 // `gemsplat train -c` finds it from anywhere.
 std::string block_toml(const Config& block, const Config& shared) {
   std::string text = fmt::format(
       "# A block of a divided scene: gemsplat train -c THIS_FILE -o OUT trains it alone.\n"
       "base = \"shared.toml\"\n\n[dataset]\nphoto_list = {}\n\n[density]\nregion = {}\n",
-      quoted(block.dataset.photo_list), quoted(block.density.region));
+      toml_text(block.dataset.photo_list), toml_text(block.density.region));
   if (block.density.max_gaussians != shared.density.max_gaussians)
     text += fmt::format("max_gaussians = {}\n", block.density.max_gaussians);
   return text;
@@ -54,7 +53,7 @@ std::string experiment_toml(const BlocksFile& blocks, std::uint64_t seed) {
       "scenes = [{{path = {}, name = \"scene\"}}]\n"
       "configs = [{}]\n"
       "seeds = [{}]\n",
-      quoted(blocks.scene), configs, seed);
+      toml_text(blocks.scene), configs, seed);
 }
 
 }  // namespace
@@ -79,7 +78,17 @@ Config settings_of_block(Config shared, const Partition& partition, const Block&
   return shared;
 }
 
+void check_partition(const fs::path& folder, Config shared) {
+  make_paths_absolute(shared);
+  to_toml(shared);  // throws where a path cannot be written down
+  if (const std::string whole = fs::absolute(folder).string(); !is_utf8(whole))
+    throw UsageError(whole +
+                     " is not UTF-8, so that no file of a partition can name it; choose another "
+                     "folder with -o");
+}
+
 BlocksFile write_partition(const fs::path& folder, const Partition& partition, Config shared) {
+  check_partition(folder, shared);
   make_paths_absolute(shared);
   shared.model.output.clear();
   BlocksFile blocks;

@@ -27,8 +27,12 @@ Config settings_of_all_blocks(Config config);
 /// limit as the region has of the scene's points, and one for each point outside.
 Config settings_of_block(Config shared, const Partition& partition, const Block& block);
 
+/// Throws UsageError where the files of a partition could not name the folder or what the settings
+/// name. Writes nothing.
+void check_partition(const std::filesystem::path& folder, Config shared);
+
 /// Writes the folder, which is new or empty. `shared` is of settings_of_all_blocks(); its paths are
-/// made absolute. Throws Error.
+/// made absolute. Throws Error, and UsageError as check_partition().
 BlocksFile write_partition(const std::filesystem::path& folder, const Partition& partition,
                            Config shared);
 

@@ -19,8 +19,10 @@ namespace fs = std::filesystem;
 
 constexpr std::string_view kPrefix = "step_", kEnding = ".ckpt";
 constexpr std::size_t kKept = 2;
-// for the names of views, metrics, logs
-constexpr std::uint64_t kSpareBytes = std::uint64_t(16) << 20;
+// Left free beside a checkpoint, for the names of views, metrics and logs: as much again as a small
+// one takes, with something for its settings.
+constexpr std::uint64_t kMostSpareBytes = std::uint64_t(16) << 20,
+                        kLeastSpareBytes = std::uint64_t(128) << 10;
 
 // The step in a checkpoint's name; -1 for other names.
 int step_of(const std::string& name) {
@@ -29,6 +31,10 @@ int step_of(const std::string& name) {
   const char* const last = name.data() + name.size() - kEnding.size();
   const auto [end, failure] = std::from_chars(name.data() + kPrefix.size(), last, step);
   return failure == std::errc() && end == last && step >= 0 ? step : -1;
+}
+
+std::uint64_t with_spare(std::uint64_t bytes) {
+  return bytes + std::min(kMostSpareBytes, kLeastSpareBytes + bytes);
 }
 
 }  // namespace
@@ -80,7 +86,7 @@ bool CheckpointFolder::save(const RunProgress& progress, const TrainingModel& mo
   try {
     std::error_code ignored;
     fs::create_directories(folder_, ignored);  // if it fails, write_checkpoint() says so
-    if (!has_space(checkpoint_bytes(model, scene_.views.size()) + kSpareBytes, progress.step))
+    if (!has_space(with_spare(checkpoint_bytes(model, scene_.views.size())), progress.step))
       return false;
     write_checkpoint(file_of(progress.step), config_, scene_, progress, model);
   } catch (const Error& error) {
@@ -98,9 +104,9 @@ bool CheckpointFolder::has_space(std::uint64_t bytes, int step) {
   const std::uint64_t space = space_(folder_);
   if (space >= bytes) return true;
   log_warning(
-      "no checkpoint of step {}: it takes {} MiB, and {} MiB are free on the disk of {}; free some "
-      "space; training goes on",
-      step, bytes >> 20, space >> 20, folder_.string());
+      "no checkpoint of step {}: it needs {:.1f} MB, and {:.1f} MB are free on the disk of {}; "
+      "free some space; training goes on",
+      step, double(bytes) / 1e6, double(space) / 1e6, folder_.string());
   return false;
 }
 

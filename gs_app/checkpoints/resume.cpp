@@ -146,6 +146,21 @@ void set_aside(const fs::path& path) {
   log_info("{} is kept as {}", path.filename().string(), move_aside(path).filename().string());
 }
 
+// Whether the run in the folder could be resumed with these settings, if it had a checkpoint: it has
+// another number of threads, another device, or the like.
+bool could_go_on(const RunFolder& folder, const Config& config) {
+  Config written;
+  try {
+    load_config(written, folder.config());
+  } catch (const AccessError&) {
+    throw;
+  } catch (const Error&) {  // there is none, or it is damaged
+    return false;
+  }
+  const std::vector<SettingChange> changes = config_diff(written, config);
+  return std::ranges::all_of(changes, &SettingChange::may_change_on_resume);
+}
+
 }  // namespace
 
 bool ResumedRun::goes_on_in_place() const {
@@ -260,7 +275,8 @@ void prepare_fresh_start(const RunFolder& folder, const Config& config, OutputLo
   remove_leftovers_below(folder.root());
   move_trained_run_aside(folder, lock, needed);
   if (holds_text(folder.config(), to_toml(config))) return;
-  if (holds_made_scene)  // it is trained on now
+  // A scene that was made is trained on now; settings.toml and the log are an experiment's.
+  if (holds_made_scene || could_go_on(folder, config))
     set_aside(folder.config());
   else
     move_run_aside(folder, lock, needed);

@@ -60,9 +60,10 @@ void move_trained_run_aside(const RunFolder& folder, OutputLock& lock,
                             const std::vector<std::filesystem::path>& needed);
 
 /// Makes the folder ready for a start from step 0 where there is no checkpoint. What a killed run has
-/// left there is moved aside with the folder, unless this run writes the same files at once. If the
-/// folder holds a scene that was made from the photos (`holds_made_scene`), it stays, and only
-/// config.toml is renamed to config.toml.bak-N. Throws UsageError if a path of `needed` would have
+/// left there is moved aside with the folder, unless this run writes the same files at once. The
+/// folder stays, and only config.toml is renamed to config.toml.bak-N, if it holds a scene that was
+/// made from the photos (`holds_made_scene`), or a run that saved nothing and could have been resumed
+/// with these settings. Throws UsageError if a path of `needed` would have
 /// to move.
 void prepare_fresh_start(const RunFolder& folder, const Config& config, OutputLock& lock,
                          const std::vector<std::filesystem::path>& needed, bool holds_made_scene);

@@ -157,6 +157,18 @@ void check_names(const Experiment& experiment, const std::vector<Named>& all, co
                       experiment.file.string(), what, one.name));
 }
 
+// The tables of an experiment name it, and they are UTF-8.
+void check_is_utf8(const Experiment& experiment) {
+  std::vector<std::string> names = {experiment.file.string(), experiment.output.string()};
+  for (const ExperimentScene& scene : experiment.scenes) names.push_back(scene.name);
+  for (const ExperimentConfig& config : experiment.configs) names.push_back(config.name);
+  for (const std::string& name : names)
+    if (!is_utf8(name))
+      throw UsageError(name +
+                       " is not UTF-8, so that no table of the experiment can name it; rename the "
+                       "file or folder");
+}
+
 // The settings of the config's preset or file.
 Config base_settings(const Experiment& experiment, const ExperimentConfig& config) {
   Config settings;
@@ -215,6 +227,7 @@ Experiment read_experiment(const fs::path& file) {
   if (experiment.configs.empty()) experiment.configs.push_back({"default", "", {}});
   if (experiment.seeds.empty()) experiment.seeds.push_back(kDefaultSeed);
   experiment.slurm = slurm_options(file, root);
+  check_is_utf8(experiment);
   check_names(experiment, experiment.scenes, "scenes");
   check_names(experiment, experiment.configs, "configs");
   experiment.baseline = baseline_of(file, root, experiment);

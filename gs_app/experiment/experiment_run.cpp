@@ -36,6 +36,15 @@ bool has_same_settings(const ExperimentRun& run) {
   return same_result(written, run.settings);
 }
 
+// Whether a killed run has left models and nothing to go on from. Training would move the folder
+// away, and settings.toml with it.
+bool has_only_models(const RunFolder& folder) {
+  const std::vector<fs::path> kept = entries_of(folder.checkpoints());
+  return folder.newest_step() && !fs::exists(folder.results()) &&
+         std::ranges::none_of(kept,
+                              [](const fs::path& file) { return file.extension() == ".ckpt"; });
+}
+
 // The number of a GPU of --devices.
 int number_of(const std::string& device) {
   if (const std::optional<int> number = gpu_number(device)) return *number;
@@ -75,7 +84,7 @@ bool is_finished(const ExperimentRun& run) {
 
 void prepare(const ExperimentRun& run) {
   OutputLock lock = OutputLock::of_folder(run.folder.root());
-  if (run.folder.holds_run() && !has_same_settings(run)) {
+  if (run.folder.holds_run() && (!has_same_settings(run) || has_only_models(run.folder))) {
     const fs::path backup = lock.move_folder_aside({run.settings.dataset.source});
     log_info("{}: the earlier run is now in {}", run.name(), backup.string());
   }

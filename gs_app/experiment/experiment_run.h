@@ -45,7 +45,8 @@ struct RunSlot {
 /// UsageError where the devices are no such groups.
 std::vector<RunSlot> slots_on(const std::vector<std::string>& devices, int gpus_per_run, int jobs);
 
-/// Prepares the folder: moves a run with other settings to FOLDER.bak-N and writes settings.toml.
+/// Prepares the folder: moves a run with other settings, or one that left models and no checkpoint,
+/// to FOLDER.bak-N, and writes settings.toml.
 /// Throws Error, also while another process trains into the folder.
 void prepare(const ExperimentRun& run);
 

@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <iostream>
 
+#include "gs_app/run/text.h"
 #include "gs_core/error.h"
 #include "gs_core/processes/subprocess.h"
 
@@ -13,16 +14,6 @@ namespace gs {
 namespace {
 
 namespace fs = std::filesystem;
-
-// The text as one word of a shell command.
-std::string quoted(const std::string& text) {
-  constexpr const char* kPlain =
-      "abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789/._-+=%";
-  if (!text.empty() && text.find_first_not_of(kPlain) == text.npos) return text;
-  std::string result = "'";
-  for (const char c : text) result += c == '\'' ? std::string("'\\''") : std::string(1, c);
-  return result + "'";
-}
 
 // The indices as Slurm writes them: "0-3,7".
 std::string index_ranges(const std::vector<const ExperimentRun*>& runs) {
@@ -59,8 +50,8 @@ std::string array_script(const Experiment& experiment,
   std::string text = "#!/bin/bash\n";
   const fs::path logs = experiment.output / "slurm" / "%A_%a.log";
   std::vector<std::string> options = {
-      "--job-name=" + quoted(experiment.file.stem().string()), "--array=" + index_ranges(runs),
-      "--output=" + quoted(logs.string()),
+      "--job-name=" + shell_word(experiment.file.stem().string()), "--array=" + index_ranges(runs),
+      "--output=" + shell_word(logs.string()),
       "--signal=B:TERM@60",  // a minute before the time limit, so that a run can save a checkpoint
   };
   if (gpus_per_run > 0 &&
@@ -73,14 +64,14 @@ std::string array_script(const Experiment& experiment,
       "--slurm.\n";
   const std::string gpus = gpus_per_run > 0 ? fmt::format(" --gpus-per-run {}", gpus_per_run) : "";
   return text + line_of(fmt::format("exec {} experiment {}{} --only \"$SLURM_ARRAY_TASK_ID\"",
-                                    quoted(own_program().string()),
-                                    quoted(experiment.file.string()), gpus));
+                                    shell_word(own_program().string()),
+                                    shell_word(experiment.file.string()), gpus));
 }
 
 void submit(const Experiment& experiment, const std::vector<const ExperimentRun*>& runs,
             int gpus_per_run, bool dry_run) {
   const std::string gather =
-      fmt::format("gemsplat experiment {} --gather", quoted(experiment.file.string()));
+      fmt::format("gemsplat experiment {} --gather", shell_word(experiment.file.string()));
   if (runs.empty()) {
     std::cout << fmt::format("all runs are finished; write the tables with: {}\n", gather);
     return;
@@ -92,12 +83,12 @@ void submit(const Experiment& experiment, const std::vector<const ExperimentRun*
   if (error)
     throw Error(
         fmt::format("cannot make {}: {}", (experiment.output / "slurm").string(), error.message()));
-  std::cout << fmt::format("sbatch {}\n", quoted(script.string())) << std::flush;
+  std::cout << fmt::format("sbatch {}\n", shell_word(script.string())) << std::flush;
   if (!dry_run) {
     if (!find_program("sbatch"))
       throw Error(fmt::format(
           "there is no sbatch on the PATH; run this on a machine of the cluster: sbatch {}",
-          quoted(script.string())));
+          shell_word(script.string())));
     const auto print = [](std::string_view line) { std::cout << line << '\n'; };
     if (!run_process({"sbatch", script.string()}, {}, print).good())
       throw Error("sbatch failed on " + script.string() +

@@ -5,18 +5,22 @@
 
 #include <algorithm>
 #include <filesystem>
+#include <numbers>
 #include <numeric>
 
 #include "data_loaders/photos/photo_names.h"
 #include "gs_app/pictures/pictures.h"
 #include "gs_core/config/nearest_word.h"
 #include "gs_core/error.h"
+#include "gs_core/log.h"
 #include "gs_render/camera_path.h"
 
 namespace gs {
 namespace {
 
 using Json = nlohmann::ordered_json;
+
+constexpr double kNarrowestSwing = std::numbers::pi / 18;  // radians: where all cameras are near
 
 /// The camera of that name, with or without extension, or else of that number.
 std::size_t find_camera(const std::string& word, const std::vector<NamedCamera>& cameras) {
@@ -92,6 +96,20 @@ PosedPath through_cameras(const PathRequest& request, const std::vector<NamedCam
       {{"kind", request.kind}, {"through", names}, {"closed", is_closed}, {"pace", request.pace}}};
 }
 
+double degrees_of(double radians) { return radians * 180 / std::numbers::pi; }
+
+// What no photo shows is fog. Where photos were taken from one side, the film stays there.
+void swing_over_photos(Orbit& circle, const std::vector<CameraPose>& poses) {
+  const CameraArc arc = arc_of_cameras(circle.frame, poses);
+  if (arc.width >= 2 * std::numbers::pi) return;
+  circle.swing = std::max(arc.width, kNarrowestSwing);
+  circle.start = arc.middle;
+  log_info(
+      "the photos were taken from {:.0f} degrees of the circle around the scene, and the film goes "
+      "to and fro over these; --turns 1 goes all around",
+      degrees_of(arc.width));
+}
+
 PosedPath round_the_scene(const PathRequest& request, const std::vector<NamedCamera>& cameras,
                           Span<const Vec3f> points, const Vec3d& world_offset) {
   std::vector<Camera> all;
@@ -99,15 +117,17 @@ PosedPath round_the_scene(const PathRequest& request, const std::vector<NamedCam
   Orbit circle;
   circle.frame = request.center ? scene_frame_about(*request.center - world_offset, all)
                                 : scene_frame(all, points);
-  circle.turns = request.turns;
+  circle.turns = request.turns.value_or(1);
   circle.start = Vec3d(cameras.front().camera.position());
+  if (!request.turns) swing_over_photos(circle, poses_of(cameras));
   if (request.radius) circle.frame.radius = *request.radius;
   if (request.elevation) circle.frame.elevation = *request.elevation;
   const SceneFrame& frame = circle.frame;
+  const bool swings = circle.swing != 0;
   return {orbit(circle, request.frames),
           0,
           {{"kind", request.kind},
-           {"turns", circle.turns},
+           {swings ? "swing" : "turns", swings ? degrees_of(circle.swing) : circle.turns},
            {"center", json_of(frame.center + world_offset)},
            {"up", json_of(frame.up)},
            {"radius", frame.radius},

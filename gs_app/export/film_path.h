@@ -24,10 +24,11 @@ struct PathRequest {
   int keys = 12;                     // cameras that a spline or flythrough passes
   bool is_loop = false;              // it goes back to its first camera
   std::string pace = "even";         // or "keys"
-  double turns = 1;                  // from here on: of an orbit
-  std::optional<double> elevation;   // degrees
-  std::optional<double> radius;      // world units
-  std::optional<Vec3d> center;       // world units; not set: the point the cameras look at
+  // From here on: of an orbit. Not set: once around, or to and fro where photos were taken
+  std::optional<double> turns;
+  std::optional<double> elevation;  // degrees
+  std::optional<double> radius;     // world units
+  std::optional<Vec3d> center;      // world units; not set: the point the cameras look at
 };
 
 /// A camera for each frame, named "00000", "00001", ..., and a description for the file beside the

@@ -8,11 +8,15 @@
 
 namespace gs {
 
-nlohmann::ordered_json folder_report(const std::filesystem::path& folder) {
+void check_can_report(const std::filesystem::path& folder) {
   if (!std::filesystem::is_directory(folder))
     throw UsageError(folder.string() +
                      " is not a folder; name the folder of a run (train -o) or the output folder "
                      "of an experiment");
+}
+
+nlohmann::ordered_json folder_report(const std::filesystem::path& folder) {
+  check_can_report(folder);
   return holds_experiment(folder) ? experiment_report(folder) : run_report(RunFolder(folder));
 }
 

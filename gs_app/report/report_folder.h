@@ -7,6 +7,9 @@
 
 namespace gs {
 
+/// Throws UsageError where `folder` is no folder.
+void check_can_report(const std::filesystem::path& folder);
+
 /// The data of the report of a run's or an experiment's folder. Throws UsageError where `folder` is
 /// no folder; Error where it holds neither.
 nlohmann::ordered_json folder_report(const std::filesystem::path& folder);

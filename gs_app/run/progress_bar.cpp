@@ -16,7 +16,7 @@ namespace {
 constexpr std::chrono::milliseconds kRedrawEvery{200};
 constexpr std::chrono::seconds kQuietStart{1};  // work shorter than this needs no lines in a log
 constexpr std::chrono::minutes kLogEvery{5};    // without a terminal; or at each tenth of the way
-constexpr int kBarWidth = 24;                   // characters
+constexpr std::size_t kWidestBar = 24, kNarrowestBar = 4;  // characters
 constexpr const char* kEraseLine = "\r\033[K";
 
 double seconds_of(std::chrono::steady_clock::time_point time) {
@@ -28,7 +28,29 @@ int terminal_width() {
   return ::ioctl(STDERR_FILENO, TIOCGWINSZ, &size) == 0 && size.ws_col > 0 ? size.ws_col : 100;
 }
 
+std::string joined(const ProgressFigures& figures) {
+  const std::string middle = figures.detail.empty() ? "" : " | " + figures.detail;
+  return figures.done + middle + " | " + figures.rest;
+}
+
 }  // namespace
+
+std::string progress_line(double share, const ProgressFigures& figures, std::size_t columns) {
+  constexpr std::size_t kFrame = 3;  // of the bar: "[] "
+  std::string text = joined(figures);
+  if (text.size() > columns) {
+    ProgressFigures shorter = figures;
+    const std::size_t over = std::min(text.size() - columns, figures.detail.size());
+    shorter.detail.resize(figures.detail.size() - over);
+    text = joined(shorter);
+    text.resize(std::min(text.size(), columns));
+  }
+  const std::size_t room = columns - text.size();
+  if (room < kFrame + kNarrowestBar) return text;
+  const std::size_t width = std::min(room - kFrame, kWidestBar),
+                    filled = std::size_t(std::clamp(share, 0.0, 1.0) * double(width));
+  return fmt::format("[{}{}] {}", std::string(filled, '='), std::string(width - filled, ' '), text);
+}
 
 ProgressBar::ProgressBar(std::int64_t total, bool enabled, std::int64_t done)
     : total_(std::max<std::int64_t>(total, 1)), enabled_(enabled),
@@ -47,19 +69,18 @@ void ProgressBar::draw(std::int64_t done, const std::string& detail, const std::
   last_time_ = Clock::now();
   rate_.note(done, seconds_of(last_time_));
   const double rate = rate_.rate();
-  const std::string figures = fmt::format(
-      "{}/{}{}{} | {:.{}f} {}/s | {} left", done, total_, detail.empty() ? "" : " | ", detail, rate,
-      rate < 100 ? 1 : 0, unit, rate > 0 ? clock_text(double(total_ - done) / rate) : "?");
+  const ProgressFigures figures = {
+      fmt::format("{}/{}", done, total_), detail,
+      fmt::format("{:.{}f} {}/s | {} left", rate, rate < 100 ? 1 : 0, unit,
+                  rate > 0 ? clock_text(double(total_ - done) / rate) : "?")};
   if (!is_terminal_) {
     next_tenth_ = done * 10 / total_ + 1;
-    fmt::print(stderr, "{:3d}% {}\n", done * 100 / total_, figures);
+    fmt::print(stderr, "{:3d}% {}\n", done * 100 / total_, joined(figures));
     return;
   }
-  const int filled = int(done * kBarWidth / total_);
-  std::string line = fmt::format("[{}{}] {}", std::string(std::size_t(filled), '='),
-                                 std::string(std::size_t(kBarWidth - filled), ' '), figures);
-  line.resize(std::min(line.size(), std::size_t(terminal_width() - 1)));
-  fmt::print(stderr, "{}{}", kEraseLine, line);
+  const double share = double(done) / double(total_);
+  fmt::print(stderr, "{}{}", kEraseLine,
+             progress_line(share, figures, std::size_t(terminal_width() - 1)));
   std::fflush(stderr);
   line_is_drawn_ = true;
 }

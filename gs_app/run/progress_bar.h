@@ -11,6 +11,17 @@
 
 namespace gs {
 
+/// What is known of a job, for one line.
+struct ProgressFigures {
+  std::string done;    // "370/600"
+  std::string detail;  // "loss 0.0586 | 3,436 Gaussians"; may be empty
+  std::string rest;    // "73.5 step/s | 0:03 left"
+};
+
+/// A line of at most `columns` characters. Where they do not suffice, the bar shrinks first, then
+/// the detail: the time left is always there. `share` of the job is complete, 0 to 1.
+std::string progress_line(double share, const ProgressFigures& figures, std::size_t columns);
+
 /// Call due(done) after each unit of work, and draw() only when due() returns true: the detail text
 /// is then made only for lines that are shown. Call clear() before other lines are written, such as
 /// log messages.

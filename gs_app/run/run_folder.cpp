@@ -106,6 +106,15 @@ std::optional<int> RunFolder::newest_step() const {
   return newest;
 }
 
+std::vector<fs::path> inputs_of(const Config& config) {
+  const DatasetConfig& dataset = config.dataset;
+  std::vector<fs::path> inputs = {dataset.source, dataset.photo_list, config.model.start_from};
+  if (config.eval.lpips != "none") inputs.push_back(config.eval.lpips);
+  for (const std::string& part : {dataset.images, dataset.masks, dataset.depth, dataset.model})
+    if (!dataset.source.empty() && !part.empty()) inputs.push_back(fs::path(dataset.source) / part);
+  return inputs;
+}
+
 void check_is_folder(const RunFolder& folder) {
   if (fs::exists(folder.root()) && !fs::is_directory(folder.root()))
     throw UsageError("the output " + folder.root().string() + " is a file; name a folder with -o");

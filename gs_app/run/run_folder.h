@@ -52,6 +52,9 @@ class RunFolder {
   Path root_;
 };
 
+/// The files and folders that settings name for a command to read. None of them is ever moved.
+std::vector<std::filesystem::path> inputs_of(const Config& config);
+
 /// Throws UsageError if the folder's path is that of a file.
 void check_is_folder(const RunFolder& folder);
 

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "gs_app/session/check_sight.h"
 
+#include <string>
 #include <vector>
 
 #include "gs_core/error.h"
@@ -15,6 +16,11 @@ void check_sight(Trainer& trainer) {
   const std::vector<Vec3f> means = trainer.model().gaussians.mean.download();
   const DepthLimits limits{trainer.settings().near_plane, trainer.settings().far_plane};
   const SceneSight sight = scene_sight(cameras, {means.data(), means.size()}, limits);
+  const std::string& model = trainer.config().model.start_from;
+  if (sight.is_blind() && !model.empty())
+    throw Error("training cannot start from " + model +
+                ", because every picture would be empty; start from a model of this scene: " +
+                text_of(sight, limits));
   if (sight.is_blind())
     throw Error("training cannot start, because every picture would be empty: " +
                 text_of(sight, limits));

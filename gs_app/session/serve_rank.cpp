@@ -1,8 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "gs_app/session/serve_rank.h"
 
+#include <chrono>
+#include <condition_variable>
 #include <csignal>
+#include <mutex>
 #include <new>
+#include <system_error>
+#include <thread>
 
 #include "data_loaders/scene/scene_hash.h"
 #include "gs_app/ranks/rank_processes.h"
@@ -29,13 +34,61 @@ Frame wait_for_setup(PeerSocket& leader) {
   return frame;
 }
 
-Scene load(const SharedScene& shared) {
+/// Shows rank 0 signs of life while this rank loads, on a thread of its own: nobody else may use the
+/// connection meanwhile. If there is no progress for an hour, such as where a network drive does not
+/// answer, the signs end, and with them the run.
+class SignsWhileLoading final : public SessionHooks {
+ public:
+  SignsWhileLoading(PeerSocket& leader, Seconds deadline) : leader_(leader), every_(deadline / 8) {
+    try {
+      thread_ = std::thread([this] { show_signs(); });
+    } catch (const std::system_error& error) {
+      throw Error(std::string("no thread can be started: ") + error.what() +
+                  "; allow more processes (ulimit -u)");
+    }
+  }
+  ~SignsWhileLoading() override {
+    {
+      const std::lock_guard lock(mutex_);
+      has_ended_ = true;
+    }
+    changed_.notify_all();
+    thread_.join();
+  }
+  void show_loading(LoadStage, std::size_t, std::size_t) override {
+    const std::lock_guard lock(mutex_);
+    progress_ = Clock::now();
+  }
+
+ private:
+  using Clock = std::chrono::steady_clock;
+  void show_signs() {
+    std::unique_lock lock(mutex_);
+    while (!changed_.wait_for(lock, every_, [this] { return has_ended_; })) {
+      if (Clock::now() - progress_ > kAnHour) return;
+      try {
+        leader_.send(std::uint32_t(RankFrame::alive), {}, every_);
+      } catch (const PeerLost&) {  // found out by the next message
+        return;
+      }
+    }
+  }
+
+  PeerSocket& leader_;
+  const Seconds every_;
+  std::mutex mutex_;
+  std::condition_variable changed_;
+  bool has_ended_ = false;
+  Clock::time_point progress_ = Clock::now();
+  std::thread thread_;
+};
+
+Scene load(const SharedScene& shared, SessionHooks& hooks) {
   if (!shared.scene_hash.empty() && scene_hash(shared.config.dataset) != shared.scene_hash)
     throw Error(shared.config.dataset.source +
                 " holds other files here than for rank 0; give all ranks the same scene, for "
                 "example on a disk that they share");
   Config config = shared.config;
-  SessionHooks hooks;
   Scene scene = load_run_scene(config, hooks);
   make_same(scene, shared);
   return scene;
@@ -48,9 +101,10 @@ void work(PeerSocket& leader, const RankPlace& place) {
   std::optional<Scene> scene;
   std::unique_ptr<RankDevice> device;
   try {
+    SignsWhileLoading signs(leader, Seconds(train.rank_deadline));
     device = make_rank_device(
         train, [&](int first, int visible) { return gpu_of(place, first, visible); });
-    scene.emplace(load(shared));
+    scene.emplace(load(shared, signs));
   } catch (const Error& error) {
     leader.send(std::uint32_t(RankFrame::failed), failure_message(error), kAnHour);
     throw;

@@ -4,6 +4,7 @@
 #include <spdlog/fmt/fmt.h>
 
 #include <algorithm>
+#include <cmath>
 
 #include "data_loaders/formats/coding/finite_rows.h"
 #include "data_loaders/formats/model_info.h"
@@ -19,6 +20,10 @@ namespace gs {
 namespace {
 
 constexpr double kMostError = 0.05;  // of the spread of the cameras, when a model is turned
+// Larger numbers are no model of anything, and their products leave the range of floats.
+constexpr float kLargestMean = 1e9f;    // world units
+constexpr float kLargestLogScale = 20;  // 5e8 world units
+constexpr float kLargestColor = 1e6f;   // of a coefficient; colors are 0 to 1
 
 // Moves the model from the coordinates of the file to those of the scene; an offset may have been
 // subtracted from either.
@@ -100,16 +105,42 @@ void align(const OpenedModel& opened, const Scene& scene, GaussianModel& model) 
       name, shared->transform.scale, shared->count, 100 * shared->error);
 }
 
+bool is_small(const Vec3f& values, float largest) {
+  return std::abs(values.x) <= largest && std::abs(values.y) <= largest &&
+         std::abs(values.z) <= largest;
+}
+
+// Whether the numbers of a row can be trained on. NaN and infinity cannot.
+bool is_usable(const Gaussians& gaussians, std::size_t i, int rest_count) {
+  bool is_usable =
+      is_small(gaussians.mean[i], kLargestMean) && is_small(gaussians.sh0[i], kLargestColor);
+  for (int axis = 0; axis < 3; ++axis)
+    is_usable &= gaussians.log_scale[i][axis] <= kLargestLogScale;
+  for (int k = 0; k < rest_count; ++k)
+    is_usable &= is_small(gaussians.sh_rest[i].coefficient[k], kLargestColor);
+  return is_usable;
+}
+
+GaussianModel usable_model(const GaussianModel& model) {
+  const GaussianModel finite = finite_model(model);
+  std::vector<std::uint32_t> rows;
+  for (std::uint32_t i = 0; i < finite.gaussians.count(); ++i)
+    if (is_usable(finite.gaussians, i, sh_rest_count(finite.sh_degree))) rows.push_back(i);
+  return rows_of(finite, rows);
+}
+
 GaussianModel read_start(const Config& config, const Scene& scene) {
   const std::filesystem::path file = config.model.start_from;
   OpenedModel opened = open_model(file, std::nullopt);
   take_raw_model(config, opened);
   check_kind(file, opened.model, config);
   const std::size_t all = opened.model.gaussians.count();
-  GaussianModel model = finite_model(opened.model);
+  GaussianModel model = usable_model(opened.model);
   if (model.gaussians.count() < all)
-    log_warning("{} of {} Gaussians in {} are not finite, and are left out",
-                all - model.gaussians.count(), all, file.string());
+    log_warning(
+        "{} of {} Gaussians in {} are not finite, or have numbers that are too large to "
+        "train with, and are left out",
+        all - model.gaussians.count(), all, file.string());
   if (model.gaussians.count() == 0)
     throw Error("there is no Gaussian to start from in " + file.string() + "; name another model");
   if (model.antialiased != config.render.antialias)

@@ -4,6 +4,8 @@
 #include <spdlog/fmt/fmt.h>
 
 #include <algorithm>
+#include <set>
+#include <string_view>
 
 #include "data_loaders/formats/formats.h"
 #include "data_loaders/scene/scene_hash.h"
@@ -76,7 +78,12 @@ struct TrainSession::Observers {
 
 TrainSession::TrainSession(TrainRequest request, SessionHooks& hooks)
     : request_(std::move(request)), hooks_(hooks) {
-  for (const std::string& name : request_.exports) format_named(name).require({});
+  std::set<std::string_view> formats;
+  for (const std::string& name : request_.exports) {
+    format_named(name).require({});
+    if (!formats.insert(format_named(name).ending).second)
+      throw UsageError("--export names " + name + " twice; name each format once");
+  }
 }
 
 TrainSession::~TrainSession() = default;
@@ -150,10 +157,7 @@ Config TrainSession::config_of_new_run() const {
 
 // What must stay where it is while the run's folder is made.
 std::vector<fs::path> TrainSession::inputs() const {
-  const DatasetConfig& dataset = config_.dataset;
-  std::vector<fs::path> inputs = {dataset.source, config_.model.start_from, dataset.photo_list};
-  for (const std::string& part : {dataset.images, dataset.masks, dataset.depth, dataset.model})
-    if (!dataset.source.empty() && !part.empty()) inputs.push_back(fs::path(dataset.source) / part);
+  std::vector<fs::path> inputs = inputs_of(config_);
   if (resumed_) inputs.push_back(resumed_->source);
   return inputs;
 }

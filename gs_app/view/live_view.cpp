@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <fstream>
 #include <iterator>
+#include <limits>
 #include <new>
 
 #include "data_loaders/formats/formats.h"
@@ -50,6 +51,7 @@ Json losses_json(const std::vector<LoggedLoss>& losses, int after_step) {
 ViewScene live_scene(std::string title, const Scene& scene, const Config& config) {
   ViewScene live;
   live.title = std::move(title);
+  live.path = config.model.output;
   take_settings(live, render_settings(config));
   live.world_offset = scene.world_offset;
   take_meters(live, config.dataset.source, 1);
@@ -165,6 +167,12 @@ void LiveView::update_losses() {
   std::vector<LoggedLoss>& losses = progress_.losses;
   losses.resize(std::min(losses.size(), logged.size()));
   losses.insert(losses.end(), logged.begin() + std::ptrdiff_t(losses.size()), logged.end());
+}
+
+void LiveView::say(std::string sentence) {
+  const std::lock_guard lock(mutex_);
+  progress_.message = std::move(sentence);
+  progress_.message_until = std::numeric_limits<int>::max();
 }
 
 void LiveView::end(std::optional<GaussianModel> model, const Evaluation& test) {

@@ -37,6 +37,8 @@ class LiveView final : public ViewSource, public Observer {
   void let_control(RunControl& control) { control_ = &control; }
   /// Shows the model as it is now, whatever the copy costs: of a run that waits.
   void show_now(Trainer& trainer);
+  /// A sentence for the page, which stays.
+  void say(std::string sentence);
   /// Ends the run; from now on `model` is shown, if one is given. Returns when its file is ready.
   void end(std::optional<GaussianModel> model, const Evaluation& test);
 

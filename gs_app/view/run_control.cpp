@@ -61,6 +61,11 @@ bool RunControl::ask(const std::string& word) {
   return true;
 }
 
+bool RunControl::was_stopped() {
+  const std::lock_guard lock(mutex_);
+  return is_stopping_;
+}
+
 nlohmann::ordered_json RunControl::state() {
   const std::lock_guard lock(mutex_);
   return {{"paused", is_paused_},

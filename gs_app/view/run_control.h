@@ -27,6 +27,8 @@ class RunControl final : public Observer {
   /// The answer to POST /control?do=pause, resume, save or stop. 403 without the token, 400 for
   /// other words, 409 when the run is over.
   HttpAnswer answer(const HttpRequest& request);
+  /// Whether a page has asked to stop the run.
+  bool was_stopped();
   /// {"paused": bool, "saving": bool, "stopping": bool, "saved": step or null, "trouble": text}
   nlohmann::ordered_json state();
 

@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "gs_app/view/train_viewer.h"
 
+#include <spdlog/fmt/fmt.h>
+
 #include "gs_core/log.h"
 #include "gs_core/processes/signals.h"
 
@@ -30,6 +32,19 @@ void TrainViewer::end(Trainer& trainer, const Evaluation& test) {
   SignalWait signal;
   view_.end(trained_model(trainer), test);
   log_info("{} shows the final model; Ctrl-C ends the server", server_.url());
+  signal.wait();
+}
+
+void TrainViewer::end_stopped(Trainer& trainer) {
+  if (!waits_ || !control_.was_stopped()) return;  // a signal ends the program, too
+  SignalWait signal;
+  view_.say(fmt::format(
+      "The run was stopped after step {} of {}, and its model is saved. gemsplat train --resume "
+      "goes on with it.",
+      trainer.step(), trainer.schedule().steps()));
+  view_.end(trained_model(trainer), {});
+  log_info("the run was stopped after step {}; {} shows its model; Ctrl-C ends the server",
+           trainer.step(), server_.url());
   signal.wait();
 }
 

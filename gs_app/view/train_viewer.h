@@ -29,6 +29,8 @@ class TrainViewer {
 
   /// Ends the run. With --viewer-wait, shows its model and returns when a signal has come.
   void end(Trainer& trainer, const Evaluation& test);
+  /// The same for a run that stopped early. Returns at once where a signal has stopped it.
+  void end_stopped(Trainer& trainer);
 
  private:
   LiveView view_;

@@ -46,6 +46,7 @@ struct ViewScene {
   std::optional<double> meters_per_unit = {};    // of a scene that knows where on earth it stands
   std::shared_ptr<const SceneLooks> looks = {};  // learned colors of photos; null: there are none
   std::shared_ptr<const Scene> photos = {};      // owner of the views; null if the caller owns them
+  std::string path = {};  // of the model, as the command line names it; only this machine sees it
 };
 
 /// The last name of a path, as the page's title: others need not see where it lies. "runs/a/" ->
@@ -54,7 +55,7 @@ std::string name_of(const std::filesystem::path& path);
 
 /// The list "cameras" of it, by itself.
 nlohmann::ordered_json cameras_json(const std::vector<ViewedCamera>& cameras);
-/// /scene.json without "mode" and "model".
+/// /scene.json without "mode", "model" and "path".
 nlohmann::ordered_json scene_json(const ViewScene& scene);
 
 /// Copies the background and the depth range from the rendering settings.

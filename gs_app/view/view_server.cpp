@@ -26,9 +26,13 @@ HttpAnswer json_answer(const Json& json) {
   return http_text(json.dump(-1, ' ', false, Json::error_handler_t::replace), "application/json");
 }
 
-HttpAnswer scene_answer(ViewSource& source) {
+// Commands that the page prints work where the program was started. Others who look need not know
+// where the model lies.
+HttpAnswer scene_answer(ViewSource& source, const HttpRequest& request) {
   Json json = scene_json(source.scene());
   json.update(source.mode_and_model());
+  const std::string& path = source.scene().path;
+  if (!path.empty() && is_loopback(request.client)) json["path"] = path;
   return json_answer(json);
 }
 
@@ -108,7 +112,7 @@ HttpAnswer view_answer(ViewSource& source, const HttpRequest& request) {
     return path == "/control" ? source.control(request)
                               : http_error(404, "there is nothing at this address");
   if (path == "/") return page_answer();
-  if (path == "/scene.json") return scene_answer(source);
+  if (path == "/scene.json") return scene_answer(source, request);
   if (path == "/state.json") return state_answer(source, request);
   if (path == "/model") return source.model();
   if (path == "/frame") return source.frame(request);

@@ -265,6 +265,11 @@ void validate(const Config& config, const SettingOrigins& origins) {
     return origin == origins.end() ? std::string() : origin->second + ": ";
   };
   visit_fields(config, [&](const auto& field) {
+    if constexpr (std::is_same_v<std::remove_cvref_t<decltype(field.value)>, std::string>) {
+      if (field.value.find('\0') != field.value.npos)
+        refuse(where(field.key), field.key, toml_text(field.value),
+               "without the character \\u0000, which no name of a file holds");
+    }
     if (!fits(field.value, field.limits))
       refuse(where(field.key), field.key, toml_text(field.value),
              range_for(field.value, field.limits));
@@ -301,10 +306,12 @@ void validate(const Config& config, const SettingOrigins& origins) {
   const double iterations = train.iterations > 0
                                 ? double(train.iterations)
                                 : double(train.random_start_factor) * train.most_iterations;
-  const double steps =
-      std::max(iterations, 1.0) * double(train.steps_scaler) + double(train.extra_steps);
-  require(steps >= 1 && steps <= limits::kLargestInt, "train.steps_scaler",
-          config.train.steps_scaler, "such that train.iterations times it is a count of steps");
+  const double steps = std::max(iterations, 1.0) * double(train.steps_scaler);
+  require(steps + double(train.extra_steps) >= 1 && steps <= limits::kLargestInt,
+          "train.steps_scaler", config.train.steps_scaler,
+          "such that train.iterations times it is a count of steps");
+  require(steps + double(train.extra_steps) <= limits::kLargestInt, "train.extra_steps",
+          train.extra_steps, "less: with the steps of the schedule it is no count of steps");
 }
 
 }  // namespace gs

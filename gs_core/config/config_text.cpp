@@ -3,10 +3,10 @@
 #include "gs_core/config/config_text.h"
 
 #include <algorithm>
-#include <cstdint>
 
 #include "gs_core/config/config_fields.h"
 #include "gs_core/error.h"
+#include "gs_core/foreign_text.h"
 
 namespace gs {
 namespace {
@@ -24,37 +24,13 @@ std::string comment(const Field<T>& field) {
   return text;
 }
 
-// Whether the bytes are UTF-8, which TOML files are: no stray, overlong or surrogate sequence.
-bool is_utf8(std::string_view text) {
-  for (std::size_t i = 0; i < text.size();) {
-    const auto byte = static_cast<unsigned char>(text[i]);
-    const int more = byte < 0x80                   ? 0
-                     : byte >= 0xc2 && byte < 0xe0 ? 1
-                     : (byte & 0xf0) == 0xe0       ? 2
-                     : byte >= 0xf0 && byte < 0xf5 ? 3
-                                                   : -1;
-    if (more < 0 || i + std::size_t(more) >= text.size()) return false;
-    std::uint32_t point = more == 0 ? byte : byte & (0x3fu >> more);
-    for (int k = 1; k <= more; ++k) {
-      const auto next = static_cast<unsigned char>(text[i + std::size_t(k)]);
-      if ((next & 0xc0) != 0x80) return false;
-      point = point << 6 | (next & 0x3f);
-    }
-    const std::uint32_t least[] = {0, 0x80, 0x800, 0x10000};
-    if (point < least[more] || point > 0x10ffff || (point >= 0xd800 && point < 0xe000))
-      return false;
-    i += std::size_t(more) + 1;
-  }
-  return true;
-}
-
 template <class T>
 void check_is_text(std::string_view, const T&) {}
 void check_is_text(std::string_view key, const std::string& value) {
-  if (!is_utf8(value))
-    throw UsageError(fmt::format(
-        "{} = {} is not UTF-8, so that no config.toml can name it; rename the file or folder", key,
-        value));
+  if (is_utf8(value)) return;
+  throw UsageError(fmt::format(
+      "{} = {} is not UTF-8, so that no config.toml can name it; rename the file or folder", key,
+      value));
 }
 
 }  // namespace

@@ -107,6 +107,14 @@ OutputLock OutputLock::of_new_folder(const fs::path& folder) {
   return lock;
 }
 
+OutputLock OutputLock::of_freed_folder(const fs::path& folder,
+                                       const std::vector<fs::path>& needed) {
+  OutputLock lock = of_folder(folder);
+  if (!is_empty_output(folder))
+    log_info("the older {} is now {}", folder.string(), lock.move_folder_aside(needed).string());
+  return lock;
+}
+
 OutputLock OutputLock::of_file(const fs::path& file) {
   return {file, real(file).parent_path(), Kind::alone};
 }

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Keeps two processes from writing to one output at the same time. Every verb that writes more than
-// one file holds such a lock.
+// Keeps two processes from writing to one output at the same time. Every verb that writes a file or a
+// folder of a user's holds such a lock, from the check whether its place is free to the end.
 #pragma once
 
 #include <filesystem>
@@ -28,6 +28,10 @@ class OutputLock {
   }
   /// The same for a folder that must be new or empty. Throws UsageError if it is not.
   static OutputLock of_new_folder(const std::filesystem::path& folder);
+  /// The same for a folder that holds nothing from here on: what an older one held is moved to
+  /// FOLDER.bak-N. Throws UsageError if a path of `needed` lies in it.
+  static OutputLock of_freed_folder(const std::filesystem::path& folder,
+                                    const std::vector<std::filesystem::path>& needed);
   /// The lock of a single file.
   static OutputLock of_file(const std::filesystem::path& file);
 

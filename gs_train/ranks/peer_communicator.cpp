@@ -80,15 +80,24 @@ void LeaderCommunicator::send_all(RankFrame kind, const std::vector<std::byte>& 
   for (int rank = 1; rank < count(); ++rank) send(rank, kind, bytes);
 }
 
-std::vector<std::byte> LeaderCommunicator::receive(int rank, RankFrame kind) {
+template <class Next>
+std::vector<std::byte> LeaderCommunicator::answer_of(int rank, RankFrame kind, const Next& next) {
   try {
-    Frame frame = next_answer(rank);
+    Frame frame = next();
     if (RankFrame(frame.kind) == RankFrame::failed) throw RankFailed{rank, std::move(frame.bytes)};
     GS_CHECK(RankFrame(frame.kind) == kind);
     return std::move(frame.bytes);
   } catch (const PeerLost& lost) {
     throw RankFailed{rank, {}, lost};
   }
+}
+
+std::vector<std::byte> LeaderCommunicator::receive(int rank, RankFrame kind) {
+  return answer_of(rank, kind, [&] { return next_answer(rank, [this] { sign_of_life(); }); });
+}
+
+std::vector<std::byte> LeaderCommunicator::receive_from_loading(int rank, RankFrame kind) {
+  return answer_of(rank, kind, [&] { return next_answer(rank, [] {}); });
 }
 
 std::vector<std::byte> LeaderCommunicator::wait_for(int rank, RankFrame kind) {
@@ -101,10 +110,9 @@ std::vector<std::byte> LeaderCommunicator::wait_for(int rank, RankFrame kind) {
 }
 
 // Those that are no signs of life.
-Frame LeaderCommunicator::next_answer(int rank) {
+Frame LeaderCommunicator::next_answer(int rank, const std::function<void()>& idle) {
   std::deque<Frame>& early = early_[std::size_t(rank - 1)];
-  if (early.empty())
-    return next_frame(peers_[std::size_t(rank - 1)], deadline_, [this] { sign_of_life(); });
+  if (early.empty()) return next_frame(peers_[std::size_t(rank - 1)], deadline_, idle);
   Frame frame = std::move(early.front());
   early.pop_front();
   return frame;

@@ -57,6 +57,8 @@ class LeaderCommunicator final : public Communicator {
   std::vector<std::byte> receive(int rank, RankFrame kind);
   /// The same, however long it takes.
   std::vector<std::byte> wait_for(int rank, RankFrame kind);
+  /// The same of a rank that shows signs of life while it works, and reads none of ours meanwhile.
+  std::vector<std::byte> receive_from_loading(int rank, RankFrame kind);
 
   /// For ranks that answer nothing for a while, but show signs of life while they work or wait.
   /// begin_watch() counts their silence from now on. keep_watch() throws RankFailed where one has
@@ -70,7 +72,9 @@ class LeaderCommunicator final : public Communicator {
  private:
   // Reads what a rank has sent. Answers are kept for receive().
   void look_after(int rank);
-  Frame next_answer(int rank);
+  Frame next_answer(int rank, const std::function<void()>& idle);
+  template <class Next>
+  std::vector<std::byte> answer_of(int rank, RankFrame kind, const Next& next);
 
   std::vector<PeerSocket>& peers_;  // of rank 1, 2, ...
   const PeerSocket::Seconds deadline_;

@@ -55,7 +55,7 @@ void PeerLeader::named(const std::function<void()>& f) {
 void PeerLeader::set_up() {
   if (!rules_.setup) return;
   others_.send_all(RankFrame::setup, rules_.setup());
-  for (int rank = 1; rank < count_; ++rank) others_.wait_for(rank, RankFrame::ready);
+  for (int rank = 1; rank < count_; ++rank) others_.receive_from_loading(rank, RankFrame::ready);
   rules_.setup = nullptr;
 }
 

@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <functional>
 #include <numeric>
 #include <set>
 
@@ -333,6 +334,26 @@ TEST_F(Merge, FilesThatAreNoPartitionAreRefused) {
   std::string circle = text;
   circle.replace(circle.find("\"block\": 2"), 10, "\"block\": 1");
   EXPECT_THAT(refusal(circle), HasSubstr("do not divide space"));
+}
+
+TEST_F(Merge, AFileThatNamesABlockTwiceOrInAnothersPlaceIsRefused) {
+  const BlocksFile blocks = write(3);
+  const auto refusal = [&](const std::function<void(BlocksFile&)>& change) {
+    BlocksFile other = blocks;
+    change(other);
+    write_bytes(blocks.file, blocks_json(other));
+    return error_of([&] { read_blocks(blocks.file); });
+  };
+  EXPECT_THAT(refusal([](BlocksFile& b) { b.blocks[2] = b.blocks[0]; }),
+              AllOf(HasSubstr("names block0 twice"), HasSubstr("gemsplat partition")));
+  EXPECT_THAT(refusal([](BlocksFile& b) { b.blocks[2].run = "./" + b.blocks[0].run; }),
+              HasSubstr("the run of another"));
+  EXPECT_THAT(refusal([](BlocksFile& b) { b.blocks[2].region = b.blocks[0].region; }),
+              HasSubstr("does not hold what the block owns"));
+  EXPECT_THAT(refusal([](BlocksFile& b) { std::swap(b.blocks[0], b.blocks[1]); }),
+              HasSubstr("does not hold"));
+  write_bytes(blocks.file, blocks_json(blocks));
+  EXPECT_EQ(read_blocks(blocks.file).blocks.size(), 3u);
 }
 
 }  // namespace

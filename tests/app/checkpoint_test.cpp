@@ -474,6 +474,12 @@ TEST_F(Checkpoints, AFullDiskIsSeenBeforehandAndNothingIsLost) {
   EXPECT_TRUE(folder().newest());
 }
 
+TEST_F(Checkpoints, ASmallOneNeedsLittleSpace) {
+  EXPECT_TRUE(save(folder([](const fs::path&) { return std::uint64_t(300'000); }), 5, 100));
+  EXPECT_FALSE(save(folder([](const fs::path&) { return std::uint64_t(100'000); }), 10, 100));
+  EXPECT_THAT(steps_in(path()), ElementsAre(5));
+}
+
 TEST_F(Checkpoints, TheOlderOneMakesSpaceWhereThatIsEnough) {
   for (const int step : {5, 10}) ASSERT_TRUE(save(folder(), step));
   const auto space = [&](const fs::path&) {

@@ -225,6 +225,35 @@ TEST_F(LiveRun, ReportsARollback) {
   EXPECT_THAT(state.at("message").get<std::string>(), ::testing::HasSubstr("after step 100"));
 }
 
+TEST_F(LiveRun, SaysThatItWasStoppedAfterItsLastPoll) {
+  run([&](int step) {
+    if (step == 60) trainer_.stop();
+  });
+  view_.say("The run was stopped.");
+  view_.end(trained_model(trainer_), {});
+  const Json state = view_.state(-1);
+  EXPECT_EQ(state.at("message"), "The run was stopped.");
+  EXPECT_EQ(state.at("stopped"), true);
+  EXPECT_EQ(state.at("done"), true);
+  EXPECT_EQ(state.at("version"), 1);
+}
+
+TEST(LiveRunOfAFolder, TellsThisMachineAloneWhereItLies) {
+  const Scene scene = small_scene();
+  Config config = short_run();
+  config.model.output = "runs/it's here";
+  LiveView view("here", scene, config);
+  const auto asked_from = [&](const std::string& client) {
+    HttpRequest request;
+    request.path = "/scene.json";
+    request.client = client;
+    return Json::parse(*view_answer(view, request).body);
+  };
+  EXPECT_EQ(asked_from("127.0.0.1").at("path"), "runs/it's here");
+  EXPECT_EQ(asked_from("127.0.0.1").at("title"), "here");
+  EXPECT_FALSE(asked_from("192.168.0.7").contains("path"));
+}
+
 // --- Frame
 
 TEST(ViewFrame, IsCenteredWhereTheCamerasLook) {

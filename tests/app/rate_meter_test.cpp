@@ -4,6 +4,8 @@
 
 #include <gtest/gtest.h>
 
+#include "gs_app/run/progress_bar.h"
+
 namespace gs {
 namespace {
 
@@ -36,6 +38,22 @@ TEST(RateMeter, AJobThatGoesBackKeepsItsRateAndIsMeasuredFromThere) {
   EXPECT_DOUBLE_EQ(meter.rate(), 10);
   meter.note(140, 21);
   EXPECT_NEAR(meter.rate(), 10, 1e-9);
+}
+
+TEST(ProgressLine, KeepsTheTimeLeftAndShrinksTheBarFirst) {
+  const ProgressFigures figures = {"370/600", "loss 0.0586 | 3,436 Gaussians",
+                                   "73.5 step/s | 0:03 left"};
+  EXPECT_EQ(progress_line(0.5, figures, 120),
+            "[============            ] 370/600 | loss 0.0586 | 3,436 Gaussians | 73.5 step/s | "
+            "0:03 left");
+  for (const std::size_t columns : {79, 68, 60, 40}) {
+    const std::string line = progress_line(0.5, figures, columns);
+    EXPECT_LE(line.size(), columns);
+    EXPECT_TRUE(line.ends_with(" | 0:03 left")) << line;
+  }
+  EXPECT_EQ(progress_line(0.5, figures, 79),
+            "[=====      ] 370/600 | loss 0.0586 | 3,436 Gaussians | 73.5 step/s | 0:03 left");
+  EXPECT_EQ(progress_line(1, {"9/9", "", "1.0 view/s | 0:00 left"}, 20).size(), 20u);
 }
 
 }  // namespace

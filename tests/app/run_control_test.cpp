@@ -146,6 +146,7 @@ TEST_F(ControlledRun, StopsEarlyAlsoWhileItIsPaused) {
   person.join();
   EXPECT_GE(step_, 60);
   EXPECT_LT(step_, 250);
+  EXPECT_TRUE(control_.was_stopped());
 }
 
 TEST_F(ControlledRun, EndsWhereItIsPausedInItsLastStep) {

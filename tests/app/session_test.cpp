@@ -516,6 +516,35 @@ TEST_F(Session, AModelOfARunIsBroughtIntoTheCoordinatesOfASceneThatWasReconstruc
   EXPECT_TRUE(has_started);
 }
 
+TEST_F(Session, AStartWithHugeNumbersIsNamedAndNotTheScene) {
+  ASSERT_EQ(run(request("first")), SessionEnd::finished);
+  const auto write = [&](const std::function<void(Gaussians&, std::size_t)>& change) {
+    GaussianModel model = read_gaussian_ply(ply("first"));
+    for (std::size_t i = 0; i < model.gaussians.count(); ++i) change(model.gaussians, i);
+    export_model(model, {path("huge.ply")});
+    return request("out", path("huge.ply").string());
+  };
+  const std::string name = path("huge.ply").string();
+  EXPECT_THAT(error_of_run(write([](Gaussians& g, std::size_t i) { g.mean[i].x = 1e30f; })),
+              HasSubstr("no Gaussian to start from in " + name));
+  EXPECT_THAT(error_of_run(write([](Gaussians& g, std::size_t i) { g.sh0[i].y = -1e30f; })),
+              HasSubstr(name));
+  EXPECT_THAT(error_of_run(write([](Gaussians& g, std::size_t i) { g.log_scale[i].z = 1e3f; })),
+              HasSubstr(name));
+  // Out of sight, but not huge: the model is named, too.
+  EXPECT_THAT(error_of_run(write([](Gaussians& g, std::size_t i) {
+                g.mean[i] = {1e7f, 3e6f, -2e6f};
+              })),
+              AllOf(HasSubstr("cannot start from " + name), HasSubstr("a model of this scene")));
+  EXPECT_FALSE(fs::exists(path("out")));
+  const CapturedLog log;
+  EXPECT_EQ(run(write([](Gaussians& g, std::size_t i) {
+              if (i == 0) g.mean[i].x = 1e30f;
+            })),
+            SessionEnd::finished);
+  EXPECT_THAT(log.text(), HasSubstr("1 of "));
+}
+
 TEST_F(Session, AModelOfARunOnOtherPosesIsNoStart) {
   ASSERT_EQ(run(request("first")), SessionEnd::finished);
   for (View& view : scene_.train_views)  // photos of the same names, of another place
@@ -563,7 +592,9 @@ TEST_F(Session, AModelOfTheOtherKindIsNoStart) {
   EXPECT_THAT(error_of_run(moving_request("out", ply("still").string())),
               HasSubstr("holds 3D Gaussians, but this run"));
   EXPECT_FALSE(fs::exists(path("out")));
+  const CapturedLog log;
   EXPECT_EQ(run(moving_request("out", ply("moving").string())), SessionEnd::finished);
+  EXPECT_THAT(log.text(), Not(HasSubstr("static scene")));
 }
 
 TEST_F(Session, AStartHasChangesOfColorWhereTheRunHasThem) {

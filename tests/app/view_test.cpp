@@ -14,6 +14,7 @@
 #include "data_loaders/georef/georef_file.h"
 #include "gs_app/view/file_view.h"
 #include "gs_core/error.h"
+#include "gs_core/host_name.h"
 #include "tests/support/program.h"
 #include "tests/support/random_model.h"
 
@@ -101,6 +102,14 @@ TEST(HttpHosts, OpenServersAnswerToAddressesAndGivenNamesAlone) {
   EXPECT_TRUE(is_own_host("box.example:7070", "box.example"));
   EXPECT_FALSE(is_own_host("evil.example", "0.0.0.0"));
   EXPECT_FALSE(is_own_host("evil.example", "box.example"));
+}
+
+TEST(HttpHosts, ANameThatOnlyBeginsWithTheMachinesIsForeign) {
+  const std::string machine = host_name();
+  ASSERT_FALSE(machine.empty());
+  EXPECT_TRUE(is_own_host(machine + ":7070", "0.0.0.0"));
+  EXPECT_FALSE(is_own_host(machine + ".evil.example:7070", "0.0.0.0"));
+  EXPECT_FALSE(is_own_host(machine + ".evil.example", machine));
 }
 
 TEST(Http, APortThatIsTakenIsNamed) {

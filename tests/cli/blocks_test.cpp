@@ -129,6 +129,19 @@ TEST_F(Blocks, ADryRunWritesNothing) {
   EXPECT_FALSE(fs::exists(path("parts")));
 }
 
+TEST_F(Blocks, ANameThatIsNotUtf8IsRefusedBeforeAnythingIsWritten) {
+  const std::string name = text("p\xffrts");
+  const Outcome output = run("partition " + text("scene") + " -o " + name + kTrain);
+  EXPECT_EQ(output.code, 2);
+  EXPECT_THAT(output.err, AllOf(HasSubstr("not UTF-8"), HasSubstr("-o"), Not(HasSubstr("json"))));
+  EXPECT_FALSE(fs::exists(name));
+  fs::rename(path("scene"), path("sc\xe9ne"));
+  const Outcome scene = run("partition " + text("sc\xe9ne") + " -o " + text("parts") + kTrain);
+  EXPECT_EQ(scene.code, 2);
+  EXPECT_THAT(scene.err, AllOf(HasSubstr("dataset.source"), HasSubstr("not UTF-8")));
+  EXPECT_FALSE(fs::exists(path("parts")));
+}
+
 TEST_F(Blocks, RefusalsNameTheRemedy) {
   EXPECT_THAT(run("partition").err, HasSubstr("gemsplat partition SCENE"));
   EXPECT_THAT(run("partition " + text("scene")).err, HasSubstr("-o OUT"));

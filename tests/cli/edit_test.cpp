@@ -108,6 +108,19 @@ TEST_F(EditVerb, AMovedFileSaysSoAndExportKeepsTheWayBack) {
   EXPECT_FALSE(json("c.ply.transforms.json").contains("was_moved"));
 }
 
+// The lines of docs/other_programs.md.
+TEST_F(EditVerb, TurnsModelsForProgramsWhoseZOrYIsUp) {
+  ASSERT_EQ(edit("--recenter -o " + text("up.ply")).code, 0);
+  ASSERT_EQ(edit("--recenter --turn -90,0,0 -o " + text("z_up.ply")).code, 0);
+  ASSERT_EQ(edit("--recenter --turn 180,0,0 -o " + text("y_up.ply")).code, 0);
+  const GaussianModel model = read_model(path("up.ply")), z_up = read_model(path("z_up.ply")),
+                      y_up = read_model(path("y_up.ply"));
+  for (std::size_t i = 0; i < model.gaussians.count(); ++i) {
+    EXPECT_NEAR(z_up.gaussians.mean[i].z, -model.gaussians.mean[i].y, 1e-5);
+    EXPECT_NEAR(y_up.gaussians.mean[i].y, -model.gaussians.mean[i].y, 1e-5);
+  }
+}
+
 TEST_F(EditVerb, APictureIsWrittenEvenInADryRun) {
   const Outcome outcome = edit("--keep z=..4 --dry-run --picture " + text("a.png"));
   ASSERT_EQ(outcome.code, 0) << outcome.err;
@@ -119,6 +132,20 @@ TEST_F(EditVerb, APictureIsWrittenEvenInADryRun) {
       0);
   EXPECT_EQ(read_photo(path("a.png")).width, 2 * kWidth + 4);
   EXPECT_TRUE(fs::exists(path("a.png.bak-1")));
+}
+
+TEST_F(EditVerb, APictureIsNotWrittenOverTheModel) {
+  const Outcome same = edit("--recenter -o " + text("d.ply") + " --picture " + text("d.ply"));
+  EXPECT_EQ(same.code, 2);
+  EXPECT_THAT(same.err, HasSubstr("ends in .png"));
+  EXPECT_FALSE(fs::exists(path("d.ply")));
+  write_bytes(path("d.ply"), "older");
+  fs::create_symlink(path("d.ply"), path("e.png"));
+  const Outcome linked =
+      edit("--recenter --force -o " + text("d.ply") + " --picture " + text("e.png"));
+  EXPECT_EQ(linked.code, 2);
+  EXPECT_THAT(linked.err, HasSubstr("named twice"));
+  EXPECT_EQ(read_bytes(path("d.ply")), "older");
 }
 
 TEST_F(EditVerb, MistakesAreNamedBeforeTheWorkAndNothingIsOverwritten) {

@@ -193,6 +193,27 @@ TEST_F(Experiment, SurvivesKill9OfAChild) {
   expect_complete_tables();
 }
 
+TEST_F(Experiment, ARunKilledBeforeItsFirstCheckpointIsTrainedOnceMoreWithFewerThreads) {
+  write_experiment(5);
+  ASSERT_EQ(experiment("-q").code, 0);
+  for (const char* saved : {"results.json", "checkpoints", "point_cloud"})
+    fs::remove_all(path("out/b/plain/seed1") / saved);
+  std::string file = read_bytes(path("e.toml"));
+  file.replace(file.find("threads = 1"), 11, "threads = 2");  // changes no result
+  write_bytes(path("e.toml"), file);
+  const Outcome again = experiment();
+  EXPECT_EQ(again.code, 0) << again.err;
+  EXPECT_THAT(again.err, AllOf(HasSubstr("8 runs, 7 finished already"), Not(HasSubstr("FAILED"))));
+  EXPECT_FALSE(fs::exists(path("out/b/plain/seed1.bak-1")));
+  // Killed after a model of train.save_steps, and before a checkpoint.
+  for (const char* saved : {"results.json", "checkpoints"})
+    fs::remove_all(path("out/b/plain/seed1") / saved);
+  const Outcome after_a_model = experiment();
+  EXPECT_EQ(after_a_model.code, 0) << after_a_model.err;
+  EXPECT_TRUE(fs::exists(path("out/b/plain/seed1.bak-1/point_cloud")));
+  EXPECT_THAT(experiment().err, HasSubstr("8 runs, 8 finished already"));
+}
+
 TEST_F(Experiment, SurvivesKill9OfTheParent) {
   write_experiment(150);
   const pid_t parent = start_experiment();
@@ -288,6 +309,14 @@ TEST_F(Experiment, SlurmScriptAsksForTheGpusOfARun) {
   ASSERT_EQ(experiment("--slurm --dry-run --gpus-per-run 2").code, 0);
   EXPECT_THAT(read_bytes(path("out/experiment.sbatch")),
               AllOf(HasSubstr("#SBATCH --gpus-per-task=2\n"), Not(HasSubstr("--gres"))));
+}
+
+TEST_F(Experiment, ANameThatIsNotUtf8IsRefused) {
+  write_experiment(5);
+  fs::rename(path("e.toml"), path("\xff.toml"));
+  const Outcome outcome = run("experiment " + text("\xff.toml") + " --dry-run");
+  EXPECT_EQ(outcome.code, 2);
+  EXPECT_THAT(outcome.err, AllOf(HasSubstr("is not UTF-8"), HasSubstr("rename")));
 }
 
 TEST_F(Experiment, WithoutSbatchTheSlurmCommandSaysWhatToDo) {

@@ -275,6 +275,25 @@ TEST_F(Export, ANameThatEndsInASlashIsATileset) {
   EXPECT_FALSE(fs::exists(path("other")));
 }
 
+TEST_F(Export, AFolderThatHoldsWhatIsReadIsNotMoved) {
+  train("run");
+  ASSERT_EQ(run("georef " + text("scene") + " --origin 15.5,48.2,300").code, 0);
+  const auto is_refused = [&](const std::string& more) {
+    const Outcome refused = export_run(more + " --force --no-measure");
+    EXPECT_EQ(refused.code, 2) << more << refused.err;
+    EXPECT_THAT(refused.err, HasSubstr("which this command reads")) << more;
+    EXPECT_FALSE(fs::exists(path("scene.bak-1")) || fs::exists(path("tx.bak-1"))) << more;
+  };
+  is_refused(text("scene/"));  // the run's scene, which says where it stands
+  is_refused(text("scene") + " --lod");
+  fs::create_directories(path("tx"));
+  fs::copy(path("scene/georef.json"), path("tx/georef.json"));
+  is_refused(text("tx/") + " --georef " + text("tx/georef.json"));
+  write_bytes(path("tx/more.toml"), "");
+  is_refused(text("tx/") + " -c " + text("tx/more.toml"));
+  EXPECT_TRUE(fs::exists(path("scene/images/view_0.png")));
+}
+
 TEST_F(Export, TheTableHasEveryFormat) {
   train("run");
   const Outcome outcome = export_run(text("all") + " --table");
@@ -294,6 +313,9 @@ TEST_F(Export, ATableThatIsThereIsRefusedOrMovedAside) {
 
 TEST_F(Export, OneFileNamedTwiceIsAnError) {
   train("run");
+  fs::create_directory_symlink(path("run"), path("link"));
+  EXPECT_THAT(export_run(text("run/a.spz") + " " + text("link/a.spz")).err, HasSubstr("twice"));
+  EXPECT_THAT(train("other", "--export spz,splat,spz").err, HasSubstr("names spz twice"));
   const Outcome outcome = export_run(text("a.spz") + " " + text("./a.spz"));
   EXPECT_EQ(outcome.code, 2);
   EXPECT_THAT(outcome.err, HasSubstr("named twice"));

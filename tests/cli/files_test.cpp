@@ -11,6 +11,7 @@
 
 #include "data_loaders/photos/photo_cache.h"
 #include "data_loaders/video/video_frames.h"
+#include "gs_core/io/output_lock.h"
 #include "tests/support/avi_writer.h"
 #include "tests/support/program.h"
 
@@ -243,6 +244,25 @@ TEST_F(Files, AFileThatIsNoOutputOfOursIsKeptAside) {
   EXPECT_EQ(read_bytes(path("mine.html.bak-1")), "dear");
   ASSERT_EQ(run("report " + text("run") + " -o " + text("mine.html")).code, 0);
   EXPECT_FALSE(fs::exists(path("mine.html.bak-2")));  // that one was ours
+}
+
+TEST_F(Files, TwoWritersOfOneFileAreRefused) {
+  ASSERT_EQ(train("run").code, 0);
+  const auto is_refused = [&](const std::string& file, const std::string& arguments) {
+    const OutputLock first = OutputLock::of_file(path(file));
+    const Outcome second = run(arguments);
+    EXPECT_EQ(second.code, 3) << arguments << second.err;
+    EXPECT_THAT(second.err, AllOf(HasSubstr("another process"), HasSubstr(file))) << arguments;
+    EXPECT_FALSE(fs::exists(path(file))) << arguments;
+  };
+  is_refused("scene/georef.json", "georef " + text("scene") + " --origin 15,48,0 --force");
+  is_refused("a.png", "edit " + text("run") + " --recenter --dry-run --picture " + text("a.png") +
+                          " --device cpu --force");
+  is_refused("e.json", "eval " + text("run") + " --device cpu -o " + text("e.json"));
+  is_refused("b.json", "bench --gaussians 10 --device cpu -o " + text("b.json"));
+  is_refused("r.html", "report " + text("run") + " -o " + text("r.html"));
+  EXPECT_EQ(run("georef " + text("scene") + " --origin 15,48,0").code, 0);
+  EXPECT_FALSE(fs::exists(path("scene/.georef.json.lock")));
 }
 
 }  // namespace

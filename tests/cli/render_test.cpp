@@ -121,8 +121,11 @@ TEST_F(Render, AnOrbitIsACircleThatItsCamerasFileRepeats) {
   EXPECT_EQ(film.at("frames"), 6);
   EXPECT_EQ(film.at("path").at("kind"), "orbit");
   EXPECT_EQ(film.at("path").at("elevation"), 20);
+  EXPECT_NEAR(film.at("path").at("swing").get<double>(), 10, 1e-9);  // seen from one side
   EXPECT_EQ(film.at("pictures").at("color").at(0), "{name}.png");
   EXPECT_EQ(film.at("cameras"), "cameras.json");
+  expect_done("--path orbit --turns 1 --frames 2 --size 24x20 -o " + text("whole"));
+  EXPECT_EQ(json("whole/film.json").at("path").at("turns"), 1);
   expect_done("--cameras " + text("orbit/cameras.json") + " -o " + text("again"));
   for (const char* name : {"00000.png", "00003.png"})
     EXPECT_LE(largest_difference(path("orbit") / name, path("again") / name), 1);

@@ -90,7 +90,8 @@ TEST_F(Report, IsWrittenAtTheEndOfARunAndAnew) {
   if (!can_write()) GTEST_SKIP() << "this build has no npm";
   const Outcome trained = train("out");
   ASSERT_EQ(trained.code, 0) << trained.err;
-  EXPECT_THAT(trained.out, HasSubstr("report:     " + text("out/report.html")));
+  EXPECT_THAT(trained.out, AllOf(HasSubstr("report:     " + text("out/report.html")),
+                                 HasSubstr("look at it: gemsplat view " + text("out") + "\n")));
   const std::string page = read_bytes(path("out/report.html"));
   EXPECT_THAT(page, AllOf(HasSubstr("<!doctype html>"), HasSubstr("\"kind\":\"run\""),
                           HasSubstr("Copyright (c)"), Not(HasSubstr("@GEMSPLAT_DATA@"))));

@@ -489,6 +489,17 @@ TEST(Validate, ChecksFieldsAgainstEachOther) {
                 validate(config, {{"train.steps_scaler", "a.toml:2"}});
               }),
               HasSubstr("a.toml:2: train.steps_scaler"));
+  config = {};
+  config.train.extra_steps = 2'147'483'647;
+  EXPECT_THAT(message_of([&] { validate(config); }),
+              testing::AllOf(HasSubstr("train.extra_steps"), testing::Not(HasSubstr("scaler"))));
+}
+
+TEST(Validate, RefusesTheCharacterThatEndsNames) {
+  Config config;
+  config.model.output = std::string("out\0put", 7);
+  EXPECT_THAT(message_of([&] { validate(config); }),
+              testing::AllOf(HasSubstr("model.output"), HasSubstr("\\u0000")));
 }
 
 TEST(TomlText, IsOneLineThatReadsBack) {

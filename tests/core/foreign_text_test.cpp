@@ -61,5 +61,15 @@ TEST(ForeignText, ErrorsPassThroughIt) {
   EXPECT_STREQ(Error("no \x1b]0;title\x07 file").what(), "no \\x1b]0;title\\x07 file");
 }
 
+TEST(Wrapped, BreaksAtBlanksAndKeepsWhatIsCopiedWhole) {
+  EXPECT_EQ(wrapped_at("one two three four", 9), "one two\nthree\nfour");
+  EXPECT_EQ(wrapped_at("one two three", 9, 7), "one\ntwo three");
+  EXPECT_EQ(wrapped_at("try `gemsplat view out/a` now", 12), "try\n`gemsplat view out/a`\nnow");
+  EXPECT_EQ(wrapped_at("a lonely ` stays", 8), "a lonely\n` stays");
+  EXPECT_EQ(wrapped_at("list:\n  one\n  two", 80), "list:\n  one\n  two");
+  EXPECT_EQ(wrapped_at("äöü äöü", 7), "äöü äöü");
+  EXPECT_EQ(wrapped_at("", 5), "");
+}
+
 }  // namespace
 }  // namespace gs

@@ -11,6 +11,7 @@
 #include "gs_core/io/atomic_file.h"
 #include "gs_core/io/move_aside.h"
 #include "gs_core/io/output_lock.h"
+#include "gs_core/io/output_names.h"
 #include "tests/support/temp_folder.h"
 
 namespace gs {
@@ -186,6 +187,30 @@ TEST_F(Owned, ALockRemovesWhatAKilledWriterOfItsOutputHasLeft) {
   { const OutputLock lock = OutputLock::of_folder(path(".")); }
   EXPECT_FALSE(fs::exists(other));
   EXPECT_TRUE(fs::exists(users));
+}
+
+TEST_F(Owned, AnOutputIsNamedOnceByAnyPath) {
+  fs::create_directory_symlink(path("scene"), path("link"));
+  write_bytes(path("scene/c.ply"), "older");
+  fs::create_symlink(path("scene/c.ply"), path("d.ply"));
+  OutputNames names;
+  names.add_file(path("scene/a.ply"));
+  EXPECT_THROW(names.add_file(path("scene/./a.ply")), UsageError);
+  EXPECT_THROW(names.add_file(path("link/a.ply")), UsageError);
+  names.add_file(path("d.ply"));
+  EXPECT_THROW(names.add_file(path("scene/c.ply")), UsageError);
+  names.add_file(path("scene/b.ply"));
+}
+
+TEST_F(Owned, NoOutputLiesInAFolderThatIsAnother) {
+  OutputNames names;
+  names.add_folder(path("tiles/"));
+  names.add_file(path("a.ply"));
+  for (const char* file : {"tiles", "tiles/a.ply", "tiles/0/0.glb"})
+    EXPECT_THROW(names.add_file(path(file)), UsageError) << file;
+  for (const char* folder : {"tiles", "tiles/0/", "", "a.ply/"})
+    EXPECT_THROW(names.add_folder(path(folder)), UsageError) << folder;
+  names.add_folder(path("tiles2"));
 }
 
 }  // namespace

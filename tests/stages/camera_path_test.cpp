@@ -74,6 +74,24 @@ TEST(Orbit, KeepsDistanceHeightAndAim) {
   EXPECT_LT(orbit(circle, 36)[1].position.y, 6.0);
 }
 
+TEST(Orbit, SwingsOverTheArcThatCamerasStandOn) {
+  const SceneFrame frame = scene_frame(arc(24, 1), {});
+  const std::vector<CameraPose> quarter = orbit({frame, 0.25, {100.0, 6.0, 7.0}}, 20);
+  const CameraArc seen = arc_of_cameras(frame, quarter);
+  EXPECT_NEAR(seen.width, std::numbers::pi / 2, 1e-9);
+  const std::vector<CameraPose> film = orbit({frame, 1, seen.middle, seen.width}, 40);
+  ASSERT_EQ(film.size(), 40u);
+  const auto apart = [&](const CameraPose& a, const CameraPose& b) {
+    return norm(a.position - b.position) / frame.radius;
+  };
+  EXPECT_LT(apart(film[10], quarter.back()), 1e-9);   // from the middle to one end,
+  EXPECT_LT(apart(film[30], quarter.front()), 1e-9);  // and to the other
+  EXPECT_LT(apart(film[39], film[0]), 0.2);           // and back
+  EXPECT_NEAR(apart(film[0], quarter.front()), apart(film[0], quarter.back()), 1e-9);
+  const double whole = arc_of_cameras(frame, orbit({frame, 1, {100.0, 6.0, 7.0}}, 12)).width;
+  EXPECT_NEAR(whole, 2 * std::numbers::pi, 1e-9);
+}
+
 TEST(Orbit, OfAPartOfATurnReachesItsEnd) {
   const auto poses = orbit({scene_frame(arc(24, 1), {}), 0.5, {100.0, 6.0, 7.0}}, 11);
   EXPECT_LT(norm(poses.back().position - Vec3d(1.0, 6.0, 10.0)), 1e-3);

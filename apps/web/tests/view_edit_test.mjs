@@ -47,7 +47,7 @@ const tests = {
 
   async 'a sphere, a handle that is dragged, coordinates far from the origin, and names that shells would split'(browser) {
     const scene = sceneFor('file', {cameras: withPhotos, world_offset: [500000, 5400000, 0]});
-    scene.title = "it's a model.ply";
+    Object.assign(scene, {title: 'a model.ply', path: "it's in/a model.ply"});
     const page = await shown(browser, {scene}, {at: 'camera=0', colorScheme: 'dark'});
     await ready(page);
     await tool(page, 'Crop');
@@ -55,7 +55,7 @@ const tests = {
     await page.getByLabel('radius', {exact: true}).fill('0.9');
     await page.getByLabel('radius', {exact: true}).press('Enter');
     await page.getByText('2 of 4 Gaussians remain.').waitFor();
-    assert.equal(await command(page), "gemsplat edit 'it'\\''s a model.ply' --keep sphere=500000,5400000,0,0.9 -o cropped.ply");
+    assert.equal(await command(page), "gemsplat edit 'it'\\''s in/a model.ply' --keep sphere=500000,5400000,0,0.9 -o cropped.ply");
     await page.evaluate(() => document.activeElement.blur());
     const [x, y] = await windowPlace(page, CAMERAS[0], [0.9, 0, 0]), [to] = await windowPlace(page, CAMERAS[0], [1.3, 0, 0]);
     await page.mouse.move(x, y);

@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <map>
 
 #include "data_loaders/formats/coding/count_check.h"
 #include "data_loaders/formats/coding/finite_rows.h"
@@ -122,6 +123,18 @@ void append(const GaussianModel& part, GaussianModel& model) {
   model.antialiased = model.antialiased || part.antialiased;
 }
 
+/// Throws Error where the instances together hold more Gaussians than a file of this size may, which
+/// many nodes of one primitive do. Nothing but one primitive at a time is in memory meanwhile.
+void check_sum(const GlbFile& glb, const std::vector<GlbInstance>& instances, std::size_t bytes) {
+  std::map<const Json*, std::uint64_t> counts;
+  std::uint64_t sum = 0;
+  for (const GlbInstance& instance : instances) {
+    const auto [count, is_new] = counts.emplace(instance.primitive, 0);
+    if (is_new) count->second = model_of(glb, *instance.primitive).gaussians.count();
+    check_count(glb.path(), sum += count->second, bytes);
+  }
+}
+
 }  // namespace
 
 GaussianModel read_glb(const Path& path) {
@@ -130,10 +143,10 @@ GaussianModel read_glb(const Path& path) {
   const GlbFile glb(path, {reinterpret_cast<const char*>(reader.take(size)), size});
   GaussianModel model;
   bool is_first = true;
-  for (const GlbInstance& instance : glb_instances(glb)) {
+  const std::vector<GlbInstance> instances = glb_instances(glb);
+  if (instances.size() > 1) check_sum(glb, instances, size);
+  for (const GlbInstance& instance : instances) {
     GaussianModel part = model_of(glb, *instance.primitive);
-    // Many nodes may show one primitive.
-    check_count(path, model.gaussians.count() + part.gaussians.count(), size);
     place(part, instance);
     if (is_first)
       model = std::move(part);

@@ -19,9 +19,10 @@ using Json = GlbFile::Json;
 constexpr const char* kSpzExtensions[] = {"KHR_gaussian_splatting_compression_spz_2",
                                           "KHR_gaussian_splatting_compression_spz",
                                           "KHR_spz_gaussian_splats_compression"};
-constexpr int kDeepestNode = 64;    // real scenes nest below 20
-constexpr double kRounding = 1e-4;  // of matrices that were written as floats
-constexpr double kMostScale = 1e6;  // of a node, and its inverse the least
+constexpr int kDeepestNode = 64;              // real scenes nest below 20
+constexpr std::size_t kMostInstances = 4096;  // each is decoded; real scenes have below 100
+constexpr double kRounding = 1e-4;            // of matrices that were written as floats
+constexpr double kMostScale = 1e6;            // of a node, and its inverse the least
 
 /// `count` finite numbers of a node, or nothing where it has no such member.
 template <std::size_t count>
@@ -44,6 +45,14 @@ std::optional<std::array<double, count>> numbers(const GlbFile& glb, const Json&
               "a node mirrors, stretches or shears its Gaussians, and gemsplat turns, moves and "
               "scales them evenly; apply the node in the program that wrote the file, and export "
               "it again");
+}
+
+[[noreturn]] void fail_as_crowded(const GlbFile& glb) {
+  cannot_read(
+      glb.path(),
+      fmt::format("its nodes show Gaussians in more than {} places; join them in the program "
+                  "that wrote the file, and export it again",
+                  kMostInstances));
 }
 
 void check_similarity(const GlbFile& glb, const Mat4d& a) {
@@ -112,8 +121,10 @@ class NodeWalk {
   void add_mesh(std::uint64_t index, const Mat4d& scene_from_mesh, const Vec3d& world_offset) {
     const Json* primitives = GlbFile::find(glb_.item("meshes", index), "primitives");
     for (std::size_t p = 0; primitives && primitives->is_array() && p < primitives->size(); ++p)
-      if (gaussians_in((*primitives)[p]))
+      if (gaussians_in((*primitives)[p])) {
+        if (instances.size() == kMostInstances) fail_as_crowded(glb_);
         instances.push_back({&(*primitives)[p], scene_from_mesh, world_offset});
+      }
   }
 
   std::vector<GlbInstance> instances;

@@ -77,8 +77,7 @@ std::string decibels(const std::optional<Fidelity>& fidelity) {
 
 }  // namespace
 
-void check_export_levels(const LevelsRequest& request, bool force,
-                         const std::vector<fs::path>& needed) {
+void check_export_levels(const LevelsRequest& request, bool force) {
   for (const char* file : {kLodMeta, kLodRad}) find_format(file)->require({});
   std::error_code ignored;
   if (!fs::exists(fs::symlink_status(request.folder, ignored)) || is_empty_output(request.folder))
@@ -88,15 +87,12 @@ void check_export_levels(const LevelsRequest& request, bool force,
         fmt::format("{} is there already; choose another folder for --lod, or add --force to keep "
                     "it as {}.bak-N",
                     request.folder.string(), request.folder.filename().string()));
-  check_may_move(request.folder, needed);
+  check_may_move(request.folder, request.needed);
 }
 
 ExportedLevels export_levels(const GaussianModel& model, const LevelsRequest& request,
                              const Viewpoints* viewpoints) {
-  if (fs::exists(request.folder) && !is_empty_output(request.folder))
-    log_info("the older {} is now {}", request.folder.string(),
-             move_aside(request.folder).string());
-  const OutputLock lock = OutputLock::of_folder(request.folder);
+  const OutputLock lock = OutputLock::of_freed_folder(request.folder, request.needed);
   const GaussianModel whole = prepared(model, request);
   warn_of_left_out(request.folder, whole.gaussians.count(), model.gaussians.count());
   const LodTree tree = build_lod_tree(copy_of(whole.gaussians), request.lod);

@@ -16,6 +16,7 @@ struct LevelsRequest {
   ModelTransform transform = {};
   int sh_degree = kMaxShDegree;  // the files have no higher one
   LodOptions lod = {};
+  std::vector<std::filesystem::path> needed = {};  // may not be moved aside with the folder
 };
 
 /// A level as it is read back from the folder.
@@ -31,10 +32,9 @@ struct ExportedLevels {
   ExportedFile rad;
 };
 
-/// Throws UsageError where the folder holds something and may not be moved aside (`force`), or
-/// something of `needed` lies in it; Error where this build lacks a library. Writes nothing.
-void check_export_levels(const LevelsRequest& request, bool force,
-                         const std::vector<std::filesystem::path>& needed);
+/// Throws UsageError where the folder holds something and may not be moved aside (`force`); Error
+/// where this build lacks a library. Writes nothing.
+void check_export_levels(const LevelsRequest& request, bool force);
 
 /// Builds the levels, writes the folder and measures each level where `viewpoints` are given. A
 /// folder that holds something becomes FOLDER.bak-N. Throws Error, and UsageError as

@@ -138,15 +138,6 @@ Json tileset_of(const Geodetic& origin, double error, Json root) {
           {"root", placed_root}};
 }
 
-OutputLock free_folder(const TilesetRequest& request) {
-  if (!fs::exists(request.folder) || is_empty_output(request.folder))
-    return OutputLock::of_new_folder(request.folder);
-  OutputLock lock = OutputLock::of_folder(request.folder);
-  log_info("the older {} is now {}", request.folder.string(),
-           lock.move_folder_aside(request.needed).string());
-  return lock;
-}
-
 }  // namespace
 
 void check_tileset(const TilesetRequest& request, bool force) {
@@ -177,7 +168,7 @@ ExportedTileset export_tileset(const GaussianModel& model, const TilesetRequest&
                     "model",
                     request.folder.string()));
   check_reach(placed_model, request.folder);
-  const OutputLock lock = free_folder(request);
+  const OutputLock lock = OutputLock::of_freed_folder(request.folder, request.needed);
   Tile root = tile_tree(placed_model.gaussians, request.most_gaussians);
   placed_model.gaussians = Gaussians();
   const double error = error_of_nothing(root);

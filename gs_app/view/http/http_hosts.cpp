@@ -30,8 +30,6 @@ bool is_address(const std::string& host) {
          inet_pton(AF_INET6, host.c_str(), bytes) == 1;
 }
 
-std::string name_of_machine() { return lowercase(host_name()); }
-
 // `name` is in lower case and has no port.
 bool is_loopback_name(const std::string& name) {
   return name == "localhost" || name == "::1" || (name.starts_with("127.") && is_address(name));
@@ -47,10 +45,7 @@ bool is_own_host(const std::string& named, const std::string& host) {
   const std::string name = lowercase(without_port(named)), own = lowercase(without_port(host));
   if (name.empty()) return false;
   if (name == own || is_loopback_name(name)) return true;
-  if (is_loopback_name(own)) return false;
-  const std::string machine = name_of_machine();
-  return is_address(name) ||
-         (!machine.empty() && (name == machine || name.starts_with(machine + ".")));
+  return !is_loopback_name(own) && (is_address(name) || name == lowercase(host_name()));
 }
 
 HttpAnswer http_text(std::string text, std::string type) {

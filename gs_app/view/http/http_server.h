@@ -68,7 +68,8 @@ int default_connections();
 /// Whether a server that listens at `host` accepts a request whose Host header is `named`, with or
 /// without a port. A server at a loopback address accepts the loopback's names and `host` itself.
 /// Any other server also accepts this machine's name and every numeric address, because a name
-/// server cannot redirect those.
+/// server cannot redirect those. A longer name that begins with the machine's belongs to whoever
+/// owns its end, so it is not accepted.
 bool is_own_host(const std::string& named, const std::string& host);
 
 /// Whether only this machine can reach the address.

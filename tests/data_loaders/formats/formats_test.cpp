@@ -158,14 +158,16 @@ TEST_F(Formats, OneGaussianIsEnough) {
 }
 
 TEST_F(Formats, NoGaussiansAreHeldOrRefusedWithAdvice) {
-  for (const char* ending : {".ply", ".csv", ".compressed.ply", ".splat", ".spz"}) {
+  for (const char* ending : {".ply", ".csv", ".compressed.ply", ".spz"}) {
     SCOPED_TRACE(ending);
     EXPECT_EQ(there_and_back(random_model(0, 2), ending).gaussians.count(), 0u);
   }
-  for (const char* ending : {".glb", ".sog", ".rad"})
+  for (const char* ending : {".glb", ".sog", ".splat", ".rad"})
     EXPECT_THAT(
         error_of([&] { write_model(file(std::string("none") + ending), random_model(0, 2)); }),
         AllOf(HasSubstr("no Gaussians"), HasSubstr("choose .ply")));
+  write_bytes(file("empty.splat"), "");
+  EXPECT_THAT(error_of([&] { read_model(file("empty.splat")); }), HasSubstr("it is empty"));
 }
 
 /// A model that the format can hold.

@@ -40,6 +40,18 @@ class Glb : public testing::Test {
     write_bytes(file("a.glb"), glb_file_of(parts));
     return read_model(file("a.glb"));
   }
+  /// The file of a model whose mesh is that of so many nodes.
+  GlbParts shown_often(const GaussianModel& model, int times) const {
+    GlbParts parts = parts_of(model);
+    Json nodes = Json::array(), indices = Json::array();
+    for (int n = 0; n < times; ++n) {
+      nodes.push_back({{"mesh", 0}});
+      indices.push_back(n);
+    }
+    parts.json["nodes"] = nodes;
+    parts.json["scenes"][0]["nodes"] = indices;
+    return parts;
+  }
   std::string error_with(const GlbParts& parts) const {
     return error_of([&] { read(parts); });
   }
@@ -156,15 +168,15 @@ TEST_F(Glb, NodesThatNoModelCanFollowAreRefusedWithARemedy) {
 }
 
 TEST_F(Glb, ManyNodesOfOneMeshCannotFillTheMemory) {
-  GlbParts parts = parts_of(random_model(1000, 0));
-  Json nodes = Json::array(), indices = Json::array();
-  for (int n = 0; n < 300; ++n) {
-    nodes.push_back({{"mesh", 0}});
-    indices.push_back(n);
-  }
-  parts.json["nodes"] = nodes;
-  parts.json["scenes"][0]["nodes"] = indices;
-  EXPECT_THAT(error_with(parts), HasSubstr("it promises"));
+  EXPECT_THAT(error_with(shown_often(random_model(1000, 0), 300)), HasSubstr("it promises"));
+}
+
+TEST_F(Glb, MoreNodesThanAnySceneHasAreRefusedBeforeOneIsDecoded) {
+  const GaussianModel model = random_model(3, 0);
+  EXPECT_EQ(read(shown_often(model, 4096)).gaussians.count(), 3u * 4096);
+  EXPECT_THAT(error_with(shown_often(model, 4097)),
+              AllOf(HasSubstr("more than 4096 places"), HasSubstr("export it again")));
+  EXPECT_THAT(error_with(shown_often(model, 200'000)), HasSubstr("more than 4096 places"));
 }
 
 TEST_F(Glb, LinearColorsAndMeshesOfTrianglesAreRefusedWithARemedy) {

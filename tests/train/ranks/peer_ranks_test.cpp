@@ -153,6 +153,39 @@ TEST_F(PeerRun, EndsWhereARankEndsOrHangs) {
   EXPECT_THAT(error_with(rank_2_leaves(6), 1.5), HasSubstr("rank 2: no sign of life for 1.5 s"));
 }
 
+TEST_F(PeerRun, EndsWhereARankHangsWhileItLoads) {
+  const PeerSocket::Seconds long_enough(30);
+  const auto error_of_loading = [&](const PeerWork& load) {
+    PeerThreads threads(3, [&](PeerSocket& leader, int rank, int count) {
+      EXPECT_EQ(RankFrame(leader.receive(long_enough).kind), RankFrame::setup);
+      if (rank == 2) load(leader, rank, count);
+      leader.send(std::uint32_t(RankFrame::ready), {}, long_enough);
+      work_as_rank(leader, rank, count, 1.5, scene_.train_views, {});
+    });
+    PeerRules rules = PeerThreads::rules(1.5);
+    rules.setup = [] { return std::vector<std::byte>(); };
+    const auto backend =
+        make_ranked_backend(make_peer_crew(threads.take_peers(), rules), kRowsOfChunk);
+    try {
+      Trainer trainer(scene_, run_in_batches(4), *backend);  // announces its views
+    } catch (const Error& error) {
+      return std::string(error.what());
+    }
+    return std::string();
+  };
+  EXPECT_THAT(error_of_loading([](PeerSocket&, int, int) {
+                std::this_thread::sleep_for(PeerSocket::Seconds(4));
+              }),
+              HasSubstr("rank 2: no sign of life for 1.5 s"));
+  EXPECT_EQ(error_of_loading([&](PeerSocket& leader, int, int) {
+              for (int sign = 0; sign < 12; ++sign) {  // 3 s of work
+                std::this_thread::sleep_for(PeerSocket::Seconds(0.25));
+                leader.send(std::uint32_t(RankFrame::alive), {}, long_enough);
+              }
+            }),
+            "");
+}
+
 TEST_F(PeerRun, EndsOtherRanksWhereRank0IsLost) {
   std::atomic<int> lost{0};
   {

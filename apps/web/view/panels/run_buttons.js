@@ -35,6 +35,7 @@ export class RunButtons {
   async ask(what) {
     try {
       await askToControl(what, this.token);
+      this.isStopping ||= what === 'stop';  // the server may end before it is asked again
       this.asked();
     } catch (error) {
       this.failed(error);

@@ -48,7 +48,7 @@ export class CropTool {
     const {scene, stage} = this.viewer;
     if (this.isOpen && this.hides) this.region.apply(stage.splats);
     else stage.splats.setEffect('cropKind', 0);
-    this.command.textContent = `gemsplat edit ${quoted(scene.title)} ${this.region.operation} -o cropped.ply`;
+    this.command.textContent = `gemsplat edit ${quoted(scene.path ?? scene.title)} ${this.region.operation} -o cropped.ply`;
     this.showFields();
     clearTimeout(this.timer);
     this.timer = setTimeout(() => this.count(), COUNT_AFTER);

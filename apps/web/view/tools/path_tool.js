@@ -64,7 +64,7 @@ export class PathTool {
     this.play.disabled = this.saveButton.disabled = !this.spline;
     this.said.textContent = this.spline ? '' : this.keys.length > 1 ? 'All keys are at the same place.' : 'A path needs two views or more.';
     this.command.hidden = !this.spline;
-    this.command.textContent = `gemsplat render ${quoted(this.viewer.scene.title)} --path path.json -o film.mp4`;
+    this.command.textContent = `gemsplat render ${quoted(this.viewer.scene.path ?? this.viewer.scene.title)} --path path.json -o film.mp4`;
     this.showKeys();
     this.viewer.stage.request();
   }
