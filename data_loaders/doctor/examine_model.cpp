@@ -22,7 +22,6 @@ using Level = Finding::Level;
 constexpr std::size_t kFewPhotos = 20;       // fewer seldom show a scene from all sides
 constexpr std::size_t kFewObservations = 3;  // points seen in fewer photos are unreliable
 constexpr double kLargeError = 2;            // pixels, mean reprojection error
-constexpr double kUpSpread = 30;             // degrees (SceneFrame); more leaves the way up unknown
 
 /// The name of a photo for each camera that has one; cameras without photos do no harm.
 std::map<std::uint32_t, std::string> photo_of_each_camera(const ColmapModel& model) {
@@ -72,13 +71,14 @@ void examine_up(Examination& examination, const std::vector<View>& views) {
   std::vector<Camera> cameras;
   for (const View& view : views) cameras.push_back(view.camera);
   const SceneFrame frame = scene_frame(cameras, {});
-  if (!cameras.empty() && frame.up_spread < kUpSpread)
+  if (frame.up_is_known)
     examination.add(Level::good, "place",
                     fmt::format("up is about ({:.2f}, {:.2f}, {:.2f}), as most cameras are held",
                                 frame.up.x, frame.up.y, frame.up.z));
   else
     examination.add(Level::note, "place",
-                    "the cameras are held in all directions, so the up direction is unknown");
+                    "the cameras are held in all directions or lie on their side, so the up "
+                    "direction is unknown: `gemsplat edit --up X,Y,Z` turns the trained model");
 }
 
 }  // namespace

@@ -13,9 +13,9 @@ namespace {
 
 namespace fs = std::filesystem;
 
-void write_photo_list(const ColmapPlan& plan, const fs::path& file) {
+void write_photo_list(const std::vector<PhotoFile>& photos, const fs::path& file) {
   AtomicFile list(file);
-  for (const PhotoFile& photo : plan.photos) list.write(photo.name + "\n");
+  for (const PhotoFile& photo : photos) list.write(photo.name + "\n");
   list.commit();
 }
 
@@ -45,10 +45,10 @@ void ColmapCommand::add_known(std::initializer_list<const char*> options,
   if (name != options.end()) add(*name, value);
 }
 
-ColmapCommand feature_command(const ColmapPlan& plan) {
+ColmapCommand feature_command(const ColmapPlan& plan, const std::vector<PhotoFile>& photos) {
   ColmapCommand command(plan.program, "feature_extractor");
   const fs::path list = plan.files.photo_list();
-  write_photo_list(plan, list);
+  write_photo_list(photos, list);
   command.add("--database_path", plan.files.database().string());
   command.add("--image_path", plan.files.images().string());
   command.add("--image_list_path", list.string());

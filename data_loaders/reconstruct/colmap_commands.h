@@ -27,8 +27,8 @@ class ColmapCommand {
   std::set<std::string> known_;
 };
 
-/// Writes the list of photos into the work folder, too.
-ColmapCommand feature_command(const ColmapPlan& plan);
+/// Of the photos of one camera group. Writes their list into the work folder, too.
+ColmapCommand feature_command(const ColmapPlan& plan, const std::vector<PhotoFile>& photos);
 ColmapCommand match_command(const ColmapPlan& plan);
 ColmapCommand model_command(const ColmapPlan& plan);
 

@@ -4,6 +4,8 @@
 #include <spdlog/fmt/fmt.h>
 
 #include <algorithm>
+#include <map>
+#include <utility>
 
 #include "gs_core/error.h"
 #include "gs_core/io/fnv1a.h"
@@ -27,10 +29,13 @@ std::string found_program(const ColmapPlan& plan, const std::string& name) {
   return program->string();
 }
 
+// The same size, whichever way the camera was held.
 bool same_size(const std::vector<PhotoFile>& photos) {
-  return std::all_of(photos.begin(), photos.end(), [&](const PhotoFile& photo) {
-    return photo.size.width == photos[0].size.width && photo.size.height == photos[0].size.height;
-  });
+  const auto sides = [](const PhotoFile& photo) {
+    return std::minmax(photo.size.width, photo.size.height);
+  };
+  return std::all_of(photos.begin(), photos.end(),
+                     [&](const PhotoFile& photo) { return sides(photo) == sides(photos[0]); });
 }
 
 }  // namespace
@@ -81,13 +86,24 @@ ColmapPlan plan_of(const ColmapJob& job) {
     throw UsageError("the photos and the scene are the same folder, " + job.photos.string() +
                      "; name another for the scene with -o, or put the photos into its images/");
   const fs::path photos = same_folder ? plan.files.images() : job.photos;
-  plan.photos = find_photos(photos, job.scene);
   plan.photos_in_place = is_within(photos, plan.files.images());
+  plan.photos =
+      find_photos(photos, job.scene, plan.photos_in_place ? PhotoUse::in_place : PhotoUse::brought);
   if (plan.photos_in_place && !is_within(plan.files.images(), photos))
     throw UsageError(fmt::format("{} lies inside the images of {}; choose another scene with -o",
                                  photos.string(), job.scene.string()));
   complete_plan(plan, job.photos);
   return plan;
+}
+
+std::vector<std::vector<PhotoFile>> camera_groups(const ColmapPlan& plan) {
+  if (!plan.single_camera) return {plan.photos};
+  std::map<std::pair<int, int>, std::vector<PhotoFile>> by_size;
+  for (const PhotoFile& photo : plan.photos)
+    by_size[{photo.size.width, photo.size.height}].push_back(photo);
+  std::vector<std::vector<PhotoFile>> groups;
+  for (auto& [size, photos] : by_size) groups.push_back(std::move(photos));
+  return groups;
 }
 
 std::string made_of(const ColmapPlan& plan) {
@@ -100,7 +116,8 @@ std::string made_of(const ColmapPlan& plan) {
                        word_of(plan.single_camera_setting), word_of(plan.matching),
                        plan.max_features);
   for (const PhotoFile& photo : plan.photos)
-    hash.add(fmt::format("{}\n{}\n", photo.name, fs::file_size(photo.path)));
+    hash.add(fmt::format("{}\n{}\n{}", photo.name, fs::file_size(photo.path),
+                         photo.is_copied ? "upright\n" : ""));
   return fmt::format("{} photos {:016x}, {}, {} camera(s), {} matching, {} features",
                      plan.photos.size(), hash.value(), plan.camera_model,
                      plan.single_camera ? "one" : "own", word_of(plan.matching), plan.max_features);

@@ -8,6 +8,8 @@
 #include <set>
 
 #include "data_loaders/colmap/colmap_model.h"
+#include "data_loaders/counted.h"
+#include "data_loaders/photos/orientation.h"
 #include "data_loaders/photos/photo_names.h"
 #include "data_loaders/video/film_frames.h"
 #include "gs_core/access.h"
@@ -21,6 +23,8 @@ namespace fs = std::filesystem;
 
 // Formats that both COLMAP and gemsplat read.
 const std::set<std::string> kPhotoEndings = {".jpg", ".jpeg", ".png", ".bmp", ".tif", ".tiff"};
+// Of those, the ones that copies are written in.
+const std::set<std::string> kCopyEndings = {".jpg", ".jpeg", ".png"};
 constexpr const char* kMasksFolder = "masks/";  // beside the photos; holds no photos (masks.h)
 
 bool is_hidden(const fs::path& path) { return path.filename().string().starts_with('.'); }
@@ -90,22 +94,58 @@ bool is_pose_file(const fs::path& file) {
       unreadable ? fmt::format(" that can be read ({} cannot)", unreadable) : "", remedy));
 }
 
+struct Header {
+  PhotoSize size;
+  int orientation = 1;
+};
+
+Header read_header(const fs::path& photo) {
+  return {read_photo_size(photo), read_photo_orientation(photo)};
+}
+
 // A decoder does not say whether a photo is damaged or the system has refused it a moment ago, say
 // for lack of descriptors. So what it refuses is tried once more.
-PhotoSize size_of(const fs::path& photo) {
+Header header_of(const fs::path& photo) {
   try {
-    return read_photo_size(photo);
+    return read_header(photo);
   } catch (const AccessError&) {
     throw;
   } catch (const Error& error) {
     if (error.code() == ExitCode::out_of_memory) throw;
-    return read_photo_size(photo);
+    return read_header(photo);
   }
+}
+
+PhotoFile photo_file(const fs::path& file, const std::string& name, PhotoUse use) {
+  const Header header = header_of(file);
+  PhotoFile photo{file, name, header.size, header.orientation != 1};
+  if (!photo.is_copied || use == PhotoUse::in_place) return photo;
+  photo.size = upright_size(header.size, header.orientation);
+  if (!kCopyEndings.contains(lowercase_ending(file)))
+    photo.name = fs::path(name).replace_extension(".png").generic_string();
+  return photo;
+}
+
+// Files of a user's own scene are not changed.
+void leave_as_stored(std::vector<PhotoFile>& photos) {
+  std::size_t lying = 0;
+  std::string first;
+  for (PhotoFile& photo : photos) {
+    if (!photo.is_copied) continue;
+    if (lying++ == 0) first = photo.name;
+    photo.is_copied = false;
+  }
+  if (lying)
+    log_warning(
+        "{} not upright (EXIF) and {} so, because the scene's own images/ {}: {}{}; for an upright "
+        "scene, reconstruct these photos into another folder (-o)",
+        counted(lying, "photo", "is", "are"), lying == 1 ? "stays" : "stay",
+        lying == 1 ? "holds it" : "holds them", first, lying > 1 ? ", ..." : "");
 }
 
 }  // namespace
 
-std::vector<PhotoFile> find_photos(const fs::path& folder, const fs::path& without) {
+std::vector<PhotoFile> find_photos(const fs::path& folder, const fs::path& without, PhotoUse use) {
   if (std::error_code ignored; !fs::is_directory(folder, ignored))
     throw Error(fmt::format("cannot find the photos: there is no folder {}; check the path",
                             folder.string()));
@@ -126,7 +166,7 @@ std::vector<PhotoFile> find_photos(const fs::path& folder, const fs::path& witho
       continue;
     }
     try {
-      photos.push_back({file, name, size_of(file)});
+      photos.push_back(photo_file(file, name, use));
     } catch (const AccessError&) {  // a scene without it would look whole
       throw;
     } catch (const Error& error) {
@@ -140,6 +180,7 @@ std::vector<PhotoFile> find_photos(const fs::path& folder, const fs::path& witho
     log_warning(
         "{} video(s) in {} are not used, as there are photos; name a video for frames of it",
         videos, folder.string());
+  if (use == PhotoUse::in_place) leave_as_stored(photos);
   std::sort(photos.begin(), photos.end(),
             [](const PhotoFile& a, const PhotoFile& b) { return a.name < b.name; });
   return photos;

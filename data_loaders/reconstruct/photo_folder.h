@@ -12,16 +12,22 @@ namespace gs {
 
 struct PhotoFile {
   std::filesystem::path path;
-  std::string name;  // relative to the folder, "/" between folders
-  PhotoSize size;
+  std::string name;        // in the scene: relative to the folder, "/" between folders
+  PhotoSize size;          // in the scene
+  bool is_copied = false;  // the scene gets an upright copy (write_copy()), not the file
 };
+
+/// Whether the photos are brought into a scene, or lie in its images/ and stay as they are.
+enum class PhotoUse { brought, in_place };
 
 /// The photos in a folder and below it, or in its images/ where it has none itself; sorted by name.
 /// Hidden files, scenes and runs of gemsplat, `masks/` and everything below `without` are left out.
-/// So are photos that cannot be read, with a warning. Throws Error where there is no photo, and
-/// says what there is instead.
+/// So are photos that cannot be read, with a warning. Photos that EXIF turns are upright in the
+/// scene, except in place, which a warning says. Throws Error where there is no photo, and says
+/// what there is instead.
 std::vector<PhotoFile> find_photos(const std::filesystem::path& folder,
-                                   const std::filesystem::path& without);
+                                   const std::filesystem::path& without,
+                                   PhotoUse use = PhotoUse::brought);
 
 /// The video `source`, or the videos in the folder `source` if it has no photos; sorted.
 std::vector<std::filesystem::path> find_videos(const std::filesystem::path& source);

@@ -13,7 +13,7 @@
 
 namespace gs {
 
-enum class ColmapStage { frames, features, matches, model };
+enum class ColmapStage { frames, copies, features, matches, model };
 
 /// Called at the beginning of a stage with `done` 0, and whenever COLMAP reports progress.
 using ColmapProgress =

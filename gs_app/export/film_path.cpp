@@ -11,6 +11,7 @@
 #include "gs_app/pictures/pictures.h"
 #include "gs_core/config/nearest_word.h"
 #include "gs_core/error.h"
+#include "gs_core/log.h"
 #include "gs_render/camera_path.h"
 
 namespace gs {
@@ -99,6 +100,10 @@ PosedPath round_the_scene(const PathRequest& request, const std::vector<NamedCam
   Orbit circle;
   circle.frame = request.center ? scene_frame_about(*request.center - world_offset, all)
                                 : scene_frame(all, points);
+  if (!circle.frame.up_is_known)
+    log_warning(
+        "the cameras are held in all directions or lie on their side, so the way up is a guess: if "
+        "the film is tilted, take --path flythrough, or turn the model with `gemsplat edit --up`");
   circle.turns = request.turns;
   circle.start = Vec3d(cameras.front().camera.position());
   if (request.radius) circle.frame.radius = *request.radius;

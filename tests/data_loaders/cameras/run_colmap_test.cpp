@@ -23,6 +23,7 @@
 #include "tests/support/avi_writer.h"
 #include "tests/support/foreign_leaks.h"
 #include "tests/support/scenes.h"
+#include "tests/support/tiny_photos.h"
 
 namespace gs {
 namespace {
@@ -116,7 +117,7 @@ TEST(RunColmap, InstalledColmapPlacesThePhotosAndContinuesWhereItStopped) {
     fs::copy_file(fs::path(GS_SOURCE_DIR) / "examples/courtyard/images" / name, job.photos / name);
   }
 
-  std::int64_t done[4] = {}, totals[4] = {};  // the first, for frames, is not used
+  std::int64_t done[5] = {}, totals[5] = {};  // of ColmapStage; the first two are not used
   const auto progress = [&](ColmapStage stage, std::int64_t so_far, std::int64_t total) {
     done[int(stage)] = so_far;
     totals[int(stage)] = total;
@@ -129,9 +130,9 @@ TEST(RunColmap, InstalledColmapPlacesThePhotosAndContinuesWhereItStopped) {
   EXPECT_LT(result.mean_error, 1);  // pixels; 0.3 in COLMAP 3.8
   EXPECT_GT(result.mean_error, 0);
   EXPECT_EQ(read_colmap_model(job.scene / "sparse/0").images.size(), result.registered);
-  EXPECT_EQ(done[1], totals[1]);
   EXPECT_EQ(done[2], totals[2]);
-  EXPECT_GE(done[3], std::int64_t(result.registered));
+  EXPECT_EQ(done[3], totals[3]);
+  EXPECT_GE(done[4], std::int64_t(result.registered));
   EXPECT_EQ(read_colmap_log(job.scene / "colmap.log").photos.size(), result.photos);
 
   int started = 0;
@@ -225,6 +226,54 @@ TEST_F(FakeColmap, PhotosInTheScenesImagesAreTakenWhereTheyAre) {
   EXPECT_EQ(run_colmap(in_place, kSilent).registered, 3u);
   in_place.force = true;
   EXPECT_THAT(error_of(in_place), AllOf(HasSubstr("cannot move"), HasSubstr("lies in it")));
+}
+
+/// A photo of 16 x 8 pixels whose EXIF asks for a turn by 90 degrees.
+void write_turned_photo(const fs::path& file) {
+  write_bytes(file, {reinterpret_cast<const char*>(kTurnedJpeg), sizeof kTurnedJpeg});
+}
+
+TEST_F(FakeColmap, PhotosComeUprightIntoTheScene) {
+  write_turned_photo(photos() / "e.jpg");
+  const std::string before = read_bytes(photos() / "e.jpg");
+  run_colmap(job(), kSilent);
+  EXPECT_EQ(read_bytes(photos() / "e.jpg"), before);
+  const Image8 photo = read_photo(scene() / "images/e.jpg");
+  ASSERT_EQ(photo.width, 8);
+  EXPECT_GT(photo.at(4, 1, 0), 150);  // red at the top
+  EXPECT_EQ(read_photo_orientation(scene() / "images/e.jpg"), 1);
+  take_calls();
+  run_colmap(job(), kSilent);
+  EXPECT_EQ(take_calls(), "");  // complete
+}
+
+TEST_F(FakeColmap, PortraitsAndLandscapesOfOneLensAreOneCameraEach) {
+  for (const char* name : {"a.png", "b.png"}) write_png(photos() / name, plain_photo(8, 12, 100));
+  std::int64_t most = 0;
+  run_colmap(job(), [&](ColmapStage stage, std::int64_t, std::int64_t total) {
+    if (stage == ColmapStage::features) most = std::max(most, total);
+  });
+  EXPECT_EQ(most, 4);  // the photos of both
+  const std::string log = read_bytes(scene() / "colmap.log");
+  const std::string call = "## colmap feature_extractor";
+  const std::size_t first = log.find(call);
+  EXPECT_NE(log.find(call, first + 1), log.npos);
+  EXPECT_THAT(log, Not(HasSubstr("--ImageReader.single_camera 0")));
+  write_png(photos() / "a.png", plain_photo(9, 12, 100));  // of another camera
+  fs::remove_all(scene());
+  run_colmap(job(), kSilent);
+  EXPECT_THAT(read_bytes(scene() / "colmap.log"), HasSubstr("--ImageReader.single_camera 0"));
+}
+
+TEST_F(FakeColmap, APhotoOfTheScenesOwnThatIsOnItsSideIsNotChanged) {
+  write_turned_photo(photos() / "e.jpg");
+  const std::string before = read_bytes(photos() / "e.jpg");
+  fs::create_directories(scene());
+  fs::rename(photos(), scene() / "images");
+  ColmapJob in_place = job();
+  in_place.photos = scene();
+  run_colmap(in_place, kSilent);
+  EXPECT_EQ(read_bytes(scene() / "images/e.jpg"), before);
 }
 
 TEST_F(FakeColmap, TheUsersFilesInTheFolderStayAsTheyAre) {
