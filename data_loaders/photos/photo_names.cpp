@@ -12,21 +12,26 @@ namespace {
 
 namespace fs = std::filesystem;
 
-constexpr std::array<std::string_view, 17> kPictureExtensions = {
-    ".jpg", ".jpeg", ".png", ".tif", ".tiff", ".bmp", ".webp", ".exr", ".hdr",
-    ".tga", ".gif",  ".ppm", ".pgm", ".pnm",  ".jp2", ".heic", ".avif"};
+constexpr std::array<std::string_view, 18> kPictureExtensions = {
+    ".jpg", ".jpeg", ".png", ".tif", ".tiff", ".bmp", ".webp", ".exr",  ".hdr",
+    ".tga", ".gif",  ".ppm", ".pgm", ".pnm",  ".jp2", ".heic", ".heif", ".avif"};
 
-// Extensions of raw photos. They cannot be read here, but a model may name them if they were
-// converted before training.
-constexpr std::array<std::string_view, 11> kRawExtensions = {
-    ".dng", ".cr2", ".cr3", ".nef", ".arw", ".orf", ".raf", ".rw2", ".raw", ".heif", ".jxl"};
+// Extensions of raw photos and the like. They cannot be read here, but a model may name them if they
+// were converted before training.
+constexpr std::array<std::string_view, 10> kForeignExtensions = {
+    ".dng", ".cr2", ".cr3", ".nef", ".arw", ".orf", ".raf", ".rw2", ".raw", ".jxl"};
 
-bool is_picture(const fs::path& path) {
-  return std::find(kPictureExtensions.begin(), kPictureExtensions.end(), lowercase_ending(path)) !=
-         kPictureExtensions.end();
+template <std::size_t N>
+bool has_one_of(const std::array<std::string_view, N>& extensions, const fs::path& file) {
+  return std::find(extensions.begin(), extensions.end(), lowercase_ending(file)) !=
+         extensions.end();
 }
 
 }  // namespace
+
+bool is_picture(const fs::path& file) { return has_one_of(kPictureExtensions, file); }
+
+bool is_foreign_photo(const fs::path& file) { return has_one_of(kForeignExtensions, file); }
 
 std::string lowercase(std::string text) {
   for (char& c : text)
@@ -37,10 +42,9 @@ std::string lowercase(std::string text) {
 std::string lowercase_ending(const fs::path& file) { return lowercase(file.extension().string()); }
 
 std::string without_extension(const std::string& name) {
-  const std::string ending = lowercase_ending(name);
-  const bool is_raw =
-      std::find(kRawExtensions.begin(), kRawExtensions.end(), ending) != kRawExtensions.end();
-  return is_picture(name) || is_raw ? fs::path(name).replace_extension().generic_string() : name;
+  return is_picture(name) || is_foreign_photo(name)
+             ? fs::path(name).replace_extension().generic_string()
+             : name;
 }
 
 std::vector<std::string> picture_names_in(const fs::path& folder) {

@@ -11,6 +11,13 @@ namespace gs {
 /// The text with ASCII letters in lower case. Other letters stay: file systems disagree on them.
 std::string lowercase(std::string text);
 
+/// Whether gemsplat reads files of this extension as pictures. A build without OpenImageIO reads JPEG
+/// and PNG only.
+bool is_picture(const std::filesystem::path& file);
+
+/// Whether this is the extension of a photo that gemsplat does not read, such as .dng.
+bool is_foreign_photo(const std::filesystem::path& file);
+
 /// The extension with its dot, in lower case; empty if there is none.
 std::string lowercase_ending(const std::filesystem::path& file);
 

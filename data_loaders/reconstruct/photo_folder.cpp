@@ -5,6 +5,7 @@
 #include <unistd.h>
 
 #include <algorithm>
+#include <optional>
 #include <set>
 
 #include "data_loaders/colmap/colmap_model.h"
@@ -21,11 +22,15 @@ namespace {
 
 namespace fs = std::filesystem;
 
-// Formats that both COLMAP and gemsplat read.
-const std::set<std::string> kPhotoEndings = {".jpg", ".jpeg", ".png", ".bmp", ".tif", ".tiff"};
-// Of those, the ones that copies are written in.
+// Of the formats that gemsplat reads, those that every COLMAP reads, too.
+const std::set<std::string> kColmapEndings = {".jpg", ".jpeg", ".png", ".bmp", ".tif", ".tiff"};
+// Of those, the ones that copies are written in; and formats of photos that get a copy as JPEG,
+// because PNGs of them are large and show no more. All others become PNG.
 const std::set<std::string> kCopyEndings = {".jpg", ".jpeg", ".png"};
-constexpr const char* kMasksFolder = "masks/";  // beside the photos; holds no photos (masks.h)
+const std::set<std::string> kLossyEndings = {".heic", ".heif", ".avif"};
+// Folders of other pictures beside the photos (dataset.masks, dataset.depth).
+constexpr const char* kOtherPictures[] = {"masks/", "depth/"};
+constexpr std::size_t kMostNamed = 10;  // files in a message
 
 bool is_hidden(const fs::path& path) { return path.filename().string().starts_with('.'); }
 
@@ -61,9 +66,16 @@ std::vector<fs::path> files_in(const fs::path& folder, bool deep, const fs::path
 
 bool has_photos(const fs::path& folder) {
   const std::vector<fs::path> files = files_in(folder, false);
-  return std::any_of(files.begin(), files.end(), [](const fs::path& file) {
-    return kPhotoEndings.contains(lowercase_ending(file));
-  });
+  return std::any_of(files.begin(), files.end(),
+                     [](const fs::path& file) { return is_picture(file); });
+}
+
+std::string joined(const std::vector<std::string>& names) {
+  std::string text;
+  for (std::size_t i = 0; i < std::min(names.size(), kMostNamed); ++i)
+    text += (i ? ", " : "") + names[i];
+  if (names.size() > kMostNamed) text += fmt::format(" and {} more", names.size() - kMostNamed);
+  return text;
 }
 
 // The folder that the photos' names are relative to.
@@ -82,16 +94,29 @@ bool is_pose_file(const fs::path& file) {
   return file.filename().string().starts_with("transforms") && file.extension() == ".json";
 }
 
-[[noreturn]] void fail_without_photos(const fs::path& folder, std::size_t unreadable,
-                                      std::size_t videos) {
+// Files that are no photos of the scene.
+struct LeftOut {
+  std::vector<std::string> foreign;  // photos of formats that gemsplat does not read
+  std::size_t unreadable = 0, videos = 0;
+  std::string first_fault;  // of the unreadable ones
+};
+
+[[noreturn]] void fail_without_photos(const fs::path& folder, const LeftOut& left_out) {
   std::string remedy = "name the folder that holds the photos";
-  if (videos)
+  if (left_out.videos)
     remedy = fmt::format(
         "it has {} video(s): name one of them, or the folder that they lie in, for frames of it",
-        videos);
+        left_out.videos);
+  if (!left_out.foreign.empty())
+    remedy = fmt::format("export {} as JPEG or TIFF, and name the folder of these",
+                         joined(left_out.foreign));
   throw Error(fmt::format(
-      "cannot find photos in {}: it has no .jpg, .png, .tif or .bmp file{}; {}", folder.string(),
-      unreadable ? fmt::format(" that can be read ({} cannot)", unreadable) : "", remedy));
+      "cannot find photos in {}: it has no .jpg, .heic, .png, .tif, .webp or other picture{}; {}",
+      folder.string(),
+      left_out.unreadable ? fmt::format(" that can be read ({} cannot: {})", left_out.unreadable,
+                                        left_out.first_fault)
+                          : "",
+      remedy));
 }
 
 struct Header {
@@ -116,31 +141,88 @@ Header header_of(const fs::path& photo) {
   }
 }
 
-PhotoFile photo_file(const fs::path& file, const std::string& name, PhotoUse use) {
-  const Header header = header_of(file);
-  PhotoFile photo{file, name, header.size, header.orientation != 1};
-  if (!photo.is_copied || use == PhotoUse::in_place) return photo;
-  photo.size = upright_size(header.size, header.orientation);
-  if (!kCopyEndings.contains(lowercase_ending(file)))
-    photo.name = fs::path(name).replace_extension(".png").generic_string();
-  return photo;
+// The name of a copy that COLMAP reads.
+std::string name_of_copy(const std::string& name) {
+  const std::string ending = lowercase_ending(name);
+  if (kCopyEndings.contains(ending)) return name;
+  return fs::path(name)
+      .replace_extension(kLossyEndings.contains(ending) ? ".jpg" : ".png")
+      .generic_string();
 }
 
-// Files of a user's own scene are not changed.
-void leave_as_stored(std::vector<PhotoFile>& photos) {
-  std::size_t lying = 0;
-  std::string first;
+PhotoFile photo_file(const fs::path& file, const std::string& name) {
+  const Header header = header_of(file);
+  const bool is_known_to_colmap = kColmapEndings.contains(lowercase_ending(file));
+  return {file, name, header.size, header.orientation != 1 || !is_known_to_colmap,
+          header.orientation};
+}
+
+// Gives photos that are copied the name and size of the copy. If another photo has that name, the
+// copy keeps its own ending before the new one.
+void name_copies(std::vector<PhotoFile>& photos) {
+  std::set<std::string> taken;
+  for (const PhotoFile& photo : photos)
+    if (!photo.is_copied || name_of_copy(photo.name) == photo.name) taken.insert(photo.name);
   for (PhotoFile& photo : photos) {
     if (!photo.is_copied) continue;
-    if (lying++ == 0) first = photo.name;
-    photo.is_copied = false;
+    photo.size = upright_size(photo.size, photo.orientation);
+    std::string name = name_of_copy(photo.name);
+    if (name == photo.name) continue;
+    if (taken.contains(name)) name = photo.name + fs::path(name).extension().string();
+    photo.name = name;
+    taken.insert(name);
   }
-  if (lying)
+}
+
+// Photos in a user's own scene are not changed, and not copied beside themselves.
+void leave_as_stored(std::vector<PhotoFile>& photos) {
+  std::vector<std::string> lying, unknown;
+  for (PhotoFile& photo : photos) {
+    if (!photo.is_copied) continue;
+    const bool is_known_to_colmap = kColmapEndings.contains(lowercase_ending(photo.path));
+    (is_known_to_colmap ? lying : unknown).push_back(photo.name);
+    photo.is_copied = !is_known_to_colmap;
+  }
+  std::erase_if(photos, [](const PhotoFile& photo) { return photo.is_copied; });
+  constexpr const char* kRemedy = "reconstruct these photos into another folder (-o)";
+  if (!lying.empty())
     log_warning(
-        "{} not upright (EXIF) and {} so, because the scene's own images/ {}: {}{}; for an upright "
-        "scene, reconstruct these photos into another folder (-o)",
-        counted(lying, "photo", "is", "are"), lying == 1 ? "stays" : "stay",
-        lying == 1 ? "holds it" : "holds them", first, lying > 1 ? ", ..." : "");
+        "{} not upright (EXIF), and the scene's own images/ are not changed; for an upright "
+        "scene, {}: {}",
+        counted(lying.size(), "photo", "is", "are"), kRemedy, joined(lying));
+  if (!unknown.empty())
+    log_warning(
+        "{} left out, because COLMAP does not read the format and the scene's own images/ "
+        "are not changed; {}: {}",
+        counted(unknown.size(), "photo", "is", "are"), kRemedy, joined(unknown));
+}
+
+bool is_beside_photos(const std::string& name) {
+  return std::ranges::any_of(kOtherPictures,
+                             [&](const char* folder) { return name.starts_with(folder); });
+}
+
+// The photo; none, and a warning, where it cannot be used.
+std::optional<PhotoFile> usable_photo(const fs::path& file, const std::string& name,
+                                      LeftOut& left_out) {
+  std::string fault;
+  if (printable(name) != name || name.find('\n') != name.npos) {  // COLMAP reads names by lines
+    fault = fmt::format("its name is not UTF-8 or has invisible characters, so rename it: {}",
+                        printable(name));
+  } else {
+    try {
+      return photo_file(file, name);
+    } catch (const AccessError&) {  // a scene without it would look whole
+      throw;
+    } catch (const Error& error) {
+      if (error.code() == ExitCode::out_of_memory) throw;
+      fault = error.what();
+      if (!kColmapEndings.contains(lowercase_ending(file))) fault += ", or convert it to JPEG";
+    }
+  }
+  log_warning("a photo is left out: {}", fault);
+  if (left_out.unreadable++ == 0) left_out.first_fault = fault;
+  return {};
 }
 
 }  // namespace
@@ -151,36 +233,27 @@ std::vector<PhotoFile> find_photos(const fs::path& folder, const fs::path& witho
                             folder.string()));
   const fs::path root = photo_root(folder);
   std::vector<PhotoFile> photos;
-  std::size_t unreadable = 0, videos = 0;
+  LeftOut left_out;
   for (const fs::path& file : files_in(root, true, without)) {
-    if (is_video(file)) ++videos;
-    if (!kPhotoEndings.contains(lowercase_ending(file))) continue;
     const std::string name = file.lexically_relative(root).generic_string();
-    if (name.starts_with(kMasksFolder)) continue;
-    if (printable(name) != name || name.find('\n') != name.npos) {  // COLMAP reads names by lines
-      log_warning(
-          "a photo is left out, because its name is not UTF-8 or has invisible characters; rename "
-          "it: {}",
-          printable(name));
-      ++unreadable;
-      continue;
-    }
-    try {
-      photos.push_back(photo_file(file, name, use));
-    } catch (const AccessError&) {  // a scene without it would look whole
-      throw;
-    } catch (const Error& error) {
-      if (error.code() == ExitCode::out_of_memory) throw;
-      log_warning("a photo is left out: {}", error.what());
-      ++unreadable;
-    }
+    if (is_beside_photos(name)) continue;
+    left_out.videos += is_video(file);
+    if (is_foreign_photo(file)) left_out.foreign.push_back(printable(name));
+    if (!is_picture(file)) continue;
+    if (auto photo = usable_photo(file, name, left_out)) photos.push_back(std::move(*photo));
   }
-  if (photos.empty()) fail_without_photos(folder, unreadable, videos);
-  if (videos)
+  if (use == PhotoUse::in_place) leave_as_stored(photos);
+  if (photos.empty()) fail_without_photos(folder, left_out);
+  if (left_out.videos)
     log_warning(
         "{} video(s) in {} are not used, as there are photos; name a video for frames of it",
-        videos, folder.string());
-  if (use == PhotoUse::in_place) leave_as_stored(photos);
+        left_out.videos, folder.string());
+  if (!left_out.foreign.empty())
+    log_warning(
+        "{} left out, because gemsplat does not read the format; export them as JPEG or "
+        "TIFF first: {}",
+        counted(left_out.foreign.size(), "photo", "is", "are"), joined(left_out.foreign));
+  name_copies(photos);
   std::sort(photos.begin(), photos.end(),
             [](const PhotoFile& a, const PhotoFile& b) { return a.name < b.name; });
   return photos;

@@ -21,6 +21,7 @@
 #include "gs_core/io/output_lock.h"
 #include "gs_core/processes/subprocess.h"
 #include "tests/support/avi_writer.h"
+#include "tests/support/error_of.h"
 #include "tests/support/foreign_leaks.h"
 #include "tests/support/scenes.h"
 #include "tests/support/tiny_photos.h"
@@ -245,6 +246,23 @@ TEST_F(FakeColmap, PhotosComeUprightIntoTheScene) {
   take_calls();
   run_colmap(job(), kSilent);
   EXPECT_EQ(take_calls(), "");  // complete
+}
+
+TEST_F(FakeColmap, PhotosThatColmapDoesNotReadAreCopiedInAFormatThatItReads) {
+  const fs::path heic = photos() / "e.heic";
+  write_bytes(heic, {reinterpret_cast<const char*>(kHeic), sizeof kHeic});
+  try {
+    read_photo(heic);
+  } catch (const Error&) {
+    GTEST_SKIP() << "this build reads no HEIC";
+  }
+  run_colmap(job(), kSilent);
+  const Image8 photo = read_photo(scene() / "images/e.jpg");
+  EXPECT_EQ(photo.width, 64);
+  EXPECT_GT(photo.at(8, 8, 0), 150);   // red on the left
+  EXPECT_GT(photo.at(56, 8, 2), 150);  // blue on the right
+  EXPECT_FALSE(fs::exists(scene() / "images/e.heic"));
+  EXPECT_TRUE(fs::exists(heic));
 }
 
 TEST_F(FakeColmap, PortraitsAndLandscapesOfOneLensAreOneCameraEach) {
@@ -604,6 +622,30 @@ TEST(PhotoFolder, NamesAreRelativeAndHiddenOrUnreadableFilesAreLeftOut) {
   std::vector<std::string> names;
   for (const PhotoFile& photo : find_photos(temp.path(), {})) names.push_back(photo.name);
   EXPECT_THAT(names, ElementsAre("a.png", "b/1.png"));
+}
+
+TEST(PhotoFolder, EveryFormatOfTrainingIsTakenAndAFileThatIsLeftOutIsNamed) {
+  const TempFolder temp;
+  for (const char* name : {"a.jpg", "b.png"})
+    write_png(temp.path() / name, plain_photo(4, 4, 9));  // decoders go by the content
+  for (const char* name : {"a.heic", "c.HEIC", "d.webp", "e.bmp"})
+    write_png(temp.path() / name, plain_photo(4, 4, 9));
+  write_bytes(temp.path() / "f.DNG", "raw");
+  std::vector<std::string> names;
+  testing::internal::CaptureStdout();
+  for (const PhotoFile& photo : find_photos(temp.path(), {})) names.push_back(photo.name);
+  const std::string log = testing::internal::GetCapturedStdout();
+  EXPECT_THAT(names, ElementsAre("a.heic.jpg", "a.jpg", "b.png", "c.jpg", "d.png", "e.bmp"));
+  EXPECT_THAT(log, HasSubstr("f.DNG"));
+}
+
+TEST(PhotoFolder, PhotosOfAFormatThatNothingReadsAreNamedWithTheWayOut) {
+  const TempFolder temp;
+  write_bytes(temp.path() / "f.DNG", "raw");
+  EXPECT_THAT(error_of([&] { find_photos(temp.path(), {}); }),
+              AllOf(HasSubstr("f.DNG"), HasSubstr("export")));
+  write_bytes(temp.path() / "g.heic", "no photo");
+  EXPECT_THAT(error_of([&] { find_photos(temp.path(), {}); }), HasSubstr("g.heic"));
 }
 
 TEST(PhotoFolder, MasksAreNoPhotos) {
