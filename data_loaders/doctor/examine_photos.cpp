@@ -153,19 +153,26 @@ void match_photo_files(Examination& examination) {
   for (const ColmapImage& image : examination.model().images) names.push_back(image.name);
   std::vector<fs::path>& photos = examination.scene.photos;
   photos = match_photos(examination.model(), examination.folders.images);
-  std::vector<std::size_t> missing;
-  for (std::size_t i = 0; i < names.size(); ++i)
-    if (photos[i].empty()) missing.push_back(i);
-  if (missing.empty())
+  const LostPhotos lost = lost_photos(examination.model(), photos);
+  const Level level = lost.are_few ? Level::warning : Level::fatal;
+  const char* const rest = lost.are_few ? "; training goes on without them, or " : "; ";
+  if (lost.missing.empty())
     examination.add(Level::good, "photos",
                     fmt::format("all {} of the model are there", counted(names.size(), "photo")));
   else
-    examination.add(Level::fatal, "photos",
-                    fmt::format("{} of the model's {} are not in {}; {}", missing.size(),
-                                counted(names.size(), "photo"), examination.folders.images.string(),
-                                remedy_of_missing(names[missing[0]], examination.folders.images)),
-                    examination.names_of(missing));
+    examination.add(
+        level, "photos",
+        fmt::format("{} of the model's {} are not in {}{}{}", lost.missing.size(),
+                    counted(names.size(), "photo"), examination.folders.images.string(), rest,
+                    remedy_of_missing(names[lost.missing[0]], examination.folders.images)),
+        examination.names_of(lost.missing));
+  if (!lost.cut_short.empty())
+    examination.add(level, "photos",
+                    fmt::format("{} cut short{}copy the files again",
+                                counted(lost.cut_short.size(), "photo", "is", "are"), rest),
+                    examination.names_of(lost.cut_short));
   report_unused(examination);
+  for (const std::size_t i : lost.cut_short) photos[i].clear();
 }
 
 void match_mask_files(Examination& examination) {

@@ -12,7 +12,7 @@ namespace gs {
 namespace {
 
 constexpr std::uint16_t kOrientation = 0x0112, kExifDirectory = 0x8769, kExposureTime = 0x829A,
-                        kFNumber = 0x829D, kIso = 0x8827;
+                        kFNumber = 0x829D, kIso = 0x8827, kFocalLength = 0x920A;
 constexpr std::uint32_t kShort = 3, kLong = 4, kRational = 5;  // types of values
 constexpr std::size_t kTagBytes = 12;
 constexpr std::size_t kExifName = 6;  // "Exif" and two zeros, before the TIFF file
@@ -102,6 +102,13 @@ int orientation_of_jpeg(Span<const std::uint8_t> head) {
   const TiffTags tiff(exif_of_jpeg(head));
   const double value = tiff.is_tiff() ? tiff.value(tiff.first_directory(), kOrientation) : 0;
   return value > 0 ? int(std::min(value, 255.0)) : 1;
+}
+
+bool has_focal_length_of_jpeg(Span<const std::uint8_t> head) {
+  const TiffTags tiff(exif_of_jpeg(head));
+  if (!tiff.is_tiff()) return false;
+  const auto photo = std::uint32_t(tiff.value(tiff.first_directory(), kExifDirectory));
+  return photo != 0 && tiff.value(photo, kFocalLength) > 0;
 }
 
 std::vector<std::uint8_t> upright_exif_of_jpeg(Span<const std::uint8_t> head) {

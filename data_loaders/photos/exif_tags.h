@@ -17,6 +17,9 @@ ExposureTags exposure_tags_of_jpeg(Span<const std::uint8_t> head);
 /// The orientation in the head of a JPEG file, as it stands there; 1 where it says nothing.
 int orientation_of_jpeg(Span<const std::uint8_t> head);
 
+/// Whether the head of a JPEG file says which focal length took it.
+bool has_focal_length_of_jpeg(Span<const std::uint8_t> head);
+
 /// The EXIF segment in the head of a JPEG file, its marker included, for a copy of the photo whose
 /// pixels were turned: its orientation is 1. Empty where the file has none.
 std::vector<std::uint8_t> upright_exif_of_jpeg(Span<const std::uint8_t> head);

@@ -41,6 +41,21 @@ std::string lowercase(std::string text) {
 
 std::string lowercase_ending(const fs::path& file) { return lowercase(file.extension().string()); }
 
+std::string name_below(const fs::path& folder, std::string name) {
+  const auto is_file = [&](const std::string& below) {
+    std::error_code ignored;
+    return fs::is_regular_file(folder / below, ignored);
+  };
+  const bool has_drive = name.size() > 2 && name[1] == ':' && (name[2] == '/' || name[2] == '\\');
+  const bool may_be_of_windows = has_drive || name.find('\\') != name.npos;
+  if (!may_be_of_windows || name.find('\0') != name.npos || is_file(name)) return name;
+  std::replace(name.begin(), name.end(), '\\', '/');
+  if (!has_drive) return name;
+  for (std::size_t at = name.find('/'); at != name.npos; at = name.find('/', at + 1))
+    if (const std::string end = name.substr(at + 1); !end.empty() && is_file(end)) return end;
+  return name;
+}
+
 std::string without_extension(const std::string& name) {
   return is_picture(name) || is_foreign_photo(name)
              ? fs::path(name).replace_extension().generic_string()

@@ -657,6 +657,49 @@ TEST(PhotoFolder, MasksAreNoPhotos) {
   EXPECT_EQ(photos[0].name, "a.png");
 }
 
+TEST(PhotoFolder, PhotosInSubFoldersAreABareScene) {
+  const TempFolder temp;
+  write_png(temp.path() / "day1/a.png", plain_photo(4, 4, 9));
+  write_png(temp.path() / "day2/b.png", plain_photo(4, 4, 9));
+  EXPECT_TRUE(holds_only_photos(temp.path()));
+  write_bytes(temp.path() / "walk.mp4", "film");
+  EXPECT_TRUE(holds_only_photos(temp.path()));
+  EXPECT_THAT(find_videos(temp.path()), SizeIs(0));  // a film is no reason to drop the photos
+  EXPECT_THAT(find_photos(temp.path(), {}), SizeIs(2));
+  write_bytes(temp.path() / "other/deep/transforms_train.json", "{}");
+  EXPECT_FALSE(holds_only_photos(temp.path()));
+}
+
+TEST(PhotoFolder, FilesInPlaceOfAFolderGetTheSentenceThatHelps) {
+  const TempFolder temp;
+  write_bytes(temp.path() / "fox.zip", "zip");
+  EXPECT_THAT(error_of([&] { find_photos(temp.path() / "fox.zip", {}); }),
+              HasSubstr("fox.zip is an archive: unpack it first"));
+  EXPECT_FALSE(holds_only_photos(temp.path() / "fox.zip"));
+}
+
+TEST(PhotoFolder, PhotosThatAreCutShortAndPanoramasAreLeftOutAndNamed) {
+  const TempFolder temp;
+  write_png(temp.path() / "a.png", plain_photo(8, 4, 9));
+  write_png(temp.path() / "cut.png", plain_photo(8, 4, 9));
+  const std::string whole = read_bytes(temp.path() / "cut.png");
+  write_bytes(temp.path() / "cut.png", whole.substr(0, whole.size() - 14));
+  write_png(temp.path() / "wide.png", plain_photo(3200, 1600, 9));
+  const std::vector<std::uint8_t> jpeg = encode_jpeg(Image8(16, 8, 3, 128), 90);
+  std::string sphere(jpeg.begin(), jpeg.end());
+  const std::string xmp = "http://ns.adobe.com/xap/1.0/" + std::string(1, '\0') +
+                          "<GPano:ProjectionType>equirectangular</GPano:ProjectionType>";
+  sphere.insert(2, std::string("\xff\xe1\0", 3) + char(2 + xmp.size()) + xmp);
+  write_bytes(temp.path() / "sphere.jpg", sphere);
+  testing::internal::CaptureStdout();
+  const std::vector<PhotoFile> photos = find_photos(temp.path(), {});
+  const std::string log = testing::internal::GetCapturedStdout();
+  ASSERT_THAT(photos, SizeIs(1));
+  EXPECT_EQ(photos[0].name, "a.png");
+  EXPECT_THAT(log, AllOf(HasSubstr("cut.png is cut short"), HasSubstr("wide.png is a panorama"),
+                         HasSubstr("sphere.jpg is a panorama")));
+}
+
 TEST(PhotoFolder, OnlyPhotosMeansNoPosesNearby) {
   const TempFolder temp;
   write_png(temp.path() / "images/a.png", plain_photo(4, 4, 9));

@@ -162,11 +162,23 @@ TEST(Doctor, NamesAllMissingAndUnreadablePhotos) {
   write_png(temp.path() / "images" / "surplus.png", plain_photo(12, 8, 1));
   const Diagnosis diagnosis = diagnosis_of(temp.path());
   EXPECT_FALSE(diagnosis.can_train());
-  std::vector<std::vector<std::string>> fatal;
-  for (const Finding& finding : diagnosis.findings)
-    if (finding.level == Level::fatal) fatal.push_back(finding.names);
-  EXPECT_THAT(fatal, ElementsAre(ElementsAre("b.png", "d.png", "e.png"), ElementsAre("c.png")));
+  EXPECT_THAT(the(diagnosis, Level::warning, "photos").names,
+              ElementsAre("b.png", "d.png", "e.png"));
+  EXPECT_THAT(the(diagnosis, Level::fatal, "photos").names, ElementsAre("c.png"));
   EXPECT_THAT(the(diagnosis, Level::note, "photos").names, ElementsAre("surplus.png"));
+}
+
+TEST(Doctor, StopsForLostPhotosOnlyWhereTrainingDoes) {
+  const TempFolder temp;
+  write_scene(temp.path(), small_model(24));
+  const std::string whole = read_bytes(temp.path() / "images/b.png");
+  write_bytes(temp.path() / "images/b.png", whole.substr(0, whole.size() / 2));
+  const Diagnosis few = diagnosis_of(temp.path());
+  EXPECT_TRUE(few.can_train());
+  EXPECT_THAT(the(few, Level::warning, "photos").names, ElementsAre("b.png"));
+  for (const char* name : {"c.png", "d.png", "e.png", "f.png", "g.png"})
+    std::filesystem::remove(temp.path() / "images" / name);
+  EXPECT_FALSE(diagnosis_of(temp.path()).can_train());
 }
 
 TEST(Doctor, TellsPhotosOnTheirSideFromOtherPhotos) {
