@@ -14,6 +14,7 @@
 #include "data_loaders/reconstruct/colmap_log.h"
 #include "data_loaders/reconstruct/colmap_plan.h"
 #include "data_loaders/reconstruct/colmap_verdict.h"
+#include "data_loaders/reconstruct/foreign_cameras.h"
 #include "data_loaders/reconstruct/scene_state.h"
 #include "data_loaders/reconstruct/take_pictures.h"
 #include "gs_core/error.h"
@@ -153,6 +154,11 @@ void check_reconstruction(const ColmapJob& job) { plan_of(job); }
 
 Reconstruction run_colmap(const ColmapJob& job, const ColmapProgress& progress) {
   ColmapPlan plan = plan_of(job);
+  if (const auto foreign = find_foreign_cameras(job.photos))
+    log_warning(
+        "{} holds camera poses of {}, which are not used: COLMAP places the photos anew; to "
+        "keep them, {}",
+        foreign->file.string(), foreign->program, foreign->way);
   OutputLock lock = OutputLock::of_folder(job.scene);
   const std::unique_ptr<SceneFolder> folder = prepare_folder(plan, job, stage_names(), lock);
   if (!plan.videos.empty())

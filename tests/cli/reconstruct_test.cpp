@@ -81,6 +81,15 @@ TEST_F(Reconstruct, TrainOnBarePhotosMakesTheSceneFirstAndNamesItInItsConfig) {
   EXPECT_EQ(run("eval " + path("run") + " --split train"), 0) << printed();
 }
 
+TEST_F(Reconstruct, TrainStopsWherePosesOfAnotherProgramLieBesideThePhotos) {
+  write_bytes(path("photos/cameras.xml"), "<document version=\"2.0.0\"><chunk/></document>");
+  EXPECT_EQ(run("train " + path("photos") + " -o " + path("run") +
+                " --iterations 5 --device cpu --set reconstruct.colmap=" + path("colmap")),
+            2);
+  EXPECT_THAT(printed(), AllOf(HasSubstr("cameras.xml"), HasSubstr("Metashape")));
+  EXPECT_FALSE(fs::exists(path("run/scene")));
+}
+
 TEST_F(Reconstruct, ARunKilledBeforeItsFirstCheckpointKeepsTheSceneOfItsPhotos) {
   const std::string train = "train " + path("photos") + " -o " + path("run") +
                             " --iterations 5 --device cpu --resume auto" +

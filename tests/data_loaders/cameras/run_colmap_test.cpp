@@ -11,9 +11,11 @@
 #include <chrono>
 #include <map>
 #include <thread>
+#include <tuple>
 
 #include "data_loaders/colmap/colmap_model.h"
 #include "data_loaders/reconstruct/colmap_log.h"
+#include "data_loaders/reconstruct/foreign_cameras.h"
 #include "data_loaders/reconstruct/photo_folder.h"
 #include "data_loaders/video/video_frames.h"
 #include "gs_core/error.h"
@@ -668,6 +670,29 @@ TEST(PhotoFolder, PhotosInSubFoldersAreABareScene) {
   EXPECT_THAT(find_photos(temp.path(), {}), SizeIs(2));
   write_bytes(temp.path() / "other/deep/transforms_train.json", "{}");
   EXPECT_FALSE(holds_only_photos(temp.path()));
+}
+
+TEST(ForeignCameras, PosesOfOtherProgramsAreSeenWithTheWayToColmap) {
+  for (const auto& [name, content, program, way] :
+       {std::tuple("cameras.xml", "<?xml version=\"1.0\"?><document version=\"2.0.0\"><chunk>",
+                   "Metashape", "Export Cameras"),
+        std::tuple("poses/cams.csv", "#name,x,y,alt,heading,pitch,roll\na.jpg,1,2,3,4,5,6\n",
+                   "RealityCapture", "Registration"),
+        std::tuple("a.xmp", "<rdf:Description xcr:Version=\"3\">", "RealityCapture", "COLMAP"),
+        std::tuple("reconstruction.json", "[{\"cameras\": {}}]", "OpenSfM", "export_colmap"),
+        std::tuple("keyframes/cameras/1.json", "{\"t_00\": 1}", "Polycam", "ns-process-data")}) {
+    const TempFolder temp;
+    write_png(temp.path() / "images/a.png", plain_photo(4, 4, 9));
+    write_bytes(temp.path() / "notes.xml", "<html>");
+    write_bytes(temp.path() / "list.csv", "name,price\n");
+    EXPECT_FALSE(find_foreign_cameras(temp.path())) << name;
+    write_bytes(temp.path() / name, content);
+    const auto found = find_foreign_cameras(temp.path());
+    ASSERT_TRUE(found) << name;
+    EXPECT_EQ(found->program, program);
+    EXPECT_THAT(text_of(*found, temp.path()),
+                AllOf(HasSubstr(name), HasSubstr(way), HasSubstr("gemsplat reconstruct")));
+  }
 }
 
 TEST(PhotoFolder, FilesInPlaceOfAFolderGetTheSentenceThatHelps) {
