@@ -8,7 +8,6 @@
 #include "data_loaders/colmap/world_offset.h"
 #include "data_loaders/doctor/examination.h"
 #include "data_loaders/lenses/undistort.h"
-#include "data_loaders/photos/photo_names.h"
 #include "gs_core/error.h"
 #include "gs_core/geometry/scene_frame.h"
 #include "gs_core/geometry/scene_sight.h"
@@ -84,17 +83,10 @@ void examine_up(Examination& examination, const std::vector<View>& views) {
 }  // namespace
 
 bool find_folders(Examination& examination) {
-  const std::string& source = examination.config.dataset.source;
   try {
     examination.folders = find_scene(examination.config.dataset);
   } catch (const Error& error) {
     examination.add(Level::fatal, "scene", error.what());
-    const std::size_t photos = picture_names_in(source).size();
-    if (photos > 0 && nearby_scene(source).empty())
-      examination.add(
-          Level::note, "scene",
-          fmt::format("the folder holds {} but no model: `gemsplat reconstruct` makes one",
-                      counted(photos, "photo")));
     return false;
   }
   examination.add(Level::good, "scene",

@@ -144,12 +144,30 @@ TEST(Doctor, WarnsWhereMostViewsSeeNothing) {
   EXPECT_THAT(the(diagnosis, Level::warning, "sight").text, HasSubstr("beside"));
 }
 
-TEST(Doctor, SaysWhatIsMissingWhereThereIsNoModel) {
+TEST(Doctor, ExaminesPhotosBeforeColmapAndStopsOnlyWhereTrainWould) {
   const TempFolder temp;
-  write_png(temp.path() / "a.png", plain_photo(12, 8, 1));
-  const Diagnosis diagnosis = diagnosis_of(temp.path());
-  EXPECT_FALSE(diagnosis.can_train());
-  EXPECT_THAT(the(diagnosis, Level::note, "scene").text, HasSubstr("gemsplat reconstruct"));
+  Config config = adaptive_config();
+  config.dataset.source = (temp.path() / "photos").string();
+  config.reconstruct.colmap = "/bin/true";  // a program that is there
+  for (const char* name : {"a.png", "day/b.png"})
+    write_png(temp.path() / "photos" / name, random_photo(40, 32, 1));
+  EXPECT_FALSE(examine(config, true).can_train());  // two photos
+  for (const char* name : {"c.png", "d.png", "e.png", "f.png"})
+    write_png(temp.path() / "photos" / name, random_photo(40, 32, 1));
+  write_png(temp.path() / "photos/dim.png", plain_photo(40, 32, 3));
+  write_bytes(temp.path() / "photos/turned.jpg",
+              std::string(reinterpret_cast<const char*>(kTurnedJpeg), sizeof kTurnedJpeg));
+  const Diagnosis diagnosis = examine(config, true);
+  EXPECT_TRUE(diagnosis.can_train());
+  EXPECT_THAT(the(diagnosis, Level::good, "scene").text, HasSubstr("gemsplat reconstruct"));
+  EXPECT_THAT(the(diagnosis, Level::warning, "photos").text, HasSubstr("8 photos"));
+  EXPECT_THAT(the(diagnosis, Level::note, "orientation").names, ElementsAre("turned.jpg"));
+  EXPECT_THAT(diagnosis.findings.back().names, testing::Contains("dim.png"));
+  config.reconstruct.colmap = "/no/colmap";
+  EXPECT_THAT(the(examine(config, false), Level::fatal, "scene").text,
+              HasSubstr("apt install colmap"));
+  write_bytes(temp.path() / "photos/cameras.xml", "<document><chunk/></document>");
+  EXPECT_THAT(the(examine(config, false), Level::fatal, "scene").text, HasSubstr("Metashape"));
   EXPECT_FALSE(diagnosis_of(temp.path() / "nowhere").can_train());
 }
 
