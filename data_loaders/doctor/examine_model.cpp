@@ -175,10 +175,7 @@ void examine_points(Examination& examination) {
   const std::vector<ColmapPoint>& points = examination.model().points;
   const ModelConfig& model = examination.config.model;
   if (points.empty()) {
-    examination.add(Level::warning, "points",
-                    fmt::format("the model has no points: training starts from {} random ones, "
-                                "which takes longer and gives a worse result",
-                                model.random_points));
+    examination.add(Level::warning, "points", text_of_no_points(model.random_points));
     return;
   }
   double error = 0, observations = 0;

@@ -210,6 +210,15 @@ std::vector<bool> test_views_of(const DatasetConfig& dataset, const ColmapModel&
   return is_test;
 }
 
+std::string text_of_no_points(int random_points) {
+  return fmt::format(
+      "the model has no points: training starts from {} random ones, which takes longer and gives "
+      "a "
+      "worse result; COLMAP's point_triangulator finds points for cameras that are known "
+      "(docs/data.md, \"Cameras without points\")",
+      random_points);
+}
+
 LostPhotos lost_photos(const ColmapModel& model, const std::vector<fs::path>& photos) {
   LostPhotos lost;
   std::vector<char> is_cut(photos.size(), false);

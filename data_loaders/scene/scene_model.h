@@ -43,6 +43,9 @@ std::vector<bool> test_views_of(const DatasetConfig& dataset, const ColmapModel&
 /// images.
 std::vector<std::size_t> frame_numbers(const ColmapModel& model);
 
+/// What a model with cameras and without points costs, and how COLMAP finds points for its cameras.
+std::string text_of_no_points(int random_points);
+
 /// Photos of a model that training cannot use because their files are not there, or not to the end.
 /// Indices of model.images.
 struct LostPhotos {

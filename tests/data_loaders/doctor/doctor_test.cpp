@@ -245,7 +245,8 @@ TEST(Doctor, WarnsOfPointsAndPlaces) {
   write_scene(temp.path(), model);
   const Diagnosis diagnosis = diagnosis_of(temp.path(), false);
   EXPECT_TRUE(diagnosis.can_train());
-  EXPECT_THAT(the(diagnosis, Level::warning, "points").text, HasSubstr("no points"));
+  EXPECT_THAT(the(diagnosis, Level::warning, "points").text,
+              AllOf(HasSubstr("no points"), HasSubstr("point_triangulator")));
   EXPECT_THAT(the(diagnosis, Level::note, "place").text, HasSubstr("0 -4000000 0 is subtracted"));
 }
 
