@@ -22,6 +22,7 @@ struct SceneFiles {
   std::filesystem::path images() const { return root / "images"; }
   std::filesystem::path sparse() const { return root / "sparse"; }
   std::filesystem::path attempt() const { return work / "models"; }  // the mapper's
+  std::filesystem::path known() const { return work / "known"; }     // poses that are known
   std::filesystem::path photo_list() const { return work / "photos.txt"; }
   std::filesystem::path database() const { return root / "database.db"; }
   std::filesystem::path log() const { return root / "colmap.log"; }
@@ -39,7 +40,8 @@ struct ColmapPlan {
   bool use_gpu = false;
   int max_features = 0, frames = 0, threads = 0;
   SingleCamera single_camera_setting = SingleCamera::automatic;
-  bool has_short_flags = false;  // as in ColmapJob
+  bool has_short_flags = false;                        // as in ColmapJob
+  std::shared_ptr<const ColmapModel> poses = nullptr;  // as in ColmapJob
 
   /// How to set a setting on the command line, for advice: "--matching exhaustive", or "--set
   /// reconstruct.matching=exhaustive" in verbs without that flag.

@@ -10,6 +10,7 @@
 #include <fstream>
 
 #include "data_loaders/colmap/colmap_model.h"
+#include "data_loaders/colmap/colmap_write.h"
 #include "data_loaders/reconstruct/colmap_commands.h"
 #include "data_loaders/reconstruct/colmap_log.h"
 #include "data_loaders/reconstruct/colmap_plan.h"
@@ -109,6 +110,10 @@ void keep_models(const SceneFiles& files, const fs::path& sparse) {
 void make_model(const Stage& stage, const ColmapPlan& plan, SceneFolder& folder,
                 const ColmapProgress& progress) {
   fs::create_directories(plan.files.attempt());
+  if (plan.poses) {
+    fs::create_directories(plan.files.attempt() / "0");  // point_triangulator does not
+    write_colmap_model(plan.files.known(), known_model(plan));
+  }
   run_stage(stage, model_command(plan), plan, progress);
   keep_models(plan.files, folder.work() / "sparse");
   folder.take_models(stage.name);
@@ -142,6 +147,7 @@ void run_stages(ColmapPlan& plan, SceneFolder& folder, const ColmapProgress& pro
 }
 
 std::string text_of_cameras(const ColmapPlan& plan) {
+  if (plan.poses) return "with known cameras";
   if (!plan.single_camera) return fmt::format("a {} camera each", plan.camera_model);
   const std::size_t count = camera_groups(plan).size();
   return count == 1 ? fmt::format("one {} camera", plan.camera_model)
@@ -154,7 +160,7 @@ void check_reconstruction(const ColmapJob& job) { plan_of(job); }
 
 Reconstruction run_colmap(const ColmapJob& job, const ColmapProgress& progress) {
   ColmapPlan plan = plan_of(job);
-  if (const auto foreign = find_foreign_cameras(job.photos))
+  if (const auto foreign = job.poses ? std::nullopt : find_foreign_cameras(job.photos))
     log_warning(
         "{} holds camera poses of {}, which are not used: COLMAP places the photos anew; to "
         "keep them, {}",

@@ -214,8 +214,8 @@ std::string text_of_no_points(int random_points) {
   return fmt::format(
       "the model has no points: training starts from {} random ones, which takes longer and gives "
       "a "
-      "worse result; COLMAP's point_triangulator finds points for cameras that are known "
-      "(docs/data.md, \"Cameras without points\")",
+      "worse result; `gemsplat reconstruct SCENE -o NEW` makes a scene with points for these "
+      "cameras, with COLMAP",
       random_points);
 }
 

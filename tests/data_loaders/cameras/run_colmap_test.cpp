@@ -153,6 +153,36 @@ TEST(RunColmap, InstalledColmapPlacesThePhotosAndContinuesWhereItStopped) {
   EXPECT_EQ(started, 2);
 }
 
+TEST(RunColmap, InstalledColmapFindsPointsForKnownCameras) {
+  if (!find_program("colmap")) GTEST_SKIP() << "the program colmap is not installed";
+  const TempFolder temp;
+  const fs::path courtyard = fs::path(GS_SOURCE_DIR) / "examples/courtyard";
+  ColmapModel model = read_colmap_model(courtyard / "sparse/0");
+  model.points.clear();
+  std::erase_if(model.images, [](const ColmapImage& image) {
+    return std::ranges::none_of(
+        kViews, [&](const std::string view) { return image.name == "view_" + view + ".jpg"; });
+  });
+  for (ColmapImage& image : model.images) image.id += 100;  // COLMAP has ids of its own
+  ColmapJob job;
+  job.photos = courtyard / "images";
+  job.scene = temp.path() / "scene";
+  job.threads = 2;
+  job.settings.max_features = 2000;
+  job.poses = std::make_shared<const ColmapModel>(model);
+  const Reconstruction result = run_colmap(job, kSilent);
+  EXPECT_EQ(result.registered, std::size(kViews));
+  EXPECT_GT(result.points, 300u);
+  EXPECT_LT(result.mean_error, 1);
+  const ColmapModel made = read_colmap_model(job.scene / "sparse/0");
+  for (const ColmapImage& image : model.images) {
+    const auto same = std::ranges::find(made.images, image.name, &ColmapImage::name);
+    ASSERT_NE(same, made.images.end());
+    EXPECT_NEAR(same->cam_from_world_translation.x, image.cam_from_world_translation.x, 1e-9);
+  }
+  EXPECT_EQ(made.cameras.begin()->second.params, model.cameras.begin()->second.params);
+}
+
 TEST_F(FakeColmap, SceneHasPhotosModelLogAndVerdict) {
   const Reconstruction result = run_colmap(job(), kSilent);
   EXPECT_EQ(result.registered, 3u);

@@ -246,7 +246,7 @@ TEST(Doctor, WarnsOfPointsAndPlaces) {
   const Diagnosis diagnosis = diagnosis_of(temp.path(), false);
   EXPECT_TRUE(diagnosis.can_train());
   EXPECT_THAT(the(diagnosis, Level::warning, "points").text,
-              AllOf(HasSubstr("no points"), HasSubstr("point_triangulator")));
+              AllOf(HasSubstr("no points"), HasSubstr("gemsplat reconstruct")));
   EXPECT_THAT(the(diagnosis, Level::note, "place").text, HasSubstr("0 -4000000 0 is subtracted"));
 }
 
