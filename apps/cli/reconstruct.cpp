@@ -3,13 +3,18 @@
 #include <spdlog/fmt/fmt.h>
 
 #include <CLI/CLI.hpp>
+#include <algorithm>
 #include <iostream>
 #include <memory>
 
 #include "apps/cli/options.h"
 #include "apps/cli/reconstruct.h"
 #include "apps/cli/verbs.h"
+#include "data_loaders/reconstruct/photo_folder.h"
+#include "data_loaders/scene/find_scene.h"
+#include "data_loaders/scene/scene_model.h"
 #include "gs_core/error.h"
+#include "gs_core/log.h"
 
 namespace gs {
 namespace {
@@ -19,6 +24,27 @@ struct ReconstructCommand : CommandLine {
   bool force = false;
 };
 
+/// The cameras and poses of a scene that has no points; null for photos alone, and for a scene with
+/// points, whose poses are found anew. `photos` becomes the folder of its photos.
+std::shared_ptr<const ColmapModel> poses_without_points(const DatasetConfig& dataset,
+                                                        std::filesystem::path& photos) {
+  std::error_code ignored;
+  if (!std::filesystem::is_directory(dataset.source, ignored) || holds_only_photos(dataset.source))
+    return nullptr;
+  SceneFolders folders;
+  try {
+    folders = find_scene(dataset);
+  } catch (const Error&) {  // no scene: photos, or a sentence that helps
+    return nullptr;
+  }
+  ColmapModel model = read_model_and_split(dataset, folders).model;
+  const auto is_frame = [](const ColmapImage& image) { return !image.video.empty(); };
+  if (!model.points.empty() || std::ranges::any_of(model.images, is_frame)) return nullptr;
+  log_info("{} has cameras and no points: COLMAP finds points for these cameras", dataset.source);
+  photos = folders.images;
+  return std::make_shared<const ColmapModel>(std::move(model));
+}
+
 void reconstruct(const ReconstructCommand& command) {
   const Config config = resolve(command);
   if (config.dataset.source.empty())
@@ -27,10 +53,10 @@ void reconstruct(const ReconstructCommand& command) {
   if (command.scene.empty())
     throw UsageError("there is no output; give the folder of the scene with -o SCENE");
   setup_log(command.verbosity());
-  const Reconstruction result =
-      run_colmap({config.dataset.source, command.scene, config.reconstruct, config.train.threads,
-                  command.force, true},
-                 ColmapBar(!command.quiet));
+  ColmapJob job{config.dataset.source, command.scene, config.reconstruct,
+                config.train.threads,  command.force, true};
+  job.poses = poses_without_points(config.dataset, job.photos);
+  const Reconstruction result = run_colmap(job, ColmapBar(!command.quiet));
   if (!command.quiet)
     std::cout << describe(result)
               << fmt::format("scene: {} (log: {})\ntrain it with: gemsplat train {} -o OUT\n",

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The order of an examination: folders, model, files, headers, pictures, cameras, points, sight,
+// The order of an examination: photos without a model have their own; else folders, model, files, headers, pictures, cameras, points, sight,
 // depth maps, forecast, blocks, light.
 #include "data_loaders/doctor/doctor.h"
 
@@ -73,6 +73,7 @@ bool Diagnosis::can_train() const {
 Diagnosis examine(const Config& config, bool look_at_pictures, const ProgressFn& progress,
                   const ForecastDevice& device) {
   Examination examination{config, progress};
+  if (examine_bare_photos(examination, look_at_pictures)) return examination.diagnosis;
   if (!find_folders(examination) || !read_model(examination)) return examination.diagnosis;
   match_photo_files(examination);
   match_mask_files(examination);

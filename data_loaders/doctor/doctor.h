@@ -31,7 +31,8 @@ struct Diagnosis {
   bool can_train() const;
 };
 
-/// Checks everything that load_scene() would use, without stopping at the first fault. With
+/// Checks everything that load_scene() would use, without stopping at the first fault; of photos
+/// without camera poses, what can be said before COLMAP runs. With
 /// `look_at_pictures` every photo is decoded as well, to compare sharpness, brightness and light;
 /// `progress` counts these. `device` is the one that the run would use.
 Diagnosis examine(const Config& config, bool look_at_pictures, const ProgressFn& progress = {},

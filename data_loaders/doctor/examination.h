@@ -10,6 +10,7 @@
 #include "data_loaders/counted.h"
 #include "data_loaders/doctor/doctor.h"
 #include "data_loaders/photos/photos.h"
+#include "data_loaders/photos/picture_quality.h"
 #include "data_loaders/scene/scene_model.h"
 
 namespace gs {
@@ -38,6 +39,9 @@ struct Examination {
   }
 };
 
+// examine_bare_photos.cpp: returns false, and does nothing, where there is a model or no photo.
+bool examine_bare_photos(Examination& examination, bool look_at_pictures);
+
 // examine_model.cpp, in this order. The first two return false if the rest makes no sense.
 bool find_folders(Examination& examination);
 bool read_model(Examination& examination);
@@ -50,7 +54,12 @@ void examine_sight(Examination& examination);
 void match_photo_files(Examination& examination);
 void match_mask_files(Examination& examination);
 void examine_headers(Examination& examination);
+/// Says what large photos cost. `largest` is the size of the largest one.
+void report_large_photos(Examination& examination, const PhotoSize& largest);
 void examine_pictures(Examination& examination);
+/// Names photos that are much less sharp, darker or brighter than the others.
+void report_quality(Examination& examination, const std::vector<std::string>& names,
+                    const std::vector<PictureQuality>& qualities);
 
 // examine_depth.cpp: after the headers. With `look_at_maps` it reads each map.
 void examine_depth(Examination& examination, bool look_at_maps);

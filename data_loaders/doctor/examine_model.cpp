@@ -8,7 +8,6 @@
 #include "data_loaders/colmap/world_offset.h"
 #include "data_loaders/doctor/examination.h"
 #include "data_loaders/lenses/undistort.h"
-#include "data_loaders/photos/photo_names.h"
 #include "gs_core/error.h"
 #include "gs_core/geometry/scene_frame.h"
 #include "gs_core/geometry/scene_sight.h"
@@ -22,7 +21,6 @@ using Level = Finding::Level;
 constexpr std::size_t kFewPhotos = 20;       // fewer seldom show a scene from all sides
 constexpr std::size_t kFewObservations = 3;  // points seen in fewer photos are unreliable
 constexpr double kLargeError = 2;            // pixels, mean reprojection error
-constexpr double kUpSpread = 30;             // degrees (SceneFrame); more leaves the way up unknown
 
 /// The name of a photo for each camera that has one; cameras without photos do no harm.
 std::map<std::uint32_t, std::string> photo_of_each_camera(const ColmapModel& model) {
@@ -72,29 +70,23 @@ void examine_up(Examination& examination, const std::vector<View>& views) {
   std::vector<Camera> cameras;
   for (const View& view : views) cameras.push_back(view.camera);
   const SceneFrame frame = scene_frame(cameras, {});
-  if (!cameras.empty() && frame.up_spread < kUpSpread)
+  if (frame.up_is_known)
     examination.add(Level::good, "place",
                     fmt::format("up is about ({:.2f}, {:.2f}, {:.2f}), as most cameras are held",
                                 frame.up.x, frame.up.y, frame.up.z));
   else
     examination.add(Level::note, "place",
-                    "the cameras are held in all directions, so the up direction is unknown");
+                    "the cameras are held in all directions or lie on their side, so the up "
+                    "direction is unknown: `gemsplat edit --up X,Y,Z` turns the trained model");
 }
 
 }  // namespace
 
 bool find_folders(Examination& examination) {
-  const std::string& source = examination.config.dataset.source;
   try {
     examination.folders = find_scene(examination.config.dataset);
   } catch (const Error& error) {
     examination.add(Level::fatal, "scene", error.what());
-    const std::size_t photos = picture_names_in(source).size();
-    if (photos > 0 && nearby_scene(source).empty())
-      examination.add(
-          Level::note, "scene",
-          fmt::format("the folder holds {} but no model: `gemsplat reconstruct` makes one",
-                      counted(photos, "photo")));
     return false;
   }
   examination.add(Level::good, "scene",
@@ -183,10 +175,7 @@ void examine_points(Examination& examination) {
   const std::vector<ColmapPoint>& points = examination.model().points;
   const ModelConfig& model = examination.config.model;
   if (points.empty()) {
-    examination.add(Level::warning, "points",
-                    fmt::format("the model has no points: training starts from {} random ones, "
-                                "which takes longer and gives a worse result",
-                                model.random_points));
+    examination.add(Level::warning, "points", text_of_no_points(model.random_points));
     return;
   }
   double error = 0, observations = 0;

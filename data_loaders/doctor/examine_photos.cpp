@@ -8,8 +8,8 @@
 #include <tuple>
 
 #include "data_loaders/doctor/examination.h"
+#include "data_loaders/photos/large_photos.h"
 #include "data_loaders/photos/photo_fit.h"
-#include "data_loaders/photos/picture_quality.h"
 #include "data_loaders/scene/view_picture.h"
 #include "data_loaders/video/film_frames.h"
 #include "gs_core/error.h"
@@ -79,31 +79,6 @@ void report_masks(Examination& examination, const std::vector<std::size_t>& read
                     "no photo has a pixel to train on; invert the masks with --invert-masks");
 }
 
-void report_quality(Examination& examination, const std::vector<std::size_t>& readable,
-                    const std::vector<PictureQuality>& qualities) {
-  const QualityOutliers outliers = outliers_of(qualities);
-  const auto named = [&](const std::vector<std::size_t>& which) {
-    std::vector<std::size_t> images;
-    for (const std::size_t k : which) images.push_back(readable[k]);
-    return examination.names_of(images);
-  };
-  if (outliers.blurred.empty() && outliers.odd_exposure.empty())
-    examination.add(Level::good, "pictures",
-                    "none is much less sharp or much darker or brighter than the others");
-  if (!outliers.blurred.empty())
-    examination.add(Level::warning, "pictures",
-                    fmt::format("{} far less sharp than the others; leaving them out may give a "
-                                "sharper scene",
-                                counted(outliers.blurred.size(), "photo", "is", "are")),
-                    named(outliers.blurred));
-  if (!outliers.odd_exposure.empty())
-    examination.add(Level::warning, "pictures",
-                    fmt::format("{} far darker or brighter than the others; colors there will be "
-                                "a compromise (--exposure may help)",
-                                counted(outliers.odd_exposure.size(), "photo", "is", "are")),
-                    named(outliers.odd_exposure));
-}
-
 /// The contents of one photo's header.
 struct Header {
   std::string error;  // empty if it could be read
@@ -148,24 +123,61 @@ std::vector<Header> read_headers(Examination& examination) {
 
 }  // namespace
 
+void report_quality(Examination& examination, const std::vector<std::string>& names,
+                    const std::vector<PictureQuality>& qualities) {
+  const QualityOutliers outliers = outliers_of(qualities);
+  const auto named = [&](const std::vector<std::size_t>& which) {
+    std::vector<std::string> some;
+    for (const std::size_t k : which) some.push_back(names[k]);
+    return some;
+  };
+  if (outliers.blurred.empty() && outliers.odd_exposure.empty())
+    examination.add(Level::good, "pictures",
+                    "none is much less sharp or much darker or brighter than the others");
+  if (!outliers.blurred.empty())
+    examination.add(Level::warning, "pictures",
+                    fmt::format("{} far less sharp than the others; leaving them out may give a "
+                                "sharper scene",
+                                counted(outliers.blurred.size(), "photo", "is", "are")),
+                    named(outliers.blurred));
+  if (!outliers.odd_exposure.empty())
+    examination.add(Level::warning, "pictures",
+                    fmt::format("{} far darker or brighter than the others; colors there will be "
+                                "a compromise (--exposure may help)",
+                                counted(outliers.odd_exposure.size(), "photo", "is", "are")),
+                    named(outliers.odd_exposure));
+}
+
+void report_large_photos(Examination& examination, const PhotoSize& largest) {
+  const std::string advice = advice_on_large_photos(largest, examination.config.dataset.resolution);
+  if (!advice.empty()) examination.add(Level::warning, "pictures", advice);
+}
+
 void match_photo_files(Examination& examination) {
   std::vector<std::string> names;
   for (const ColmapImage& image : examination.model().images) names.push_back(image.name);
   std::vector<fs::path>& photos = examination.scene.photos;
   photos = match_photos(examination.model(), examination.folders.images);
-  std::vector<std::size_t> missing;
-  for (std::size_t i = 0; i < names.size(); ++i)
-    if (photos[i].empty()) missing.push_back(i);
-  if (missing.empty())
+  const LostPhotos lost = lost_photos(examination.model(), photos);
+  const Level level = lost.are_few ? Level::warning : Level::fatal;
+  const char* const rest = lost.are_few ? "; training goes on without them, or " : "; ";
+  if (lost.missing.empty())
     examination.add(Level::good, "photos",
                     fmt::format("all {} of the model are there", counted(names.size(), "photo")));
   else
-    examination.add(Level::fatal, "photos",
-                    fmt::format("{} of the model's {} are not in {}; {}", missing.size(),
-                                counted(names.size(), "photo"), examination.folders.images.string(),
-                                remedy_of_missing(names[missing[0]], examination.folders.images)),
-                    examination.names_of(missing));
+    examination.add(
+        level, "photos",
+        fmt::format("{} of the model's {} are not in {}{}{}", lost.missing.size(),
+                    counted(names.size(), "photo"), examination.folders.images.string(), rest,
+                    remedy_of_missing(names[lost.missing[0]], examination.folders.images)),
+        examination.names_of(lost.missing));
+  if (!lost.cut_short.empty())
+    examination.add(level, "photos",
+                    fmt::format("{} cut short{}copy the files again",
+                                counted(lost.cut_short.size(), "photo", "is", "are"), rest),
+                    examination.names_of(lost.cut_short));
   report_unused(examination);
+  for (const std::size_t i : lost.cut_short) photos[i].clear();
 }
 
 void match_mask_files(Examination& examination) {
@@ -246,6 +258,12 @@ void examine_headers(Examination& examination) {
   add(Level::fatal, "photos", other, "has", "have",
       " another shape than the camera in the model: these are not the photos that COLMAP saw; use "
       "the same photos, or run COLMAP again");
+  PhotoSize largest;
+  for (const std::size_t i : examination.usable) {
+    const PhotoSize& size = examination.photo_sizes[i];
+    if (double(size.width) * size.height > double(largest.width) * largest.height) largest = size;
+  }
+  if (largest.width > 0) report_large_photos(examination, largest);
   if (!scaled.empty())
     examination.add(
         Level::note, "photos",
@@ -317,7 +335,7 @@ void examine_pictures(Examination& examination) {
                                 counted(damaged.size(), "photo", "is", "are")),
                     examination.names_of(damaged));
   report_masks(examination, readable, readable_shares);
-  report_quality(examination, readable, readable_qualities);
+  report_quality(examination, examination.names_of(readable), readable_qualities);
 }
 
 }  // namespace gs

@@ -95,6 +95,14 @@ constexpr double kOverlapOfBlocks = 1.5;
 
 constexpr std::size_t kAnyPhotos = 1;  // whatever their number, the run is long enough to grow
 
+// What a step and a measurement on the CPU hold for each pixel of the largest picture: 164 bytes for
+// the picture, its gradient, the photo and windowed moments, and 156 for a picture that is measured.
+constexpr double kPixelBytesOnCpu = 164 + 156;
+
+double picture_bytes_on_cpu(const SceneSize& scene) {
+  return kPixelBytesOnCpu * 1e6 * std::max(scene.megapixels, scene.largest_megapixels);
+}
+
 double bytes_on_cpu(const Config& config) {
   return kGaussianBytesOnCpu - bytes_saved_by_codes(config.optimizer.moments, kParameterBytes);
 }
@@ -118,7 +126,8 @@ BlockAdvice advice_on_blocks(const Config& config, const SceneSize& scene,
   double fit = device.is_gpu
                    ? std::max(gaussians_that_fit(size_on_gpu(config, scene, 0), usable),
                               gaussians_that_fit(size_on_gpu(config, SceneSize{}, 0), usable / 4))
-                   : std::max(usable - photos, usable / 4) / bytes_on_cpu(config);
+                   : std::max(usable - photos - picture_bytes_on_cpu(scene), usable / 4) /
+                         bytes_on_cpu(config);
   if (const TrainingSize million = size_on_gpu(config, scene, 1e6); million.offloads_sh)
     fit = std::min(fit,
                    kShareOfFree * free_memory(device).on_host / (1e-6 * offloaded_bytes(million)));
@@ -155,7 +164,8 @@ Forecast forecast(const Config& config, const SceneSize& scene, const ForecastDe
   if (offloads) size = with_offload(size);
   const double on_gpu = training_bytes(size);
   const double on_host = device.is_gpu ? offloaded_bytes(size) : 0;
-  const double on_cpu = gaussians * bytes_on_cpu(config);
+  const double of_pictures = device.is_gpu ? 0 : picture_bytes_on_cpu(scene);
+  const double on_cpu = gaussians * bytes_on_cpu(config) + of_pictures;
   const double free_ram = double(host_memory().free_bytes());
   const double free_on_gpu = double(device.free_bytes);
   const double new_in_ram =
@@ -198,7 +208,7 @@ Forecast forecast(const Config& config, const SceneSize& scene, const ForecastDe
         size_text(new_in_ram),
         photos_in_ram > (device.is_gpu ? on_host : on_cpu)
             ? std::string("let fewer photos stay decoded with --photo-ram GIB")
-            : cap_advice((kShareOfFree * free_ram - photos_in_ram) /
+            : cap_advice((kShareOfFree * free_ram - photos_in_ram - of_pictures) /
                          (device.is_gpu ? on_host / gaussians : bytes_on_cpu(config)))));
   return result;
 }

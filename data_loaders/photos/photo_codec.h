@@ -43,6 +43,11 @@ PhotoWithAlpha separated(Image8 decoded);
 /// The library and its version: another one may decode a JPEG to other bytes.
 std::string codec_name();
 
+/// The bytes of a JPEG file of such quality that no loss is seen, for a copy of a photo. It has the
+/// EXIF tags of the photo, and an orientation that says upright. `image` has three channels.
+std::vector<std::uint8_t> encode_jpeg_copy(const std::filesystem::path& photo, const Image8& image);
+inline constexpr int kCopyQuality = 98;
+
 /// The bytes of a PNG file with 1, 3 or 4 channels, the last straight alpha.
 std::vector<std::uint8_t> encode_png(const Image8& image);
 

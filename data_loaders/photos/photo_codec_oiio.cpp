@@ -158,7 +158,8 @@ DepthFile decode_depth(const std::filesystem::path& path) {
 PhotoSize decode_photo_size(const std::filesystem::path& path) { return open_photo(path).size; }
 
 int decode_photo_orientation(const std::filesystem::path& path) {
-  return open_photo(path).input->spec().get_int_attribute("Orientation", 1);
+  const OpenPhoto photo = open_photo(path);
+  return photo.input->spec().get_int_attribute("Orientation", 1);
 }
 
 std::optional<Geodetic> decode_photo_place(const std::filesystem::path& path) {
@@ -187,6 +188,17 @@ std::vector<std::uint8_t> encode_png(const Image8& image) {
   OIIO::ImageSpec spec = spec_of(image);
   spec.attribute("oiio:UnassociatedAlpha", 1);  // color not multiplied by alpha
   return encode("png", image, spec);
+}
+
+std::vector<std::uint8_t> encode_jpeg_copy(const std::filesystem::path& photo,
+                                           const Image8& image) {
+  GS_CHECK(image.channels == 3);
+  OIIO::ImageSpec spec = spec_of(image);
+  spec.extra_attribs = open_photo(photo).input->spec().extra_attribs;  // EXIF, color profile
+  spec.attribute("Orientation", 1);
+  spec.attribute("Compression", "jpeg:" + std::to_string(kCopyQuality));
+  spec.attribute("jpeg:subsampling", "4:4:4");
+  return encode("jpeg", image, spec);
 }
 
 std::vector<std::uint8_t> encode_jpeg(const Image8& image, int quality) {

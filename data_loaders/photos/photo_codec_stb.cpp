@@ -201,7 +201,11 @@ PhotoSize decode_photo_size(const std::filesystem::path& path) {
   return size;
 }
 
-int decode_photo_orientation(const std::filesystem::path&) { return 1; }  // stb_image reads no EXIF
+int decode_photo_orientation(const std::filesystem::path& path) {
+  ByteReader file(path);
+  const auto size = std::size_t(std::min<std::uint64_t>(file.size(), kHeadBytes));
+  return orientation_of_jpeg({file.peek(size), size});
+}
 
 std::optional<Geodetic> decode_photo_place(const std::filesystem::path& path) {
   throw Error("cannot read where the photo " + path.string() +
@@ -213,6 +217,17 @@ ExposureTags decode_exposure_tags(const std::filesystem::path& path) {
   ByteReader file(path);
   const auto size = std::size_t(std::min<std::uint64_t>(file.size(), kHeadBytes));
   return exposure_tags_of_jpeg({file.peek(size), size});
+}
+
+std::vector<std::uint8_t> encode_jpeg_copy(const std::filesystem::path& photo,
+                                           const Image8& image) {
+  ByteReader file(photo);
+  const auto size = std::size_t(std::min<std::uint64_t>(file.size(), kHeadBytes));
+  const std::vector<std::uint8_t> exif = upright_exif_of_jpeg({file.peek(size), size});
+  constexpr std::size_t kStartOfImage = 2;  // bytes of the marker that comes first
+  std::vector<std::uint8_t> bytes = encode_jpeg(image, kCopyQuality);
+  bytes.insert(bytes.begin() + kStartOfImage, exif.begin(), exif.end());
+  return bytes;
 }
 
 std::string codec_name() { return "stb_image"; }

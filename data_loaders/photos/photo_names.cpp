@@ -12,21 +12,26 @@ namespace {
 
 namespace fs = std::filesystem;
 
-constexpr std::array<std::string_view, 17> kPictureExtensions = {
-    ".jpg", ".jpeg", ".png", ".tif", ".tiff", ".bmp", ".webp", ".exr", ".hdr",
-    ".tga", ".gif",  ".ppm", ".pgm", ".pnm",  ".jp2", ".heic", ".avif"};
+constexpr std::array<std::string_view, 18> kPictureExtensions = {
+    ".jpg", ".jpeg", ".png", ".tif", ".tiff", ".bmp", ".webp", ".exr",  ".hdr",
+    ".tga", ".gif",  ".ppm", ".pgm", ".pnm",  ".jp2", ".heic", ".heif", ".avif"};
 
-// Extensions of raw photos. They cannot be read here, but a model may name them if they were
-// converted before training.
-constexpr std::array<std::string_view, 11> kRawExtensions = {
-    ".dng", ".cr2", ".cr3", ".nef", ".arw", ".orf", ".raf", ".rw2", ".raw", ".heif", ".jxl"};
+// Extensions of raw photos and the like. They cannot be read here, but a model may name them if they
+// were converted before training.
+constexpr std::array<std::string_view, 10> kForeignExtensions = {
+    ".dng", ".cr2", ".cr3", ".nef", ".arw", ".orf", ".raf", ".rw2", ".raw", ".jxl"};
 
-bool is_picture(const fs::path& path) {
-  return std::find(kPictureExtensions.begin(), kPictureExtensions.end(), lowercase_ending(path)) !=
-         kPictureExtensions.end();
+template <std::size_t N>
+bool has_one_of(const std::array<std::string_view, N>& extensions, const fs::path& file) {
+  return std::find(extensions.begin(), extensions.end(), lowercase_ending(file)) !=
+         extensions.end();
 }
 
 }  // namespace
+
+bool is_picture(const fs::path& file) { return has_one_of(kPictureExtensions, file); }
+
+bool is_foreign_photo(const fs::path& file) { return has_one_of(kForeignExtensions, file); }
 
 std::string lowercase(std::string text) {
   for (char& c : text)
@@ -36,11 +41,25 @@ std::string lowercase(std::string text) {
 
 std::string lowercase_ending(const fs::path& file) { return lowercase(file.extension().string()); }
 
+std::string name_below(const fs::path& folder, std::string name) {
+  const auto is_file = [&](const std::string& below) {
+    std::error_code ignored;
+    return fs::is_regular_file(folder / below, ignored);
+  };
+  const bool has_drive = name.size() > 2 && name[1] == ':' && (name[2] == '/' || name[2] == '\\');
+  const bool may_be_of_windows = has_drive || name.find('\\') != name.npos;
+  if (!may_be_of_windows || name.find('\0') != name.npos || is_file(name)) return name;
+  std::replace(name.begin(), name.end(), '\\', '/');
+  if (!has_drive) return name;
+  for (std::size_t at = name.find('/'); at != name.npos; at = name.find('/', at + 1))
+    if (const std::string end = name.substr(at + 1); !end.empty() && is_file(end)) return end;
+  return name;
+}
+
 std::string without_extension(const std::string& name) {
-  const std::string ending = lowercase_ending(name);
-  const bool is_raw =
-      std::find(kRawExtensions.begin(), kRawExtensions.end(), ending) != kRawExtensions.end();
-  return is_picture(name) || is_raw ? fs::path(name).replace_extension().generic_string() : name;
+  return is_picture(name) || is_foreign_photo(name)
+             ? fs::path(name).replace_extension().generic_string()
+             : name;
 }
 
 std::vector<std::string> picture_names_in(const fs::path& folder) {

@@ -131,7 +131,8 @@ PhotoWithAlpha read_photo_with_alpha(const fs::path& path) {
 PhotoSize read_photo_size(const fs::path& path) { return with_sound_file(path, decode_photo_size); }
 
 int read_photo_orientation(const fs::path& path) {
-  return with_sound_file(path, decode_photo_orientation);
+  const int orientation = with_sound_file(path, decode_photo_orientation);
+  return orientation >= 1 && orientation <= 8 ? orientation : 1;
 }
 
 std::optional<Geodetic> read_photo_place(const fs::path& path) {

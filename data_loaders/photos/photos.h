@@ -35,8 +35,9 @@ PhotoWithAlpha read_photo_with_alpha(const std::filesystem::path& path);
 /// The size of a photo from its header. Throws Error like read_photo().
 PhotoSize read_photo_size(const std::filesystem::path& path);
 
-/// The EXIF orientation in a photo's header, 1 to 8; 1 (upright) if there is none, and in a build
-/// without OpenImageIO. gemsplat does not follow it. Throws Error like read_photo().
+/// The EXIF orientation in a photo's header, 1 to 8; 1 (upright) if there is none. A build without
+/// OpenImageIO reads it of JPEG files. read_photo() does not follow it, but upright() does
+/// (orientation.h). Throws Error like read_photo().
 int read_photo_orientation(const std::filesystem::path& path);
 
 /// Where a photo was taken, by the GPS tags of EXIF; none if a coordinate or the altitude is

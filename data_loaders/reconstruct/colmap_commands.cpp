@@ -4,7 +4,9 @@
 #include <spdlog/fmt/fmt.h>
 
 #include <algorithm>
+#include <map>
 
+#include "data_loaders/reconstruct/colmap_log.h"
 #include "gs_core/io/atomic_file.h"
 #include "gs_core/processes/subprocess.h"
 
@@ -13,9 +15,9 @@ namespace {
 
 namespace fs = std::filesystem;
 
-void write_photo_list(const ColmapPlan& plan, const fs::path& file) {
+void write_photo_list(const std::vector<PhotoFile>& photos, const fs::path& file) {
   AtomicFile list(file);
-  for (const PhotoFile& photo : plan.photos) list.write(photo.name + "\n");
+  for (const PhotoFile& photo : photos) list.write(photo.name + "\n");
   list.commit();
 }
 
@@ -45,10 +47,10 @@ void ColmapCommand::add_known(std::initializer_list<const char*> options,
   if (name != options.end()) add(*name, value);
 }
 
-ColmapCommand feature_command(const ColmapPlan& plan) {
+ColmapCommand feature_command(const ColmapPlan& plan, const std::vector<PhotoFile>& photos) {
   ColmapCommand command(plan.program, "feature_extractor");
   const fs::path list = plan.files.photo_list();
-  write_photo_list(plan, list);
+  write_photo_list(photos, list);
   command.add("--database_path", plan.files.database().string());
   command.add("--image_path", plan.files.images().string());
   command.add("--image_list_path", list.string());
@@ -76,7 +78,37 @@ ColmapCommand match_command(const ColmapPlan& plan) {
   return command;
 }
 
+ColmapModel known_model(const ColmapPlan& plan) {
+  ColmapModel known;
+  known.cameras = plan.poses->cameras;
+  std::map<std::string, std::uint32_t> ids;
+  for (const ColmapLog::Photo& photo : read_colmap_log(plan.files.log()).photos)
+    ids.emplace(photo.name, std::uint32_t(ids.size() + 1));
+  for (const ColmapImage& image : plan.poses->images) {
+    const auto id = ids.find(image.name);
+    if (id == ids.end()) continue;  // COLMAP could not read it
+    ColmapImage posed;
+    posed.id = id->second;
+    posed.name = image.name;
+    posed.camera_id = image.camera_id;
+    posed.cam_from_world_rotation = image.cam_from_world_rotation;
+    posed.cam_from_world_translation = image.cam_from_world_translation;
+    known.images.push_back(std::move(posed));
+  }
+  return known;
+}
+
 ColmapCommand model_command(const ColmapPlan& plan) {
+  if (plan.poses) {
+    ColmapCommand command(plan.program, "point_triangulator");
+    command.add("--database_path", plan.files.database().string());
+    command.add("--image_path", plan.files.images().string());
+    command.add("--input_path", plan.files.known().string());
+    command.add("--output_path", (plan.files.attempt() / "0").string());
+    command.add_known({"--clear_points"}, "1");
+    command.add_known({"--Mapper.num_threads"}, thread_text(plan));
+    return command;
+  }
   ColmapCommand command(plan.program, "mapper");
   command.add("--database_path", plan.files.database().string());
   command.add("--image_path", plan.files.images().string());

@@ -27,9 +27,14 @@ class ColmapCommand {
   std::set<std::string> known_;
 };
 
-/// Writes the list of photos into the work folder, too.
-ColmapCommand feature_command(const ColmapPlan& plan);
+/// Of the photos of one camera group. Writes their list into the work folder, too.
+ColmapCommand feature_command(const ColmapPlan& plan, const std::vector<PhotoFile>& photos);
 ColmapCommand match_command(const ColmapPlan& plan);
+/// The mapper or, where the poses are known, the point_triangulator, which needs the model of
+/// known_model() in plan.files.known().
 ColmapCommand model_command(const ColmapPlan& plan);
+
+/// The known poses with the ids that COLMAP gave the photos, by its log, and without points.
+ColmapModel known_model(const ColmapPlan& plan);
 
 }  // namespace gs

@@ -4,6 +4,8 @@
 #include <spdlog/fmt/fmt.h>
 
 #include <algorithm>
+#include <map>
+#include <utility>
 
 #include "gs_core/error.h"
 #include "gs_core/io/fnv1a.h"
@@ -27,10 +29,47 @@ std::string found_program(const ColmapPlan& plan, const std::string& name) {
   return program->string();
 }
 
+// The same size, whichever way the camera was held.
 bool same_size(const std::vector<PhotoFile>& photos) {
-  return std::all_of(photos.begin(), photos.end(), [&](const PhotoFile& photo) {
-    return photo.size.width == photos[0].size.width && photo.size.height == photos[0].size.height;
-  });
+  const auto sides = [](const PhotoFile& photo) {
+    return std::minmax(photo.size.width, photo.size.height);
+  };
+  return std::all_of(photos.begin(), photos.end(),
+                     [&](const PhotoFile& photo) { return sides(photo) == sides(photos[0]); });
+}
+
+/// The photos whose cameras are known, as they are stored: the cameras are of those pixels.
+std::vector<PhotoFile> posed_photos(const ColmapModel& poses, const fs::path& folder) {
+  std::vector<PhotoFile> photos;
+  for (const ColmapImage& image : poses.images) {
+    const fs::path name = fs::path(image.name).lexically_normal();
+    if (name.is_absolute() || name.empty() || *name.begin() == "..")
+      throw Error(fmt::format("the image name '{}' leads out of {}; rename it in the model",
+                              image.name, folder.string()));
+    const PhotoFile photo{folder / image.name, image.name, read_photo_size(folder / image.name)};
+    const ColmapCamera& camera = poses.cameras.at(image.camera_id);
+    if (photo.size.width != camera.width || photo.size.height != camera.height)
+      throw Error(fmt::format(
+          "photo {} has {} x {} pixels, but its camera in the model {} x {}; "
+          "make them the same with `gemsplat undistort`, and take what it writes",
+          photo.path.string(), photo.size.width, photo.size.height, camera.width, camera.height));
+    photos.push_back(photo);
+  }
+  return photos;
+}
+
+/// A text that differs where a pose or a camera does.
+std::string text_of_poses(const ColmapModel& poses) {
+  Fnv1a hash;
+  for (const auto& [id, camera] : poses.cameras)
+    for (const double value : camera.params) hash.add(fmt::format("{} {}\n", id, value));
+  for (const ColmapImage& image : poses.images) {
+    const auto& [w, x, y, z] = image.cam_from_world_rotation;
+    const Vec3d& t = image.cam_from_world_translation;
+    hash.add(fmt::format("{} {} {} {} {} {} {} {} {}\n", image.name, image.camera_id, w, x, y, z,
+                         t.x, t.y, t.z));
+  }
+  return fmt::format(", known poses {:016x}", hash.value());
 }
 
 }  // namespace
@@ -67,7 +106,8 @@ ColmapPlan plan_of(const ColmapJob& job) {
   plan.frames = settings.frames;
   plan.use_gpu = settings.use_gpu;
   plan.threads = job.threads;
-  plan.videos = find_videos(job.photos);
+  plan.poses = job.poses;
+  if (!plan.poses) plan.videos = find_videos(job.photos);
   plan.has_short_flags = job.has_short_flags;
   plan.program = found_program(plan, settings.colmap);
   const bool same_folder = fs::weakly_canonical(job.photos) == fs::weakly_canonical(job.scene);
@@ -81,13 +121,26 @@ ColmapPlan plan_of(const ColmapJob& job) {
     throw UsageError("the photos and the scene are the same folder, " + job.photos.string() +
                      "; name another for the scene with -o, or put the photos into its images/");
   const fs::path photos = same_folder ? plan.files.images() : job.photos;
-  plan.photos = find_photos(photos, job.scene);
   plan.photos_in_place = is_within(photos, plan.files.images());
+  plan.photos = plan.poses
+                    ? posed_photos(*plan.poses, photos)
+                    : find_photos(photos, job.scene,
+                                  plan.photos_in_place ? PhotoUse::in_place : PhotoUse::brought);
   if (plan.photos_in_place && !is_within(plan.files.images(), photos))
     throw UsageError(fmt::format("{} lies inside the images of {}; choose another scene with -o",
                                  photos.string(), job.scene.string()));
   complete_plan(plan, job.photos);
   return plan;
+}
+
+std::vector<std::vector<PhotoFile>> camera_groups(const ColmapPlan& plan) {
+  if (!plan.single_camera) return {plan.photos};
+  std::map<std::pair<int, int>, std::vector<PhotoFile>> by_size;
+  for (const PhotoFile& photo : plan.photos)
+    by_size[{photo.size.width, photo.size.height}].push_back(photo);
+  std::vector<std::vector<PhotoFile>> groups;
+  for (auto& [size, photos] : by_size) groups.push_back(std::move(photos));
+  return groups;
 }
 
 std::string made_of(const ColmapPlan& plan) {
@@ -100,10 +153,12 @@ std::string made_of(const ColmapPlan& plan) {
                        word_of(plan.single_camera_setting), word_of(plan.matching),
                        plan.max_features);
   for (const PhotoFile& photo : plan.photos)
-    hash.add(fmt::format("{}\n{}\n", photo.name, fs::file_size(photo.path)));
-  return fmt::format("{} photos {:016x}, {}, {} camera(s), {} matching, {} features",
+    hash.add(fmt::format("{}\n{}\n{}", photo.name, fs::file_size(photo.path),
+                         photo.is_copied ? "upright\n" : ""));
+  return fmt::format("{} photos {:016x}, {}, {} camera(s), {} matching, {} features{}",
                      plan.photos.size(), hash.value(), plan.camera_model,
-                     plan.single_camera ? "one" : "own", word_of(plan.matching), plan.max_features);
+                     plan.single_camera ? "one" : "own", word_of(plan.matching), plan.max_features,
+                     plan.poses ? text_of_poses(*plan.poses) : "");
 }
 
 }  // namespace gs

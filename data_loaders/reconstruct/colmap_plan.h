@@ -22,6 +22,7 @@ struct SceneFiles {
   std::filesystem::path images() const { return root / "images"; }
   std::filesystem::path sparse() const { return root / "sparse"; }
   std::filesystem::path attempt() const { return work / "models"; }  // the mapper's
+  std::filesystem::path known() const { return work / "known"; }     // poses that are known
   std::filesystem::path photo_list() const { return work / "photos.txt"; }
   std::filesystem::path database() const { return root / "database.db"; }
   std::filesystem::path log() const { return root / "colmap.log"; }
@@ -35,10 +36,12 @@ struct ColmapPlan {
   bool photos_in_place = false;               // the photos are in the scene's images/ already
   std::string program, camera_model;
   Matching matching = Matching::automatic;
-  bool single_camera = false, use_gpu = false;
+  bool single_camera = false;  // one lens took all photos: see camera_groups()
+  bool use_gpu = false;
   int max_features = 0, frames = 0, threads = 0;
   SingleCamera single_camera_setting = SingleCamera::automatic;
-  bool has_short_flags = false;  // as in ColmapJob
+  bool has_short_flags = false;                        // as in ColmapJob
+  std::shared_ptr<const ColmapModel> poses = nullptr;  // as in ColmapJob
 
   /// How to set a setting on the command line, for advice: "--matching exhaustive", or "--set
   /// reconstruct.matching=exhaustive" in verbs without that flag.
@@ -51,6 +54,10 @@ ColmapPlan plan_of(const ColmapJob& job);
 
 /// Decides the rest once `plan.photos` are known. `source` is for messages.
 void complete_plan(ColmapPlan& plan, const std::filesystem::path& source);
+
+/// The photos that share a camera of the model, where there is one lens: a camera has one size, so
+/// photos that were held upright and on the side have one each. Else all photos are one group.
+std::vector<std::vector<PhotoFile>> camera_groups(const ColmapPlan& plan);
 
 /// A text of the photos and settings that a result depends on: the same text, the same result.
 std::string made_of(const ColmapPlan& plan);

@@ -12,22 +12,32 @@ namespace gs {
 
 struct PhotoFile {
   std::filesystem::path path;
-  std::string name;  // relative to the folder, "/" between folders
-  PhotoSize size;
+  std::string name;        // in the scene: relative to the folder, "/" between folders
+  PhotoSize size;          // in the scene
+  bool is_copied = false;  // the scene gets an upright copy (write_copy()), not the file
+  int orientation = 1;     // of the file, by EXIF
 };
 
-/// The photos in a folder and below it, or in its images/ where it has none itself; sorted by name.
-/// Hidden files, scenes and runs of gemsplat, `masks/` and everything below `without` are left out.
-/// So are photos that cannot be read, with a warning. Throws Error where there is no photo, and
-/// says what there is instead.
-std::vector<PhotoFile> find_photos(const std::filesystem::path& folder,
-                                   const std::filesystem::path& without);
+/// Whether the photos are brought into a scene, or lie in its images/ and stay as they are.
+enum class PhotoUse { brought, in_place };
 
-/// The video `source`, or the videos in the folder `source` if it has no photos; sorted.
+/// The photos in a folder and below it, or in its images/ where it has none itself; sorted by name.
+/// Hidden files, scenes and runs of gemsplat, `masks/`, `depth/` and everything below `without` are
+/// left out. So are photos that cannot be read or are cut short, and panoramas of 360 degrees, with a
+/// warning that names them. Photos that EXIF
+/// turns, or of formats that COLMAP does not read, get copies in the scene: a.heic becomes a.jpg,
+/// and a.webp a.png. In place there are no copies, and a warning names these photos. Throws Error
+/// where there is no photo, and says what there is instead.
+std::vector<PhotoFile> find_photos(const std::filesystem::path& folder,
+                                   const std::filesystem::path& without,
+                                   PhotoUse use = PhotoUse::brought);
+
+/// The video `source`, or the videos in the folder `source` if there are no photos in and below it;
+/// sorted.
 std::vector<std::filesystem::path> find_videos(const std::filesystem::path& source);
 
-/// Whether this is a video, or a folder of photos or videos without camera poses: there is no
-/// COLMAP model in it, one level up or down, or in a sparse/N, and no transforms*.json.
+/// Whether this is a video, or a folder of photos, in it or below, or of videos, without camera
+/// poses: there is no COLMAP model in it, one level up or anywhere below, and no transforms*.json.
 bool holds_only_photos(const std::filesystem::path& folder);
 
 }  // namespace gs

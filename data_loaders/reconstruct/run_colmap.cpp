@@ -10,10 +10,12 @@
 #include <fstream>
 
 #include "data_loaders/colmap/colmap_model.h"
+#include "data_loaders/colmap/colmap_write.h"
 #include "data_loaders/reconstruct/colmap_commands.h"
 #include "data_loaders/reconstruct/colmap_log.h"
 #include "data_loaders/reconstruct/colmap_plan.h"
 #include "data_loaders/reconstruct/colmap_verdict.h"
+#include "data_loaders/reconstruct/foreign_cameras.h"
 #include "data_loaders/reconstruct/scene_state.h"
 #include "data_loaders/reconstruct/take_pictures.h"
 #include "gs_core/error.h"
@@ -60,19 +62,24 @@ std::set<std::string> stage_names() {
       log, last_lines(plan.files.log(), kLinesShown)));
 }
 
+// `before` photos of the stage are done by earlier commands.
 void run_stage(const Stage& stage, const ColmapCommand& command, const ColmapPlan& plan,
-               const ColmapProgress& progress) {
+               const ColmapProgress& progress, std::int64_t before = 0) {
   const auto photos = std::int64_t(plan.photos.size());
-  progress(stage.stage, 0, photos);
-  log_info("{}: colmap {}", stage.headline, command.arguments()[1]);
+  if (before == 0) {
+    progress(stage.stage, 0, photos);
+    log_info("{}: colmap {}", stage.headline, command.arguments()[1]);
+  }
   std::ofstream(plan.files.log(), std::ios::app)
       << "\n## " << fmt::format("{}", fmt::join(command.arguments(), " ")) << "\n"
       << "## colmap " << command.arguments()[1] << "\n";
   ProcessEnd end;
   try {
     end = run_process(command.arguments(), plan.files.log(), [&](std::string_view line) {
-      if (const auto count = colmap_count(line))
-        progress(stage.stage, count->done, count->total ? count->total : photos);
+      const auto count = colmap_count(line);
+      if (!count) return;
+      const bool counts_photos = count->total == 0 || stage.stage == ColmapStage::features;
+      progress(stage.stage, before + count->done, counts_photos ? photos : count->total);
     });
   } catch (const Error& error) {
     if (error.code() != ExitCode::interrupted) throw;
@@ -103,9 +110,22 @@ void keep_models(const SceneFiles& files, const fs::path& sparse) {
 void make_model(const Stage& stage, const ColmapPlan& plan, SceneFolder& folder,
                 const ColmapProgress& progress) {
   fs::create_directories(plan.files.attempt());
+  if (plan.poses) {
+    fs::create_directories(plan.files.attempt() / "0");  // point_triangulator does not
+    write_colmap_model(plan.files.known(), known_model(plan));
+  }
   run_stage(stage, model_command(plan), plan, progress);
   keep_models(plan.files, folder.work() / "sparse");
   folder.take_models(stage.name);
+}
+
+// COLMAP gives one camera to all photos of a call, so each group has a call.
+void find_features(const Stage& stage, const ColmapPlan& plan, const ColmapProgress& progress) {
+  std::int64_t before = 0;
+  for (const std::vector<PhotoFile>& photos : camera_groups(plan)) {
+    run_stage(stage, feature_command(plan, photos), plan, progress, before);
+    before += std::int64_t(photos.size());
+  }
 }
 
 void run_stages(ColmapPlan& plan, SceneFolder& folder, const ColmapProgress& progress) {
@@ -116,13 +136,22 @@ void run_stages(ColmapPlan& plan, SceneFolder& folder, const ColmapProgress& pro
     }
     plan.files.work = folder.work();
     switch (stage.stage) {
-      case ColmapStage::frames: break;  // taken above
-      case ColmapStage::features: run_stage(stage, feature_command(plan), plan, progress); break;
+      case ColmapStage::frames:
+      case ColmapStage::copies: break;  // taken above
+      case ColmapStage::features: find_features(stage, plan, progress); break;
       case ColmapStage::matches: run_stage(stage, match_command(plan), plan, progress); break;
       case ColmapStage::model: make_model(stage, plan, folder, progress); continue;
     }
     folder.complete(stage.name);
   }
+}
+
+std::string text_of_cameras(const ColmapPlan& plan) {
+  if (plan.poses) return "with known cameras";
+  if (!plan.single_camera) return fmt::format("a {} camera each", plan.camera_model);
+  const std::size_t count = camera_groups(plan).size();
+  return count == 1 ? fmt::format("one {} camera", plan.camera_model)
+                    : fmt::format("{} {} cameras, one for each size", count, plan.camera_model);
 }
 
 }  // namespace
@@ -131,15 +160,18 @@ void check_reconstruction(const ColmapJob& job) { plan_of(job); }
 
 Reconstruction run_colmap(const ColmapJob& job, const ColmapProgress& progress) {
   ColmapPlan plan = plan_of(job);
+  if (const auto foreign = job.poses ? std::nullopt : find_foreign_cameras(job.photos))
+    log_warning(
+        "{} holds camera poses of {}, which are not used: COLMAP places the photos anew; to "
+        "keep them, {}",
+        foreign->file.string(), foreign->program, foreign->way);
   OutputLock lock = OutputLock::of_folder(job.scene);
   const std::unique_ptr<SceneFolder> folder = prepare_folder(plan, job, stage_names(), lock);
   if (!plan.videos.empty())
     take_frames_of_videos(plan, *folder, progress);
   else if (!folder->has("model"))
-    take_photos(plan, *folder);
-  log_info("{} photos, {}, {} matching", plan.photos.size(),
-           plan.single_camera ? "one " + plan.camera_model + " camera"
-                              : "a " + plan.camera_model + " camera each",
+    take_photos(plan, *folder, progress);
+  log_info("{} photos, {}, {} matching", plan.photos.size(), text_of_cameras(plan),
            word_of(plan.matching));
   run_stages(plan, *folder, progress);
   return verdict_of(plan);

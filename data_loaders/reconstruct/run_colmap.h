@@ -6,14 +6,16 @@
 #include <cstdint>
 #include <filesystem>
 #include <functional>
+#include <memory>
 #include <string>
 #include <vector>
 
+#include "data_loaders/colmap/colmap_model.h"
 #include "gs_core/config/config.h"
 
 namespace gs {
 
-enum class ColmapStage { frames, features, matches, model };
+enum class ColmapStage { frames, copies, features, matches, model };
 
 /// Called at the beginning of a stage with `done` 0, and whenever COLMAP reports progress.
 using ColmapProgress =
@@ -27,6 +29,9 @@ struct ColmapJob {
   int threads = 0;               // 0: all cores
   bool force = false;            // move what is in `scene` to scene.bak-N first
   bool has_short_flags = false;  // errors advise --colmap and --matching, not --set reconstruct.*
+  /// Cameras and poses of the photos that are known: COLMAP only finds points for them. Image names
+  /// are relative to `photos`.
+  std::shared_ptr<const ColmapModel> poses = nullptr;
 };
 
 struct MissingPhoto {

@@ -5,10 +5,16 @@
 
 #include <algorithm>
 #include <map>
+#include <mutex>
+#include <optional>
 
+#include "data_loaders/counted.h"
+#include "data_loaders/photos/orientation.h"
 #include "data_loaders/video/video_frames.h"
+#include "gs_core/access.h"
 #include "gs_core/error.h"
 #include "gs_core/log.h"
+#include "gs_core/threads/parallel.h"
 
 namespace gs {
 namespace {
@@ -40,6 +46,42 @@ void place(const std::map<std::string, fs::path>& sources, SceneFolder& folder) 
   folder.files().place(sources, [&] { return folder.work(); });
 }
 
+// The photo upright; nothing where it is damaged, which a warning says.
+std::optional<Image8> upright_of(const PhotoFile& photo) {
+  try {
+    return read_upright(photo.path);
+  } catch (const AccessError&) {
+    throw;
+  } catch (const Error& error) {
+    if (error.code() == ExitCode::out_of_memory) throw;
+    log_warning("a photo is left out: {}", error.what());
+    return {};
+  }
+}
+
+// Upright copies in the work folder, by their names in the scene.
+std::map<std::string, fs::path> make_copies(const std::vector<PhotoFile>& photos,
+                                            SceneFolder& folder, const ColmapProgress& progress) {
+  if (photos.empty()) return {};
+  log_info("{} copied upright into the scene", counted(photos.size(), "photo", "is", "are"));
+  const fs::path copies = folder.work() / "copies";
+  const auto count = std::int64_t(photos.size());
+  progress(ColmapStage::copies, 0, count);
+  std::map<std::string, fs::path> made;
+  std::mutex mutex;
+  std::int64_t done = 0;
+  parallel_for(photos.size(), 1, [&](std::size_t i) {
+    const PhotoFile& photo = photos[i];
+    const fs::path copy = copies / (std::to_string(i) + fs::path(photo.name).extension().string());
+    const std::optional<Image8> pixels = upright_of(photo);
+    if (pixels) write_copy(photo.path, *pixels, copy);
+    const std::lock_guard lock(mutex);
+    if (pixels) made[name_in_scene(photo.name)] = copy;
+    progress(ColmapStage::copies, ++done, count);
+  });
+  return made;
+}
+
 // The frames are made in the work folder and moved when all of a video are there.
 void take_frames_of(const fs::path& video, std::int64_t count, std::int64_t wanted,
                     const std::string& stem, SceneFolder& folder,
@@ -54,7 +96,7 @@ void take_frames_of(const fs::path& video, std::int64_t count, std::int64_t want
 // Frames that we took, and no other pictures in the folder. A scene of gemsplat 0.1.0 does not say
 // which these are.
 std::vector<PhotoFile> frames_in(const ColmapPlan& plan, SceneFolder& folder) {
-  std::vector<PhotoFile> photos = find_photos(plan.files.images(), {});
+  std::vector<PhotoFile> photos = find_photos(plan.files.images(), {}, PhotoUse::in_place);
   const OwnedFiles::Stamps& ours = folder.files().names();
   const auto first = ours.lower_bound(std::string(kImages));
   if (first == ours.end() || !first->first.starts_with(kImages)) return photos;
@@ -65,12 +107,22 @@ std::vector<PhotoFile> frames_in(const ColmapPlan& plan, SceneFolder& folder) {
 
 }  // namespace
 
-void take_photos(const ColmapPlan& plan, SceneFolder& folder) {
+void take_photos(ColmapPlan& plan, SceneFolder& folder, const ColmapProgress& progress) {
   if (plan.photos_in_place) return;
   std::map<std::string, fs::path> sources;
+  std::vector<PhotoFile> to_copy;
   for (const PhotoFile& photo : plan.photos)
-    sources[name_in_scene(photo.name)] = fs::canonical(photo.path);
+    if (!photo.is_copied)
+      sources[name_in_scene(photo.name)] = fs::canonical(photo.path);
+    else if (!folder.files().holds(name_in_scene(photo.name)))
+      to_copy.push_back(photo);
+  const std::map<std::string, fs::path> copies = make_copies(to_copy, folder, progress);
+  sources.insert(copies.begin(), copies.end());
   place(sources, folder);
+  std::erase_if(plan.photos, [&](const PhotoFile& photo) {
+    return photo.is_copied && !folder.files().holds(name_in_scene(photo.name));
+  });
+  if (!to_copy.empty()) complete_plan(plan, plan.files.root);
 }
 
 void take_frames_of_videos(ColmapPlan& plan, SceneFolder& folder, const ColmapProgress& progress) {

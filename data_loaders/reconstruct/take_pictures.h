@@ -7,9 +7,10 @@
 
 namespace gs {
 
-/// Hard links where the file system has them, else copies. The photos themselves stay as they are.
-/// Throws UsageError if another file has the name of a photo.
-void take_photos(const ColmapPlan& plan, SceneFolder& folder);
+/// Hard links where the file system has them, else copies; upright ones where PhotoFile says so. The
+/// photos themselves stay as they are. A photo that turns out to be damaged is taken out of the
+/// plan, with a warning. Throws UsageError if another file has the name of a photo.
+void take_photos(ColmapPlan& plan, SceneFolder& folder, const ColmapProgress& progress);
 
 /// The sharpest frames of each video; a video whose frames are complete is passed over. Completes
 /// the plan.

@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "data_loaders/colmap/colmap_model.h"
+#include "data_loaders/photos/not_a_folder.h"
 #include "data_loaders/photos/photo_names.h"
 #include "data_loaders/transforms/transforms_json.h"
 #include "gs_core/error.h"
@@ -124,8 +125,8 @@ SceneFolders find_scene(const DatasetConfig& dataset) {
   if (dataset.source.empty()) throw UsageError("dataset.source is empty; name the scene's folder");
   const fs::path source = dataset.source;
   if (!is_folder(source))
-    throw Error(fmt::format("cannot find the scene {}: there is no such folder; check the path",
-                            dataset.source));
+    throw Error(
+        fmt::format("cannot find the scene {}: {}", dataset.source, remedy_of_no_folder(source)));
 
   check_models_are_visible(source);
   const bool is_named = !dataset.model.empty();

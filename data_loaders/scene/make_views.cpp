@@ -8,6 +8,7 @@
 
 #include <spdlog/fmt/fmt.h>
 
+#include "data_loaders/photos/large_photos.h"
 #include "data_loaders/photos/photo_pool.h"
 #include "data_loaders/scene/cached_picture.h"
 #include "data_loaders/scene/depth/depth_map.h"
@@ -22,8 +23,13 @@
 namespace gs {
 namespace {
 
-constexpr int kMostDecoders = 16;                               // threads of a PhotoPool
+constexpr double kCachedShare = 0.5;  // of decoded bytes that are kept, in most photos
+constexpr int kMostDecoders = 16;     // threads of a PhotoPool
 constexpr std::size_t kBytesForLooking = std::size_t(1) << 30;  // of photos, with when_asked
+
+std::size_t pixel_count(const PhotoSize& size) {
+  return std::size_t(size.width) * std::size_t(size.height);
+}
 
 /// A view without its picture.
 View empty_view(const ViewPlan& plan) {
@@ -167,6 +173,15 @@ bool fit_into_ram(const std::vector<PhotoCost>& costs, std::size_t budget) {
          budget;
 }
 
+/// Says what large photos cost, before they are read.
+void report_large_photos(const std::vector<ViewPlan>& plans, int resolution) {
+  PhotoSize largest;
+  for (const ViewPlan& plan : plans)
+    if (pixel_count(plan.photo_size) > pixel_count(largest)) largest = plan.photo_size;
+  if (const std::string advice = advice_on_large_photos(largest, resolution); !advice.empty())
+    log_warning("{}", advice);
+}
+
 /// Views without photos, and a pool that decodes them on demand.
 std::vector<View> lazy_views(std::vector<ViewPlan> plans, std::vector<PhotoCost> costs,
                              std::size_t budget, std::shared_ptr<CachedPictures> cache) {
@@ -202,11 +217,13 @@ std::vector<View> make_views(const DatasetConfig& dataset, std::vector<ViewPlan>
         has_frames(plans) ? cache_for(dataset, plans, false) : nullptr;
     return lazy_views(std::move(plans), std::move(costs), budget, kept);
   }
+  report_large_photos(plans, dataset.resolution);
   std::size_t budget = photo_ram_bytes(dataset);
   const bool all_fit = fit_into_ram(costs, budget);
   const std::shared_ptr<CachedPictures> cache = cache_for(dataset, plans, all_fit);
   if (cache)
-    log_info("photos that are ready for training are kept in {}", cache->folder().string());
+    log_info("photos that are ready for training are kept in {}, and take up to {:.2g} GiB there",
+             cache->folder().string(), kCachedShare * held / kBytesPerGib);
   if (all_fit) return load_views(plans, cache.get(), progress);
   const std::size_t least = PhotoPool::least_budget(costs);
   if (dataset.photo_ram_gib > 0 && budget < least)

@@ -164,12 +164,11 @@ std::vector<fs::path> match_photos(const ColmapModel& model, const fs::path& fol
   return paths;
 }
 
-std::vector<fs::path> find_photos(const ColmapModel& model, const fs::path& folder) {
-  std::vector<fs::path> paths = match_photos(model, folder);
+void fail_missing_photos(const ColmapModel& model, const std::vector<fs::path>& paths,
+                         const fs::path& folder) {
   std::set<std::string> missing;
   for (std::size_t i = 0; i < paths.size(); ++i)
     if (paths[i].empty()) missing.insert(model.images[i].name);
-  if (missing.empty()) return paths;
   fail_missing(missing, paths.size(), pictures_besides(paths, folder), folder);
 }
 

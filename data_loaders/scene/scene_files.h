@@ -25,9 +25,10 @@ std::vector<std::filesystem::path> match_photos(const std::vector<std::string>& 
 std::vector<std::filesystem::path> match_photos(const ColmapModel& model,
                                                 const std::filesystem::path& folder);
 
-/// The same, but throws Error that lists the missing photos.
-std::vector<std::filesystem::path> find_photos(const ColmapModel& model,
-                                               const std::filesystem::path& folder);
+/// Throws Error that lists the images without a file. `paths` is what match_photos() gave.
+[[noreturn]] void fail_missing_photos(const ColmapModel& model,
+                                      const std::vector<std::filesystem::path>& paths,
+                                      const std::filesystem::path& folder);
 
 /// What to do about a photo that is missing: in words, for the end of a message.
 std::string remedy_of_missing(const std::string& name, const std::filesystem::path& folder);

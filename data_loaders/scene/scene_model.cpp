@@ -9,16 +9,21 @@
 #include <unordered_map>
 
 #include "data_loaders/colmap/world_offset.h"
+#include "data_loaders/counted.h"
+#include "data_loaders/photos/cut_short.h"
 #include "data_loaders/photos/photo_names.h"
 #include "data_loaders/scene/photo_times.h"
 #include "data_loaders/transforms/transforms_json.h"
 #include "gs_core/error.h"
 #include "gs_core/log.h"
+#include "gs_core/threads/parallel.h"
 
 namespace gs {
 namespace {
 
 namespace fs = std::filesystem;
+
+constexpr double kMostLost = 0.2;  // of the photos: more missing are another folder, or no scene
 
 // --- Split
 
@@ -77,6 +82,11 @@ void sort_by_name(ColmapModel& model) {
             [](const ColmapImage& a, const ColmapImage& b) { return a.name < b.name; });
 }
 
+/// Names that were written on another machine become those of files here.
+void localize_names(ColmapModel& model, const fs::path& images) {
+  for (ColmapImage& image : model.images) image.name = name_below(images, image.name);
+}
+
 // --- Checks
 
 /// Image names lead to files below the images folder, here and wherever a run writes pictures by
@@ -88,6 +98,51 @@ void check_name(const ColmapImage& image, const fs::path& model) {
         fmt::format("cannot use the model in {}: image name '{}' leads out of the images folder; "
                     "rename it in the model",
                     model.string(), image.name));
+}
+
+/// Takes images out of the scene.
+void keep_images(SceneModel& scene, const std::vector<bool>& is_lost) {
+  std::size_t kept = 0;
+  for (std::size_t i = 0; i < is_lost.size(); ++i) {
+    if (is_lost[i]) continue;
+    if (kept != i) {
+      scene.model.images[kept] = std::move(scene.model.images[i]);
+      scene.photos[kept] = std::move(scene.photos[i]);
+      scene.is_test[kept] = scene.is_test[i];
+    }
+    ++kept;
+  }
+  scene.model.images.resize(kept);
+  scene.photos.resize(kept);
+  scene.is_test.resize(kept);
+  if (std::find(scene.is_test.begin(), scene.is_test.end(), false) == scene.is_test.end())
+    throw Error(
+        fmt::format("no view is left to train on: all training photos of {} are missing or "
+                    "cut short; copy them again",
+                    scene.model.folder.string()));
+}
+
+/// A few photos that were deleted or cut short cost themselves, and not the run. The split of the
+/// others stays.
+void leave_out_lost(const SceneFolders& folders, SceneModel& scene) {
+  const LostPhotos lost = lost_photos(scene.model, scene.photos);
+  if (!lost.are_few) {
+    if (!lost.missing.empty()) fail_missing_photos(scene.model, scene.photos, folders.images);
+    return;  // the reader of the first one says what it is
+  }
+  std::vector<bool> is_lost(scene.photos.size(), false);
+  std::string names;
+  for (const auto* some : {&lost.missing, &lost.cut_short})
+    for (const std::size_t i : *some) {
+      is_lost[i] = true;
+      names += (names.empty() ? "" : ", ") + scene.model.images[i].name +
+               (some == &lost.missing ? " (missing)" : " (cut short)");
+    }
+  if (names.empty()) return;
+  log_warning("{} of {} left out, because the files in {} are missing or cut short: {}",
+              lost.missing.size() + lost.cut_short.size(),
+              counted(scene.photos.size(), "photo", "is", "are"), folders.images.string(), names);
+  keep_images(scene, is_lost);
 }
 
 /// Refuses a model with next to none of the photos: COLMAP gave up, or began another model.
@@ -155,6 +210,30 @@ std::vector<bool> test_views_of(const DatasetConfig& dataset, const ColmapModel&
   return is_test;
 }
 
+std::string text_of_no_points(int random_points) {
+  return fmt::format(
+      "the model has no points: training starts from {} random ones, which takes longer and gives "
+      "a "
+      "worse result; `gemsplat reconstruct SCENE -o NEW` makes a scene with points for these "
+      "cameras, with COLMAP",
+      random_points);
+}
+
+LostPhotos lost_photos(const ColmapModel& model, const std::vector<fs::path>& photos) {
+  LostPhotos lost;
+  std::vector<char> is_cut(photos.size(), false);
+  parallel_for(photos.size(), 1, [&](std::size_t i) {
+    if (!photos[i].empty() && model.images[i].video.empty()) is_cut[i] = is_cut_short(photos[i]);
+  });
+  for (std::size_t i = 0; i < photos.size(); ++i) {
+    if (photos[i].empty()) lost.missing.push_back(i);
+    if (is_cut[i]) lost.cut_short.push_back(i);
+  }
+  lost.are_few =
+      double(lost.missing.size() + lost.cut_short.size()) <= kMostLost * double(photos.size());
+  return lost;
+}
+
 SceneModel read_model_and_split(const DatasetConfig& dataset, const SceneFolders& folders,
                                 Tracks tracks) {
   SceneModel scene;
@@ -168,6 +247,7 @@ SceneModel read_model_and_split(const DatasetConfig& dataset, const SceneFolders
     scene.time_count = transforms.time_count;
     scene.is_split_by_files = transforms.has_split;
   }
+  if (folders.kind == SceneKind::colmap) localize_names(scene.model, folders.images);
   sort_by_name(scene.model);
   const bool follows_files = scene.is_split_by_files && dataset.eval && dataset.test_names.empty();
   scene.is_test =
@@ -200,16 +280,17 @@ void move_near_origin(SceneModel& scene) {
 
 void find_scene_files(const DatasetConfig& dataset, const SceneFolders& folders,
                       SceneModel& scene) {
+  for (const ColmapImage& image : scene.model.images) check_name(image, scene.model.folder);
+  scene.photos = match_photos(scene.model, folders.images);
+  leave_out_lost(folders, scene);
   std::vector<std::string> names;
   std::vector<fs::path> masks_of_model, depth_of_model;
   for (const ColmapImage& image : scene.model.images) {
-    check_name(image, scene.model.folder);
     names.push_back(image.name);
     masks_of_model.push_back(image.mask);
     depth_of_model.push_back(image.depth);
   }
   scene.masks = find_masks(dataset, folders);
-  scene.photos = find_photos(scene.model, folders.images);
   scene.mask_files = match_masks(scene.masks, names, scene.photos, masks_of_model);
   scene.depth = find_depth(dataset, folders);
   scene.depth_files = match_depth(scene.depth, names, scene.photos, depth_of_model);

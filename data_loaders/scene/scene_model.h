@@ -43,6 +43,18 @@ std::vector<bool> test_views_of(const DatasetConfig& dataset, const ColmapModel&
 /// images.
 std::vector<std::size_t> frame_numbers(const ColmapModel& model);
 
+/// What a model with cameras and without points costs, and how COLMAP finds points for its cameras.
+std::string text_of_no_points(int random_points);
+
+/// Photos of a model that training cannot use because their files are not there, or not to the end.
+/// Indices of model.images.
+struct LostPhotos {
+  std::vector<std::size_t> missing, cut_short;
+  bool are_few = true;  // training goes on without them
+};
+/// `photos`: their files, empty where there is none.
+LostPhotos lost_photos(const ColmapModel& model, const std::vector<std::filesystem::path>& photos);
+
 /// The three steps of read_scene_model(), for callers that report faults instead of stopping.
 /// First: reads a COLMAP model or transforms.json and splits it, as the files say or else by
 /// test_views_of(). The images' observations are read if dataset.exposure or dataset.refine_cameras
@@ -54,8 +66,9 @@ void move_near_origin(SceneModel& scene);
 /// Gives the images times by dataset.times (photo_times.h). With `frames`, each image becomes the
 /// frames of its camera.
 void find_times(const DatasetConfig& dataset, const SceneFolders& folders, SceneModel& scene);
-/// Third: the files of photos, masks and depth maps. Throws Error for a photo that is missing or
-/// whose name leads out of the images folder.
+/// Third: the files of photos, masks and depth maps. A few photos that are missing or cut short are
+/// taken out of the model, with a warning (LostPhotos). Throws Error for more of them, and for a
+/// name that leads out of the images folder.
 void find_scene_files(const DatasetConfig& dataset, const SceneFolders& folders, SceneModel& scene);
 
 /// All that later stages need to know of a scene. Throws Error that names the file and the remedy,

@@ -2,7 +2,9 @@
 #include "data_loaders/transforms/transforms_file.h"
 
 #include <algorithm>
+#include <utility>
 
+#include "data_loaders/photos/photo_names.h"
 #include "gs_core/io/byte_reader.h"
 #include "gs_core/io/read_json.h"
 
@@ -31,8 +33,9 @@ TransformsFile open_transforms_file(const fs::path& path) {
   return file;
 }
 
-std::optional<std::string> path_inside(std::string name) {
-  std::replace(name.begin(), name.end(), '\\', '/');  // written on Windows
+std::optional<std::string> path_inside(const fs::path& folder, std::string name) {
+  name = name_below(folder, std::move(name));
+  std::replace(name.begin(), name.end(), '\\', '/');
   const bool has_drive = name.size() > 2 && name[1] == ':' && name[2] == '/';
   if (name.empty() || name.find('\0') != name.npos || has_drive) return std::nullopt;
   const fs::path path = fs::path(name).lexically_normal();

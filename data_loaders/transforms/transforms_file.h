@@ -24,8 +24,9 @@ struct TransformsFile {
 TransformsFile open_transforms_file(const std::filesystem::path& path);
 
 /// A path relative to the folder of the file that names it, with "/" between folders and without
-/// "./". Nothing if the path is absolute, leads out of the folder or cannot be that of a file.
-std::optional<std::string> path_inside(std::string name);
+/// "./"; of a path of Windows, what name_below() takes of it. Nothing if the path is absolute, leads
+/// out of the folder or cannot be that of a file.
+std::optional<std::string> path_inside(const std::filesystem::path& folder, std::string name);
 
 /// The name of a file that exists, with the extension .png, .jpg or .jpeg added where the file
 /// leaves it out, as Blender's do. The name itself if there is no such file.

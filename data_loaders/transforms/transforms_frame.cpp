@@ -56,7 +56,7 @@ TransformsFrame::TransformsFrame(const TransformsFile& file, std::size_t index)
 std::string TransformsFrame::name() const {
   const Json* path = value_of(frame_, "file_path");  // not the top's
   if (!path) fail("lacks file_path");
-  const auto name = path_inside(text(*path, "file_path"));
+  const auto name = path_inside(file_.folder(), text(*path, "file_path"));
   if (!name)
     fail(
         "has a file_path that is empty, absolute, a folder or leads out of the file's folder; "
@@ -68,7 +68,7 @@ std::string TransformsFrame::name() const {
 fs::path TransformsFrame::mask() const {
   const Json* path = value_of(frame_, "mask_path");  // not the top's
   if (!path) return {};
-  const auto name = path_inside(text(*path, "mask_path"));
+  const auto name = path_inside(file_.folder(), text(*path, "mask_path"));
   if (!name)
     fail(
         "has a mask_path that is empty, absolute, a folder or leads out of the file's folder; "
@@ -85,8 +85,9 @@ fs::path TransformsFrame::mask() const {
 
 fs::path TransformsFrame::depth() const {
   const Json* path = value_of(frame_, "depth_file_path");
-  const auto name =
-      path && path->is_string() ? path_inside(text(*path, "depth_file_path")) : std::nullopt;
+  const auto name = path && path->is_string()
+                        ? path_inside(file_.folder(), text(*path, "depth_file_path"))
+                        : std::nullopt;
   std::error_code ignored;
   const bool is_there = name && fs::is_regular_file(file_.folder() / *name, ignored);
   return is_there ? file_.folder() / *name : fs::path();

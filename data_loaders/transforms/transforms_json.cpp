@@ -92,7 +92,8 @@ std::optional<Names> listed(const TransformsFile& file, const char* key, const N
   for (std::size_t i = 0; i < list->size(); ++i) {
     const Json& entry = (*list)[i];
     const std::string text = entry.is_string() ? entry.get<std::string>() : "";
-    const std::string name = with_extension(file.folder(), path_inside(text).value_or(""));
+    const std::string name =
+        with_extension(file.folder(), path_inside(file.folder(), text).value_or(""));
     if (!known.contains(name))
       file.fail(fmt::format(
           "entry {} of {}, '{}', is not the file_path of any frame; correct it or leave it out", i,

@@ -64,7 +64,8 @@ std::vector<ColmapPoint> read_points(const fs::path& path) {
 std::vector<ColmapPoint> read_transforms_points(const TransformsFile& file) {
   const auto entry = file.top.find("ply_file_path");
   if (entry == file.top.end() || entry->is_null()) return {};
-  const auto name = entry->is_string() ? path_inside(entry->get<std::string>()) : std::nullopt;
+  const auto name =
+      entry->is_string() ? path_inside(file.folder(), entry->get<std::string>()) : std::nullopt;
   if (!name)
     file.fail(
         "ply_file_path is not a path to a file in its folder; copy the PLY there and name it "

@@ -168,6 +168,10 @@ Straightened straighten(EditModel& model) {
   SceneFrame frame = scene_frame(cameras, gaussians.mean.span());
   Straightened result;
   result.by_cameras = !cameras.empty();
+  if (result.by_cameras && !frame.up_is_known)
+    throw UsageError(
+        "cannot straighten the model: its cameras are held in all directions or lie on their side, "
+        "so they do not say which way is up; give that direction with --up X,Y,Z");
   double radius = kFloorRadius * frame.radius;
   if (!result.by_cameras) {
     frame.up = up_of_levels(gaussians);

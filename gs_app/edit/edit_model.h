@@ -83,7 +83,7 @@ struct Straightened {
 /// Turns the model so that up is -y, as viewers show it, and moves it so that the floor is at y = 0
 /// and the middle of the scene above the origin. Up and middle are those of the cameras
 /// (scene_frame.h); without cameras up is that of level surfaces (upright.h) and the middle is the
-/// median of the means.
+/// median of the means. Throws UsageError where the cameras leave up unknown.
 Straightened straighten(EditModel& model);
 
 /// Brings a model that was moved back to the photos' frame; others stay as they are.

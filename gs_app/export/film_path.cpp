@@ -117,6 +117,10 @@ PosedPath round_the_scene(const PathRequest& request, const std::vector<NamedCam
   Orbit circle;
   circle.frame = request.center ? scene_frame_about(*request.center - world_offset, all)
                                 : scene_frame(all, points);
+  if (!circle.frame.up_is_known)
+    log_warning(
+        "the cameras are held in all directions or lie on their side, so the way up is a guess: if "
+        "the film is tilted, take --path flythrough, or turn the model with `gemsplat edit --up`");
   circle.turns = request.turns.value_or(1);
   circle.start = Vec3d(cameras.front().camera.position());
   if (!request.turns) swing_over_photos(circle, poses_of(cameras));

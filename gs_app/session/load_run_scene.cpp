@@ -6,9 +6,11 @@
 #include <algorithm>
 #include <sstream>
 
+#include "data_loaders/reconstruct/foreign_cameras.h"
 #include "data_loaders/reconstruct/photo_folder.h"
 #include "data_loaders/scene/photo_light.h"
 #include "gs_app/run/text.h"
+#include "gs_core/error.h"
 #include "gs_core/log.h"
 #include "gs_core/memory.h"
 #include "gs_core/training_memory.h"
@@ -59,6 +61,8 @@ bool reconstruct_bare_photos(Config& config, const RunFolder& folder,
   DatasetConfig& dataset = config.dataset;
   const bool places_are_named = !dataset.model.empty() || dataset.images != DatasetConfig{}.images;
   if (places_are_named || !holds_only_photos(dataset.source)) return false;
+  if (const auto foreign = find_foreign_cameras(dataset.source))
+    throw UsageError(text_of(*foreign, dataset.source));
   log_info("{} holds photos without camera poses: COLMAP computes them first", dataset.source);
   const auto scene = fs::absolute(folder.root() / "scene").lexically_normal();
   const ColmapJob job{dataset.source, scene, config.reconstruct, config.train.threads};

@@ -17,7 +17,7 @@ namespace gs {
 /// Makes a scene in OUT/scene where dataset.source is a folder of photos alone, or a video, and
 /// points the config to it. Does nothing for other sources. `clear_folder` moves an older run in OUT
 /// aside; it is called once COLMAP is known to be able to start. Returns whether the source was
-/// photos. Throws as run_colmap() does.
+/// photos. Throws as run_colmap() does, and UsageError where poses of another program lie beside them.
 bool reconstruct_bare_photos(Config& config, const RunFolder& folder,
                              const std::function<void()>& clear_folder, SessionHooks& hooks);
 

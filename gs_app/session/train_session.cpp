@@ -9,6 +9,7 @@
 
 #include "data_loaders/formats/formats.h"
 #include "data_loaders/scene/scene_hash.h"
+#include "data_loaders/scene/scene_model.h"
 #include "gs_app/observers/sight_observer.h"
 #include "gs_app/ranks/shared_scene.h"
 #include "gs_app/report/report_run.h"
@@ -279,6 +280,7 @@ void TrainSession::record_scene() {
 
 void TrainSession::make_new_trainer() {
   if (config_.model.start_from.empty()) {
+    if (scene_->points.empty()) log_warning("{}", text_of_no_points(config_.model.random_points));
     trainer_.emplace(*scene_, config_, *backend_);
     return;
   }

@@ -21,6 +21,9 @@ constexpr double kDegreesPerRadian = 180 / std::numbers::pi;
 constexpr double kPriorWeight = 1e-2;
 constexpr double kBlindPriorWeight = 1e-6;  // of the cameras' own mean position, for want of points
 
+// When up is known. Spread and roll in degrees; a fan of rows of +-25 degrees has this width.
+constexpr double kKnownSpread = 30, kKnownRoll = 15, kKnownWidth = 0.06, kLeastAgreement = 0.2;
+
 /// The minimum of a sum of w |M^(1/2) (x - a)|^2 over x.
 struct LeastSquares {
   Sym3<double> matrix{0, 0, 0, 0, 0, 0};
@@ -96,6 +99,25 @@ Vec3d mean_position(const Cameras& cameras) {
   return sum / double(cameras.size());
 }
 
+/// Whether the rows of the images, which are level where cameras are not rolled, lie in the plane
+/// across `up` and fan out in it, and the cameras' own ups are on its side.
+bool rows_determine(const Vec3d& up, const Cameras& cameras) {
+  const Vec3d x =
+      unit(std::abs(up.x) < 0.9 ? cross(up, Vec3d(1, 0, 0)) : cross(up, Vec3d(0, 1, 0)));
+  const Vec3d y = cross(up, x);
+  double xx = 0, xy = 0, yy = 0, along = 0, agreement = 0;
+  for (const auto& camera : cameras) {
+    const Vec3d& row = camera.cam_from_world_rotation.row0;
+    const double a = inner(row, x), b = inner(row, y), c = inner(row, up);
+    xx += a * a, xy += a * b, yy += b * b, along += c * c;
+    agreement += inner(own_up(camera), up);
+  }
+  const double count = double(cameras.size());
+  const double width = 0.5 * (xx + yy - std::hypot(xx - yy, 2 * xy)) / count;  // least eigenvalue
+  const double roll = std::asin(std::min(std::sqrt(along / count), 1.0)) * kDegreesPerRadian;
+  return width > kKnownWidth && roll < kKnownRoll && agreement > kLeastAgreement * count;
+}
+
 SceneFrame frame_about(const Vec3d& center, const Cameras& cameras) {
   SceneFrame frame{up_of(cameras), center};
   std::vector<double> distances;
@@ -112,6 +134,7 @@ SceneFrame frame_about(const Vec3d& center, const Cameras& cameras) {
   if (*middle > 0 && std::isfinite(*middle)) frame.radius = *middle;
   frame.elevation = heights / double(cameras.size()) * kDegreesPerRadian;
   frame.up_spread = turns / double(cameras.size()) * kDegreesPerRadian;
+  frame.up_is_known = frame.up_spread < kKnownSpread || rows_determine(frame.up, cameras);
   return frame;
 }
 

@@ -17,6 +17,7 @@ struct SceneFrame {
   double radius = 1;            // world units: the median distance of a camera from the center
   double elevation = 0;         // degrees: how high the cameras stand above the center, on average
   double up_spread = 0;         // degrees: between `up` and the cameras' own up, on average
+  bool up_is_known = false;     // whether the cameras agree about `up`; else it is a guess
 };
 
 /// The frame of a scene.
@@ -25,6 +26,10 @@ struct SceneFrame {
 ///           of their columns
 ///   center  is the point nearest to all optical axes; where these leave it open (parallel axes),
 ///           the one nearest to the median of the points
+///
+/// `up` is known if the cameras' own ups lie near it, as of photos taken level, or if the rows of the
+/// images leave no other direction open, as of a drone's photos. Photos that lie on their side or
+/// were held in all directions leave it unknown.
 ///
 /// Cameras far away from all others (outlier_positions) do not count. Without cameras, center and
 /// radius are those of the points: their median, and the distance from it that nine in ten keep. Of

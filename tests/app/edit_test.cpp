@@ -361,6 +361,23 @@ TEST_F(Edit, StraightenMakesTheCamerasUpMinusYAndPutsTheFloorAtZero) {
   }
 }
 
+TEST_F(Edit, StraightenRefusesCamerasThatDoNotSayWhichWayIsUp) {
+  EditSession s = typical();
+  s.model.cameras.clear();
+  for (int i = 0; i < 8; ++i) {  // looks along z and is turned about it
+    const float angle = float(i * M_PI / 4);
+    Camera camera = camera_;
+    camera.cam_from_world_rotation = {
+        {std::cos(angle), -std::sin(angle), 0}, {std::sin(angle), std::cos(angle), 0}, {0, 0, 1}};
+    camera.cam_from_world_translation = {float(i), 0, 0};
+    s.model.cameras.push_back({{"c" + std::to_string(i), camera}, false});
+  }
+  const Vec3f before = s.model.model.gaussians.mean[7];
+  EXPECT_THAT(error_of([&] { apply(s, "straighten"); }),
+              AllOf(HasSubstr("which way is up"), HasSubstr("--up X,Y,Z")));
+  EXPECT_EQ(s.model.model.gaussians.mean[7], before);
+}
+
 TEST_F(Edit, TransformsOfMatricesAreTheInverseOfMatricesOfTransforms) {
   const ModelTransform there = transform_about({1, 2, 3}, turn_by_degrees({10, 20, 30}), 2.5);
   const Mat4d matrix = matrix_of(there);

@@ -81,6 +81,37 @@ TEST_F(Reconstruct, TrainOnBarePhotosMakesTheSceneFirstAndNamesItInItsConfig) {
   EXPECT_EQ(run("eval " + path("run") + " --split train"), 0) << printed();
 }
 
+TEST_F(Reconstruct, ASceneWithCamerasAndWithoutPointsKeepsItsCameras) {
+  ColmapModel model = read_colmap_model(path("model"));
+  fs::create_directories(path("posed"));
+  fs::rename(path("photos"), path("posed/images"));
+  model.points.clear();
+  write_binary_model(path("posed/sparse/0"), model);
+  write_bytes(
+      colmap(),
+      "#!/bin/sh\n"
+      "case \"$1 $2\" in 'mapper --'*) exit 1;; 'point_triangulator --'*) ;; *) exit 0;; esac\n"
+      "while [ \"$1\" != --output_path ]; do shift; done\n"
+      "cp '" +
+          path("model") + "'/* \"$2\"\n");
+  ASSERT_EQ(
+      run("reconstruct " + path("posed") + " -o " + path("scene") + " --colmap " + path("colmap")),
+      0)
+      << printed();
+  EXPECT_THAT(printed(), AllOf(HasSubstr("cameras and no points"), HasSubstr("3 of 3 photos")));
+  EXPECT_EQ(read_colmap_model(path("scene/sparse/0")).points.size(), 2u);
+  EXPECT_TRUE(fs::exists(path("scene/images/a.png")));
+}
+
+TEST_F(Reconstruct, TrainStopsWherePosesOfAnotherProgramLieBesideThePhotos) {
+  write_bytes(path("photos/cameras.xml"), "<document version=\"2.0.0\"><chunk/></document>");
+  EXPECT_EQ(run("train " + path("photos") + " -o " + path("run") +
+                " --iterations 5 --device cpu --set reconstruct.colmap=" + path("colmap")),
+            2);
+  EXPECT_THAT(printed(), AllOf(HasSubstr("cameras.xml"), HasSubstr("Metashape")));
+  EXPECT_FALSE(fs::exists(path("run/scene")));
+}
+
 TEST_F(Reconstruct, ARunKilledBeforeItsFirstCheckpointKeepsTheSceneOfItsPhotos) {
   const std::string train = "train " + path("photos") + " -o " + path("run") +
                             " --iterations 5 --device cpu --resume auto" +

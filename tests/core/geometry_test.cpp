@@ -119,5 +119,28 @@ TEST(SceneFrame, UpSpreadIsLargeForCamerasHeldInAllDirections) {
   EXPECT_GT(scene_frame(cameras, {}).up_spread, 60);
 }
 
+TEST(SceneFrame, UpIsKnownOfLevelCamerasAndOfADroneButNotOfPhotosOnTheirSide) {
+  EXPECT_TRUE(scene_frame(arc(24, 1), {}).up_is_known);
+  const Vec3d center(5.0, 6.0, 7.0);
+  std::vector<Camera> drone, on_their_side;
+  for (int i = 0; i < 24; ++i) {  // looks down by 72 degrees
+    const double angle = 2 * std::numbers::pi * i / 24;
+    drone.push_back(
+        looking(center + Vec3d(4 * std::cos(angle), 4 * std::sin(angle), 12.0), center));
+  }
+  EXPECT_GT(scene_frame(drone, {}).up_spread, 60);
+  EXPECT_LT(norm(scene_frame(drone, {}).up - kUp), 0.05);
+  EXPECT_TRUE(scene_frame(drone, {}).up_is_known);
+  for (Camera camera : arc(24, 1)) {
+    const Vec3f position = camera.position();
+    Mat3<float>& R = camera.cam_from_world_rotation;
+    R = {-R.row1, R.row0, R.row2};
+    camera.cam_from_world_translation = -multiply(R, position);
+    on_their_side.push_back(camera);
+  }
+  EXPECT_FALSE(scene_frame(on_their_side, {}).up_is_known);
+  EXPECT_FALSE(scene_frame({}, {}).up_is_known);
+}
+
 }  // namespace
 }  // namespace gs

@@ -14,5 +14,6 @@ const gs::PhotoModule gs_photo_module = {gs::detail::set_log_sink,
                                          gs::codec_name,
                                          gs::encode_png,
                                          gs::encode_jpeg,
+                                         gs::encode_jpeg_copy,
                                          gs::write_exr,
                                          gs::read_exr};

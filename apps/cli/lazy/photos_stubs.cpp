@@ -33,6 +33,10 @@ std::vector<std::uint8_t> encode_png(const Image8& image) { return module().enco
 std::vector<std::uint8_t> encode_jpeg(const Image8& image, int quality) {
   return module().encode_jpeg(image, quality);
 }
+std::vector<std::uint8_t> encode_jpeg_copy(const std::filesystem::path& photo,
+                                           const Image8& image) {
+  return module().encode_jpeg_copy(photo, image);
+}
 
 bool can_write_exr() { return true; }
 std::string cannot_write_exr() { return {}; }

@@ -11,9 +11,11 @@
 #include <chrono>
 #include <map>
 #include <thread>
+#include <tuple>
 
 #include "data_loaders/colmap/colmap_model.h"
 #include "data_loaders/reconstruct/colmap_log.h"
+#include "data_loaders/reconstruct/foreign_cameras.h"
 #include "data_loaders/reconstruct/photo_folder.h"
 #include "data_loaders/video/video_frames.h"
 #include "gs_core/error.h"
@@ -21,8 +23,10 @@
 #include "gs_core/io/output_lock.h"
 #include "gs_core/processes/subprocess.h"
 #include "tests/support/avi_writer.h"
+#include "tests/support/error_of.h"
 #include "tests/support/foreign_leaks.h"
 #include "tests/support/scenes.h"
+#include "tests/support/tiny_photos.h"
 
 namespace gs {
 namespace {
@@ -116,7 +120,7 @@ TEST(RunColmap, InstalledColmapPlacesThePhotosAndContinuesWhereItStopped) {
     fs::copy_file(fs::path(GS_SOURCE_DIR) / "examples/courtyard/images" / name, job.photos / name);
   }
 
-  std::int64_t done[4] = {}, totals[4] = {};  // the first, for frames, is not used
+  std::int64_t done[5] = {}, totals[5] = {};  // of ColmapStage; the first two are not used
   const auto progress = [&](ColmapStage stage, std::int64_t so_far, std::int64_t total) {
     done[int(stage)] = so_far;
     totals[int(stage)] = total;
@@ -129,9 +133,9 @@ TEST(RunColmap, InstalledColmapPlacesThePhotosAndContinuesWhereItStopped) {
   EXPECT_LT(result.mean_error, 1);  // pixels; 0.3 in COLMAP 3.8
   EXPECT_GT(result.mean_error, 0);
   EXPECT_EQ(read_colmap_model(job.scene / "sparse/0").images.size(), result.registered);
-  EXPECT_EQ(done[1], totals[1]);
   EXPECT_EQ(done[2], totals[2]);
-  EXPECT_GE(done[3], std::int64_t(result.registered));
+  EXPECT_EQ(done[3], totals[3]);
+  EXPECT_GE(done[4], std::int64_t(result.registered));
   EXPECT_EQ(read_colmap_log(job.scene / "colmap.log").photos.size(), result.photos);
 
   int started = 0;
@@ -147,6 +151,36 @@ TEST(RunColmap, InstalledColmapPlacesThePhotosAndContinuesWhereItStopped) {
   fs::remove_all(job.scene / "sparse");
   EXPECT_GE(run_colmap(job, count).registered, 8u);
   EXPECT_EQ(started, 2);
+}
+
+TEST(RunColmap, InstalledColmapFindsPointsForKnownCameras) {
+  if (!find_program("colmap")) GTEST_SKIP() << "the program colmap is not installed";
+  const TempFolder temp;
+  const fs::path courtyard = fs::path(GS_SOURCE_DIR) / "examples/courtyard";
+  ColmapModel model = read_colmap_model(courtyard / "sparse/0");
+  model.points.clear();
+  std::erase_if(model.images, [](const ColmapImage& image) {
+    return std::ranges::none_of(
+        kViews, [&](const std::string view) { return image.name == "view_" + view + ".jpg"; });
+  });
+  for (ColmapImage& image : model.images) image.id += 100;  // COLMAP has ids of its own
+  ColmapJob job;
+  job.photos = courtyard / "images";
+  job.scene = temp.path() / "scene";
+  job.threads = 2;
+  job.settings.max_features = 2000;
+  job.poses = std::make_shared<const ColmapModel>(model);
+  const Reconstruction result = run_colmap(job, kSilent);
+  EXPECT_EQ(result.registered, std::size(kViews));
+  EXPECT_GT(result.points, 300u);
+  EXPECT_LT(result.mean_error, 1);
+  const ColmapModel made = read_colmap_model(job.scene / "sparse/0");
+  for (const ColmapImage& image : model.images) {
+    const auto same = std::ranges::find(made.images, image.name, &ColmapImage::name);
+    ASSERT_NE(same, made.images.end());
+    EXPECT_NEAR(same->cam_from_world_translation.x, image.cam_from_world_translation.x, 1e-9);
+  }
+  EXPECT_EQ(made.cameras.begin()->second.params, model.cameras.begin()->second.params);
 }
 
 TEST_F(FakeColmap, SceneHasPhotosModelLogAndVerdict) {
@@ -225,6 +259,71 @@ TEST_F(FakeColmap, PhotosInTheScenesImagesAreTakenWhereTheyAre) {
   EXPECT_EQ(run_colmap(in_place, kSilent).registered, 3u);
   in_place.force = true;
   EXPECT_THAT(error_of(in_place), AllOf(HasSubstr("cannot move"), HasSubstr("lies in it")));
+}
+
+/// A photo of 16 x 8 pixels whose EXIF asks for a turn by 90 degrees.
+void write_turned_photo(const fs::path& file) {
+  write_bytes(file, {reinterpret_cast<const char*>(kTurnedJpeg), sizeof kTurnedJpeg});
+}
+
+TEST_F(FakeColmap, PhotosComeUprightIntoTheScene) {
+  write_turned_photo(photos() / "e.jpg");
+  const std::string before = read_bytes(photos() / "e.jpg");
+  run_colmap(job(), kSilent);
+  EXPECT_EQ(read_bytes(photos() / "e.jpg"), before);
+  const Image8 photo = read_photo(scene() / "images/e.jpg");
+  ASSERT_EQ(photo.width, 8);
+  EXPECT_GT(photo.at(4, 1, 0), 150);  // red at the top
+  EXPECT_EQ(read_photo_orientation(scene() / "images/e.jpg"), 1);
+  take_calls();
+  run_colmap(job(), kSilent);
+  EXPECT_EQ(take_calls(), "");  // complete
+}
+
+TEST_F(FakeColmap, PhotosThatColmapDoesNotReadAreCopiedInAFormatThatItReads) {
+  const fs::path heic = photos() / "e.heic";
+  write_bytes(heic, {reinterpret_cast<const char*>(kHeic), sizeof kHeic});
+  try {
+    read_photo(heic);
+  } catch (const Error&) {
+    GTEST_SKIP() << "this build reads no HEIC";
+  }
+  run_colmap(job(), kSilent);
+  const Image8 photo = read_photo(scene() / "images/e.jpg");
+  EXPECT_EQ(photo.width, 64);
+  EXPECT_GT(photo.at(8, 8, 0), 150);   // red on the left
+  EXPECT_GT(photo.at(56, 8, 2), 150);  // blue on the right
+  EXPECT_FALSE(fs::exists(scene() / "images/e.heic"));
+  EXPECT_TRUE(fs::exists(heic));
+}
+
+TEST_F(FakeColmap, PortraitsAndLandscapesOfOneLensAreOneCameraEach) {
+  for (const char* name : {"a.png", "b.png"}) write_png(photos() / name, plain_photo(8, 12, 100));
+  std::int64_t most = 0;
+  run_colmap(job(), [&](ColmapStage stage, std::int64_t, std::int64_t total) {
+    if (stage == ColmapStage::features) most = std::max(most, total);
+  });
+  EXPECT_EQ(most, 4);  // the photos of both
+  const std::string log = read_bytes(scene() / "colmap.log");
+  const std::string call = "## colmap feature_extractor";
+  const std::size_t first = log.find(call);
+  EXPECT_NE(log.find(call, first + 1), log.npos);
+  EXPECT_THAT(log, Not(HasSubstr("--ImageReader.single_camera 0")));
+  write_png(photos() / "a.png", plain_photo(9, 12, 100));  // of another camera
+  fs::remove_all(scene());
+  run_colmap(job(), kSilent);
+  EXPECT_THAT(read_bytes(scene() / "colmap.log"), HasSubstr("--ImageReader.single_camera 0"));
+}
+
+TEST_F(FakeColmap, APhotoOfTheScenesOwnThatIsOnItsSideIsNotChanged) {
+  write_turned_photo(photos() / "e.jpg");
+  const std::string before = read_bytes(photos() / "e.jpg");
+  fs::create_directories(scene());
+  fs::rename(photos(), scene() / "images");
+  ColmapJob in_place = job();
+  in_place.photos = scene();
+  run_colmap(in_place, kSilent);
+  EXPECT_EQ(read_bytes(scene() / "images/e.jpg"), before);
 }
 
 TEST_F(FakeColmap, TheUsersFilesInTheFolderStayAsTheyAre) {
@@ -557,6 +656,30 @@ TEST(PhotoFolder, NamesAreRelativeAndHiddenOrUnreadableFilesAreLeftOut) {
   EXPECT_THAT(names, ElementsAre("a.png", "b/1.png"));
 }
 
+TEST(PhotoFolder, EveryFormatOfTrainingIsTakenAndAFileThatIsLeftOutIsNamed) {
+  const TempFolder temp;
+  for (const char* name : {"a.jpg", "b.png"})
+    write_png(temp.path() / name, plain_photo(4, 4, 9));  // decoders go by the content
+  for (const char* name : {"a.heic", "c.HEIC", "d.webp", "e.bmp"})
+    write_png(temp.path() / name, plain_photo(4, 4, 9));
+  write_bytes(temp.path() / "f.DNG", "raw");
+  std::vector<std::string> names;
+  testing::internal::CaptureStdout();
+  for (const PhotoFile& photo : find_photos(temp.path(), {})) names.push_back(photo.name);
+  const std::string log = testing::internal::GetCapturedStdout();
+  EXPECT_THAT(names, ElementsAre("a.heic.jpg", "a.jpg", "b.png", "c.jpg", "d.png", "e.bmp"));
+  EXPECT_THAT(log, HasSubstr("f.DNG"));
+}
+
+TEST(PhotoFolder, PhotosOfAFormatThatNothingReadsAreNamedWithTheWayOut) {
+  const TempFolder temp;
+  write_bytes(temp.path() / "f.DNG", "raw");
+  EXPECT_THAT(error_of([&] { find_photos(temp.path(), {}); }),
+              AllOf(HasSubstr("f.DNG"), HasSubstr("export")));
+  write_bytes(temp.path() / "g.heic", "no photo");
+  EXPECT_THAT(error_of([&] { find_photos(temp.path(), {}); }), HasSubstr("g.heic"));
+}
+
 TEST(PhotoFolder, MasksAreNoPhotos) {
   const TempFolder temp;
   write_png(temp.path() / "a.png", plain_photo(4, 4, 9));
@@ -564,6 +687,72 @@ TEST(PhotoFolder, MasksAreNoPhotos) {
   const std::vector<PhotoFile> photos = find_photos(temp.path(), {});
   ASSERT_EQ(photos.size(), 1u);
   EXPECT_EQ(photos[0].name, "a.png");
+}
+
+TEST(PhotoFolder, PhotosInSubFoldersAreABareScene) {
+  const TempFolder temp;
+  write_png(temp.path() / "day1/a.png", plain_photo(4, 4, 9));
+  write_png(temp.path() / "day2/b.png", plain_photo(4, 4, 9));
+  EXPECT_TRUE(holds_only_photos(temp.path()));
+  write_bytes(temp.path() / "walk.mp4", "film");
+  EXPECT_TRUE(holds_only_photos(temp.path()));
+  EXPECT_THAT(find_videos(temp.path()), SizeIs(0));  // a film is no reason to drop the photos
+  EXPECT_THAT(find_photos(temp.path(), {}), SizeIs(2));
+  write_bytes(temp.path() / "other/deep/transforms_train.json", "{}");
+  EXPECT_FALSE(holds_only_photos(temp.path()));
+}
+
+TEST(ForeignCameras, PosesOfOtherProgramsAreSeenWithTheWayToColmap) {
+  for (const auto& [name, content, program, way] :
+       {std::tuple("cameras.xml", "<?xml version=\"1.0\"?><document version=\"2.0.0\"><chunk>",
+                   "Metashape", "Export Cameras"),
+        std::tuple("poses/cams.csv", "#name,x,y,alt,heading,pitch,roll\na.jpg,1,2,3,4,5,6\n",
+                   "RealityCapture", "Registration"),
+        std::tuple("a.xmp", "<rdf:Description xcr:Version=\"3\">", "RealityCapture", "COLMAP"),
+        std::tuple("reconstruction.json", "[{\"cameras\": {}}]", "OpenSfM", "export_colmap"),
+        std::tuple("keyframes/cameras/1.json", "{\"t_00\": 1}", "Polycam", "ns-process-data")}) {
+    const TempFolder temp;
+    write_png(temp.path() / "images/a.png", plain_photo(4, 4, 9));
+    write_bytes(temp.path() / "notes.xml", "<html>");
+    write_bytes(temp.path() / "list.csv", "name,price\n");
+    EXPECT_FALSE(find_foreign_cameras(temp.path())) << name;
+    write_bytes(temp.path() / name, content);
+    const auto found = find_foreign_cameras(temp.path());
+    ASSERT_TRUE(found) << name;
+    EXPECT_EQ(found->program, program);
+    EXPECT_THAT(text_of(*found, temp.path()),
+                AllOf(HasSubstr(name), HasSubstr(way), HasSubstr("gemsplat reconstruct")));
+  }
+}
+
+TEST(PhotoFolder, FilesInPlaceOfAFolderGetTheSentenceThatHelps) {
+  const TempFolder temp;
+  write_bytes(temp.path() / "fox.zip", "zip");
+  EXPECT_THAT(error_of([&] { find_photos(temp.path() / "fox.zip", {}); }),
+              HasSubstr("fox.zip is an archive: unpack it first"));
+  EXPECT_FALSE(holds_only_photos(temp.path() / "fox.zip"));
+}
+
+TEST(PhotoFolder, PhotosThatAreCutShortAndPanoramasAreLeftOutAndNamed) {
+  const TempFolder temp;
+  write_png(temp.path() / "a.png", plain_photo(8, 4, 9));
+  write_png(temp.path() / "cut.png", plain_photo(8, 4, 9));
+  const std::string whole = read_bytes(temp.path() / "cut.png");
+  write_bytes(temp.path() / "cut.png", whole.substr(0, whole.size() - 14));
+  write_png(temp.path() / "wide.png", plain_photo(3200, 1600, 9));
+  const std::vector<std::uint8_t> jpeg = encode_jpeg(Image8(16, 8, 3, 128), 90);
+  std::string sphere(jpeg.begin(), jpeg.end());
+  const std::string xmp = "http://ns.adobe.com/xap/1.0/" + std::string(1, '\0') +
+                          "<GPano:ProjectionType>equirectangular</GPano:ProjectionType>";
+  sphere.insert(2, std::string("\xff\xe1\0", 3) + char(2 + xmp.size()) + xmp);
+  write_bytes(temp.path() / "sphere.jpg", sphere);
+  testing::internal::CaptureStdout();
+  const std::vector<PhotoFile> photos = find_photos(temp.path(), {});
+  const std::string log = testing::internal::GetCapturedStdout();
+  ASSERT_THAT(photos, SizeIs(1));
+  EXPECT_EQ(photos[0].name, "a.png");
+  EXPECT_THAT(log, AllOf(HasSubstr("cut.png is cut short"), HasSubstr("wide.png is a panorama"),
+                         HasSubstr("sphere.jpg is a panorama")));
 }
 
 TEST(PhotoFolder, OnlyPhotosMeansNoPosesNearby) {

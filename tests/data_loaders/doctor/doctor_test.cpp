@@ -144,12 +144,30 @@ TEST(Doctor, WarnsWhereMostViewsSeeNothing) {
   EXPECT_THAT(the(diagnosis, Level::warning, "sight").text, HasSubstr("beside"));
 }
 
-TEST(Doctor, SaysWhatIsMissingWhereThereIsNoModel) {
+TEST(Doctor, ExaminesPhotosBeforeColmapAndStopsOnlyWhereTrainWould) {
   const TempFolder temp;
-  write_png(temp.path() / "a.png", plain_photo(12, 8, 1));
-  const Diagnosis diagnosis = diagnosis_of(temp.path());
-  EXPECT_FALSE(diagnosis.can_train());
-  EXPECT_THAT(the(diagnosis, Level::note, "scene").text, HasSubstr("gemsplat reconstruct"));
+  Config config = adaptive_config();
+  config.dataset.source = (temp.path() / "photos").string();
+  config.reconstruct.colmap = "/bin/true";  // a program that is there
+  for (const char* name : {"a.png", "day/b.png"})
+    write_png(temp.path() / "photos" / name, random_photo(40, 32, 1));
+  EXPECT_FALSE(examine(config, true).can_train());  // two photos
+  for (const char* name : {"c.png", "d.png", "e.png", "f.png"})
+    write_png(temp.path() / "photos" / name, random_photo(40, 32, 1));
+  write_png(temp.path() / "photos/dim.png", plain_photo(40, 32, 3));
+  write_bytes(temp.path() / "photos/turned.jpg",
+              std::string(reinterpret_cast<const char*>(kTurnedJpeg), sizeof kTurnedJpeg));
+  const Diagnosis diagnosis = examine(config, true);
+  EXPECT_TRUE(diagnosis.can_train());
+  EXPECT_THAT(the(diagnosis, Level::good, "scene").text, HasSubstr("gemsplat reconstruct"));
+  EXPECT_THAT(the(diagnosis, Level::warning, "photos").text, HasSubstr("8 photos"));
+  EXPECT_THAT(the(diagnosis, Level::note, "orientation").names, ElementsAre("turned.jpg"));
+  EXPECT_THAT(diagnosis.findings.back().names, testing::Contains("dim.png"));
+  config.reconstruct.colmap = "/no/colmap";
+  EXPECT_THAT(the(examine(config, false), Level::fatal, "scene").text,
+              HasSubstr("apt install colmap"));
+  write_bytes(temp.path() / "photos/cameras.xml", "<document><chunk/></document>");
+  EXPECT_THAT(the(examine(config, false), Level::fatal, "scene").text, HasSubstr("Metashape"));
   EXPECT_FALSE(diagnosis_of(temp.path() / "nowhere").can_train());
 }
 
@@ -162,11 +180,23 @@ TEST(Doctor, NamesAllMissingAndUnreadablePhotos) {
   write_png(temp.path() / "images" / "surplus.png", plain_photo(12, 8, 1));
   const Diagnosis diagnosis = diagnosis_of(temp.path());
   EXPECT_FALSE(diagnosis.can_train());
-  std::vector<std::vector<std::string>> fatal;
-  for (const Finding& finding : diagnosis.findings)
-    if (finding.level == Level::fatal) fatal.push_back(finding.names);
-  EXPECT_THAT(fatal, ElementsAre(ElementsAre("b.png", "d.png", "e.png"), ElementsAre("c.png")));
+  EXPECT_THAT(the(diagnosis, Level::warning, "photos").names,
+              ElementsAre("b.png", "d.png", "e.png"));
+  EXPECT_THAT(the(diagnosis, Level::fatal, "photos").names, ElementsAre("c.png"));
   EXPECT_THAT(the(diagnosis, Level::note, "photos").names, ElementsAre("surplus.png"));
+}
+
+TEST(Doctor, StopsForLostPhotosOnlyWhereTrainingDoes) {
+  const TempFolder temp;
+  write_scene(temp.path(), small_model(24));
+  const std::string whole = read_bytes(temp.path() / "images/b.png");
+  write_bytes(temp.path() / "images/b.png", whole.substr(0, whole.size() / 2));
+  const Diagnosis few = diagnosis_of(temp.path());
+  EXPECT_TRUE(few.can_train());
+  EXPECT_THAT(the(few, Level::warning, "photos").names, ElementsAre("b.png"));
+  for (const char* name : {"c.png", "d.png", "e.png", "f.png", "g.png"})
+    std::filesystem::remove(temp.path() / "images" / name);
+  EXPECT_FALSE(diagnosis_of(temp.path()).can_train());
 }
 
 TEST(Doctor, TellsPhotosOnTheirSideFromOtherPhotos) {
@@ -215,7 +245,8 @@ TEST(Doctor, WarnsOfPointsAndPlaces) {
   write_scene(temp.path(), model);
   const Diagnosis diagnosis = diagnosis_of(temp.path(), false);
   EXPECT_TRUE(diagnosis.can_train());
-  EXPECT_THAT(the(diagnosis, Level::warning, "points").text, HasSubstr("no points"));
+  EXPECT_THAT(the(diagnosis, Level::warning, "points").text,
+              AllOf(HasSubstr("no points"), HasSubstr("gemsplat reconstruct")));
   EXPECT_THAT(the(diagnosis, Level::note, "place").text, HasSubstr("0 -4000000 0 is subtracted"));
 }
 

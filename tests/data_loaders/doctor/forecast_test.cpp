@@ -137,6 +137,16 @@ TEST(Forecast, AddsUpWhatTheGpuHolds) {
   EXPECT_THAT(forecast(config, scene, device).text, HasSubstr("takes about 9.0 GiB of GPU memory"));
 }
 
+// The first scene of a phone: 18 million pixels take 5.5 GiB on the CPU, whatever the Gaussians.
+TEST(Forecast, CountsThePicturesOfARunOnTheCpu) {
+  Config config = adaptive_config();
+  config.train.iterations = 200;
+  SceneSize scene = {0, 0, 1.0, 1000};
+  EXPECT_THAT(forecast(config, scene, {}).text, HasSubstr("takes about 0.3 GiB of RAM"));
+  scene.largest_megapixels = 18.4;
+  EXPECT_THAT(forecast(config, scene, {}).text, HasSubstr("takes about 5.5 GiB of RAM"));
+}
+
 TEST(Forecast, CountsPhotosThatAreNotLoadedYet) {
   Config config = adaptive_config();
   config.dataset.photo_ram_gib = 1e6f;

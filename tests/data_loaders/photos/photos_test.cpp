@@ -5,6 +5,8 @@
 
 #include <numeric>
 
+#include "data_loaders/photos/cut_short.h"
+#include "data_loaders/photos/large_photos.h"
 #include "data_loaders/photos/photo_names.h"
 #include "gs_core/error.h"
 #include "gs_core/threads/parallel.h"
@@ -165,6 +167,40 @@ TEST(Photos, TruncationAtEveryByteOfAJpegIsAnErrorNotAGrayPhoto) {
     write_bytes(temp.path() / "cut.jpg", whole.substr(0, size));
     ASSERT_THAT(error_of(temp.path() / "cut.jpg"), HasSubstr("cut.jpg")) << size;
   }
+}
+
+TEST(Photos, AFileThatIsCutShortIsToldFromAWholeOne) {
+  const TempFolder temp;
+  const std::vector<std::uint8_t> encoded = encode_jpeg(noise(24, 16, 3), 90);
+  const std::string jpeg(encoded.begin(), encoded.end());
+  write_png(temp.path() / "whole.png", noise(24, 16, 3));
+  const std::string png = read_bytes(temp.path() / "whole.png");
+  const std::string heic(reinterpret_cast<const char*>(kHeic), sizeof kHeic);
+  const std::string webp = std::string("RIFF\x0a\0\0\0WEBP", 12) + "VP8L__";
+  const auto is_cut = [&](const std::string& bytes) {
+    write_bytes(temp.path() / "photo", bytes);
+    return is_cut_short(temp.path() / "photo");
+  };
+  for (const std::string& whole : {jpeg, png, heic, webp}) {
+    EXPECT_FALSE(is_cut(whole));
+    for (std::size_t size = 13; size < whole.size() - 2; size += 7)
+      EXPECT_TRUE(is_cut(whole.substr(0, size))) << size << " of " << whole.size();
+  }
+  EXPECT_FALSE(is_cut(jpeg + "what a phone writes behind it"));
+  EXPECT_FALSE(is_cut(jpeg + std::string(2 << 20, 'x')));
+  EXPECT_TRUE(is_cut(jpeg.substr(0, jpeg.size() - 2) + std::string(2 << 20, 'x')));
+  EXPECT_TRUE(is_cut(""));
+  EXPECT_FALSE(is_cut("some other format"));
+}
+
+TEST(Photos, LargeOnesGetAdviceAtTheResolutionThatTheyTrainAt) {
+  EXPECT_THAT(advice_on_large_photos({3213, 5712}, 1),
+              AllOf(HasSubstr("18 megapixels"), HasSubstr("-r 1600"), HasSubstr("25 %")));
+  EXPECT_THAT(advice_on_large_photos({8000, 6000}, 2), HasSubstr("12 megapixels"));
+  EXPECT_EQ(advice_on_large_photos({3213, 5712}, 2), "");
+  EXPECT_EQ(advice_on_large_photos({3213, 5712}, 1600), "");
+  EXPECT_EQ(advice_on_large_photos({1920, 1080}, 1), "");
+  EXPECT_EQ(advice_on_large_photos({1200, 9000}, 1), "");  // not wider than the remedy
 }
 
 TEST(Photos, TruncatedPngIsAnError) {

@@ -247,6 +247,50 @@ TEST(LoadScene, MissingPhotosAreNamedAndCounted) {
                     HasSubstr("other.png")));
 }
 
+TEST(LoadScene, AFewPhotosThatAreMissingOrCutShortCostThemselvesAndKeepTheSplit) {
+  const TempFolder temp;
+  write_scene(temp.path(), small_model(10));
+  DatasetConfig dataset = dataset_at(temp.path());
+  dataset.eval = true;  // holds out a and i
+  std::filesystem::remove(temp.path() / "images/c.png");
+  const std::string whole = read_bytes(temp.path() / "images/e.png");
+  write_bytes(temp.path() / "images/e.png", whole.substr(0, whole.size() / 2));
+  EXPECT_THAT(log_of(dataset), AllOf(HasSubstr("2 of 10 photos are left out"),
+                                     HasSubstr("c.png (missing), e.png (cut short)")));
+  const Scene scene = load_scene(dataset);
+  EXPECT_THAT(names_of(scene.train_views),
+              ElementsAre("b.png", "d.png", "f.png", "g.png", "h.png", "j.png"));
+  EXPECT_THAT(names_of(scene.test_views), ElementsAre("a.png", "i.png"));
+  EXPECT_EQ(scene.train_views[2].photo.pixels[0], 50);  // its own photo
+  std::filesystem::remove(temp.path() / "images/b.png");
+  EXPECT_THAT(error_of(dataset), HasSubstr("2 of the model's 10 photos are not in"));
+}
+
+TEST(LoadScene, BackSlashesInNamesAreSlashes) {
+  const TempFolder temp;
+  ColmapModel model = small_model(3);
+  write_scene(temp.path(), model);
+  std::filesystem::create_directories(temp.path() / "images/day1");
+  std::filesystem::rename(temp.path() / "images/a.png", temp.path() / "images/day1/a.png");
+  model.images[0].name = "day1\\a.png";
+  model.images[1].name = "C:\\Users\\me\\images\\b.png";
+  write_binary_model(temp.path() / "sparse/0", model);
+  EXPECT_THAT(names_of(load_scene(dataset_at(temp.path())).train_views),
+              ElementsAre("b.png", "c.png", "day1/a.png"));
+}
+
+TEST(LoadScene, AFileInPlaceOfAFolderGetsTheSentenceThatHelps) {
+  const TempFolder temp;
+  for (const auto& [name, help] :
+       {std::pair("fox.zip", "unpack it first"), std::pair("a.HEIC", "one photo: name the folder"),
+        std::pair("model.ply", "gemsplat view"), std::pair("model.ply", "--from"),
+        std::pair("cameras.xml", "one file of a scene"), std::pair("best.toml", "-c"),
+        std::pair("notes", "name the folder")}) {
+    write_bytes(temp.path() / name, "something");
+    EXPECT_THAT(error_of(dataset_at(temp.path() / name)), AllOf(HasSubstr(help), HasSubstr(name)));
+  }
+}
+
 /// A scene whose photos have other names than in the model: (in the model, on disk).
 DatasetConfig renamed_scene(const TempFolder& temp,
                             const std::vector<std::pair<const char*, const char*>>& names) {

@@ -1,0 +1,79 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "data_loaders/reconstruct/foreign_cameras.h"
+
+#include <spdlog/fmt/fmt.h>
+
+#include <algorithm>
+#include <string_view>
+
+#include "data_loaders/photos/photo_names.h"
+#include "data_loaders/reconstruct/photo_walk.h"
+#include "gs_core/error.h"
+#include "gs_core/io/byte_reader.h"
+
+namespace gs {
+namespace {
+
+namespace fs = std::filesystem;
+
+struct Kind {
+  const char* name_end;  // of the file's name, in lower case
+  const char* content;   // in its first bytes; empty: any
+  const char* program;
+  const char* way;
+};
+
+constexpr const char* kMetashape =
+    "export them there (File, Export, Export Cameras, type Colmap; Metashape 2.2 or later)";
+constexpr const char* kRealityCapture =
+    "export them there (Alignment, Export, Registration, type COLMAP), with undistorted photos";
+
+constexpr Kind kKinds[] = {
+    {".xml", "<document", "Metashape", kMetashape},
+    {".psx", "", "Metashape", kMetashape},
+    {".csv", "#name,x,y", "RealityCapture", kRealityCapture},
+    {".csv", "#cameras ", "RealityCapture", kRealityCapture},
+    {".xmp", "xcr:", "RealityCapture", kRealityCapture},
+    {".rcproj", "", "RealityCapture", kRealityCapture},
+    {"reconstruction.json", "\"cameras\"", "OpenSfM",
+     "export them with `opensfm export_colmap DATASET` (OpenDroneMap has it, too)"},
+    {".sfm", "", "Meshroom", "export them with `aliceVision_exportColmap -i FILE.sfm -o FOLDER`"},
+    {".json", "\"t_00\"", "Polycam",
+     "convert them with nerfstudio's `ns-process-data polycam --data FOLDER --output-dir SCENE`"},
+};
+
+std::string head_of(const fs::path& file) {
+  constexpr std::uint64_t kHead = 4096;
+  try {
+    ByteReader reader(file);
+    const auto bytes = std::size_t(std::min(reader.size(), kHead));
+    return lowercase({reinterpret_cast<const char*>(reader.peek(bytes)), bytes});
+  } catch (const Error&) {  // a file that cannot be read is nobody's poses
+    return "";
+  }
+}
+
+}  // namespace
+
+std::optional<ForeignCameras> find_foreign_cameras(const fs::path& folder) {
+  for (const fs::path& file : files_in(folder, true)) {
+    const std::string name = lowercase(file.filename().string());
+    std::string head;
+    for (const Kind& kind : kKinds) {
+      if (!name.ends_with(kind.name_end)) continue;
+      if (head.empty()) head = head_of(file);
+      if (head.find(kind.content) != head.npos) return {{file, kind.program, kind.way}};
+    }
+  }
+  return {};
+}
+
+std::string text_of(const ForeignCameras& cameras, const fs::path& folder) {
+  return fmt::format(
+      "{} holds camera poses of {}, which gemsplat does not read: {}, and name the folder that "
+      "this "
+      "gives; or let COLMAP place the photos anew with `gemsplat reconstruct {} -o SCENE`",
+      cameras.file.string(), cameras.program, cameras.way, folder.string());
+}
+
+}  // namespace gs
