@@ -108,11 +108,11 @@ double bytes_on_cpu(const Config& config) {
 }
 
 /// The config of a run that has as many Gaussians as the scene asks for.
-Config without_limits_of_one_run(Config config, std::size_t points) {
+Config without_limits_of_one_run(Config config, const SceneSize& scene) {
   config.model.most_points = std::numeric_limits<int>::max();
   DensityConfig& density = config.density;
   density.max_gaussians = std::max<std::int64_t>(density.max_gaussians, 0);
-  return settled_for(std::move(config), points, kAnyPhotos);
+  return settled_for(std::move(config), {scene.points, kAnyPhotos, scene.training_pixels()});
 }
 
 }  // namespace
@@ -131,8 +131,7 @@ BlockAdvice advice_on_blocks(const Config& config, const SceneSize& scene,
   if (const TrainingSize million = size_on_gpu(config, scene, 1e6); million.offloads_sh)
     fit = std::min(fit,
                    kShareOfFree * free_memory(device).on_host / (1e-6 * offloaded_bytes(million)));
-  const double wanted =
-      expected_gaussians(without_limits_of_one_run(config, scene.points), scene.points);
+  const double wanted = expected_gaussians(without_limits_of_one_run(config, scene), scene.points);
   if (wanted <= fit)
     return {1, fmt::format("one run holds the scene: of about {} Gaussians that fit into memory it "
                            "needs {}",

@@ -19,6 +19,9 @@ struct SceneSize {
   double train_share = 1;         // of the photos, those that are trained on
   double depth_maps = 0;          // photos that have one
   double largest_megapixels = 0;  // of a photo; 0: as in the mean
+
+  /// Of all photos that are trained on.
+  double training_pixels() const { return train_share * photo_bytes / 3; }
 };
 
 /// The device of the run.

@@ -147,12 +147,13 @@ struct DensityConfig {
   float gradient_threshold = 1e-4f;  // of the mean NDC-scaled 2D position gradient
   float small_scale = 0.01f;         // of the extent: below it a Gaussian is cloned, above it split
   float prune_opacity = 0.005f;
-  float prune_scale = 0.1f;        // of the extent, after the first opacity reset
-  float camera_clearance = 0.35f;  // of the distance from a camera to what it sees; 0: none
+  float prune_scale = 0;       // of the extent, after the first opacity reset; 0: none
+  float camera_clearance = 0;  // of the depth of the points behind a Gaussian; 0: none
   int reset_opacity_every = 6000;
   int reset_opacity_until = 24000;
-  std::int64_t max_gaussians = 0;  // 0: no cap; kAutoCount: as many as fit into memory
-  float gaussians_per_point = 27;  // where there is no cap: so many for each sparse point
+  std::int64_t max_gaussians = 0;   // 0: no cap; kAutoCount: as many as fit into memory
+  float gaussians_per_point = 27;   // where there is no cap: so many for each sparse point, ...
+  float pixels_per_gaussian = 100;  // ... and at least one for so many pixels of the photos
   std::string region;  // half-spaces, inside of which Gaussians are added; empty: everywhere
   bool absolute_gradient = false;  // the statistic sums absolute values over pixels (AbsGS)
   // for mcmc only

@@ -28,25 +28,38 @@ std::size_t points_outside(const Scene& scene, const Region& region) {
       scene.points, [&](const ScenePoint& point) { return !region.holds(point.position); }));
 }
 
+// Points are few where walls are blank, and photos show how much there is to draw.
+double gaussians_by_pixels(const DensityConfig& density, const SceneNumbers& scene) {
+  if (density.pixels_per_gaussian == 0 || scene.points == 0) return 0;
+  const double inside = double(scene.points - scene.points_outside) / double(scene.points);
+  return inside * scene.pixels / double(density.pixels_per_gaussian);
+}
+
 }  // namespace
 
-Config settled_for(Config config, std::size_t points, std::size_t photos, std::size_t outside) {
-  const bool has_random_start = points == 0 && config.model.start_from.empty();
+Config settled_for(Config config, const SceneNumbers& scene) {
+  const bool has_random_start = scene.points == 0 && config.model.start_from.empty();
   if (config.train.iterations == 0)
-    config.train.iterations = steps_for(config.train, photos, has_random_start);
+    config.train.iterations = steps_for(config.train, scene.photos, has_random_start);
   DensityConfig& density = config.density;
   if (density.gaussians_per_point > 0 && density.max_gaussians == 0) {
-    const double starts = points == 0 ? double(config.model.random_points) : double(points);
-    const double grown = double(density.gaussians_per_point) * (starts - double(outside));
-    const double most = std::min(grown + double(outside), std::max(kMostByPoints, starts));
+    const double starts =
+        scene.points == 0 ? double(config.model.random_points) : double(scene.points);
+    const double outside = double(scene.points_outside);
+    const double grown = std::max(double(density.gaussians_per_point) * (starts - outside),
+                                  gaussians_by_pixels(density, scene));
+    const double most = std::min(grown + outside, std::max(kMostByPoints, starts));
     density.max_gaussians = std::max<std::int64_t>(1, std::llround(most));
   }
   return config;
 }
 
 Config settled_for(Config config, const Scene& scene) {
-  const std::size_t outside = points_outside(scene, region_of(config.density, scene.world_offset));
-  return settled_for(std::move(config), scene.points.size(), scene.train_views.size(), outside);
+  SceneNumbers numbers{scene.points.size(), scene.train_views.size()};
+  for (const View& view : scene.train_views)
+    numbers.pixels += double(view.camera.width) * double(view.camera.height);
+  numbers.points_outside = points_outside(scene, region_of(config.density, scene.world_offset));
+  return settled_for(std::move(config), numbers);
 }
 
 Config settled_as_in(const Config& run, Config now) {
@@ -59,6 +72,7 @@ Config settled_as_in(const Config& run, Config now) {
   if (now.density.max_gaussians == 0 && run.density.gaussians_per_point > 0)
     now.density.max_gaussians = run.density.max_gaussians;
   now.density.gaussians_per_point = run.density.gaussians_per_point;
+  now.density.pixels_per_gaussian = run.density.pixels_per_gaussian;
   return now;
 }
 

@@ -11,19 +11,29 @@ namespace gs {
 
 struct Scene;
 
-/// The config with numbers for a scene of so many sparse points and training photos:
+/// What settings follow from.
+struct SceneNumbers {
+  std::size_t points = 0;          // sparse ones
+  std::size_t photos = 0;          // to train on
+  double pixels = 0;               // of these photos together
+  std::size_t points_outside = 0;  // of density.region, where Gaussians do not grow
+};
+
+/// The config with numbers for such a scene:
 ///
 ///   train.iterations       if it is 0: train.epochs passes over the photos, at least
 ///                          train.least_iterations and at most train.most_iterations steps; all
 ///                          three are train.random_start_factor times as large where there are no
 ///                          points and no model to start from
 ///   density.max_gaussians  if it is 0 and density.gaussians_per_point is not: that many for each
-///                          point (of model.random_points in a scene without points), at most
-///                          10 million or the number of points, whichever is larger; the points
-///                          `outside` of density.region, where Gaussians do not grow, count once
+///                          point (of model.random_points in a scene without points), but in a
+///                          scene with points at least one for density.pixels_per_gaussian pixels;
+///                          at most 10 million or the number of points, whichever is larger. Points
+///                          outside of density.region count once, and photos of a scene with such
+///                          points in proportion to the others
 ///
 /// Settings that have numbers already stay as they are.
-Config settled_for(Config config, std::size_t points, std::size_t photos, std::size_t outside = 0);
+Config settled_for(Config config, const SceneNumbers& scene);
 Config settled_for(Config config, const Scene& scene);
 
 /// The config of a run that goes on: the run keeps the numbers that it began with, and the settings

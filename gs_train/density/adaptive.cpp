@@ -17,8 +17,8 @@ class AdaptiveControl final : public DensityControl {
                                     std::numeric_limits<float>::infinity(),
                                     0,
                                     prune_scale_within(config, scene_extent)},
-        prune_scale_(config.density.prune_scale * scene_extent),
-        random_{config.train.seed, RandomStream::split_gaussians},
+        prune_scale_(prune_scale_of(config, scene_extent)), random_{config.train.seed,
+                                                                    RandomStream::split_gaussians},
         regularizers_(regularizers_of(config)), density_(config.density) {}
 
   DensityStep of_step(int step) const override {

@@ -14,9 +14,8 @@ class BudgetedControl final : public DensityControl {
  public:
   BudgetedControl(const Config& config, const Schedule& schedule, float scene_extent)
       : DensityControl(config.density.max_gaussians), schedule_(schedule), density_(config.density),
-        rules_(rules_of(config, scene_extent)),
-        prune_scale_(config.density.prune_scale * scene_extent), seed_(config.train.seed),
-        regularizers_(regularizers_of(config)) {
+        rules_(rules_of(config, scene_extent)), prune_scale_(prune_scale_of(config, scene_extent)),
+        seed_(config.train.seed), regularizers_(regularizers_of(config)) {
     if (needs_budget(density_.curve) && most_gaussians() <= 0)
       throw UsageError(
           "density.curve needs a number of Gaussians to rise to; give it with --max-gaussians N or "

@@ -31,6 +31,11 @@ Regularizers regularizers_of(const Config& config) {
   return weights;
 }
 
+float prune_scale_of(const Config& config, float scene_extent) {
+  const float share = config.density.prune_scale;
+  return share > 0 ? share * scene_extent : std::numeric_limits<float>::infinity();
+}
+
 float prune_scale_within(const Config& config, float scene_extent) {
   return config.model.sky == SkyModel::none ? std::numeric_limits<float>::infinity() : scene_extent;
 }

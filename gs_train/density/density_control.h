@@ -54,6 +54,8 @@ std::unique_ptr<DensityControl> make_density_control(const Config& config, const
 /// The weights of the numbers of Gaussians in the loss, which hold for every strategy; those of
 /// space and time only in a scene that moves.
 Regularizers regularizers_of(const Config& config);
+/// density.prune_scale in world units; infinity where it is 0.
+float prune_scale_of(const Config& config, float scene_extent);
 /// AdaptiveRules::prune_scale_within: the scene's extent in a scene with a sky, else infinity.
 float prune_scale_within(const Config& config, float scene_extent);
 /// The last part of a refinement under every strategy: density.static_after. Adds to the report.

@@ -33,11 +33,9 @@ std::string RunGuard::note_breakdown(int step, const std::string& what, bool bla
   const bool is_repeated = !blames_view && last_collapse_ == step;
   if (!blames_view) last_collapse_ = step;
   if (++breakdowns_ > kMostBreakdowns || is_repeated)
-    throw Error(
-        event +
-        ", again: training cannot go on; try a larger density.prune_scale (cameras that are "
-        "close together make it small), lower learning rates (optimizer.*), a lower "
-        "density.prune_opacity, or `gemsplat doctor` on the scene");
+    throw Error(event +
+                ", again: training cannot go on; try lower learning rates (optimizer.*), a lower "
+                "density.prune_opacity, or `gemsplat doctor` on the scene");
   if (!blames_view || !was_watching) return event;
   const int strike = ++strikes_[view];
   if (std::all_of(strikes_.begin(), strikes_.end(), [](int n) { return n >= kMostStrikes; }))

@@ -221,6 +221,7 @@ TEST_F(Session, ARunOfSoManyPassesKeepsItsNumbersWhenItIsResumed) {
     config.train.epochs = 2;  // of 8 photos
     config.train.least_iterations = 1;
     config.density.gaussians_per_point = 3;
+    config.density.pixels_per_gaussian = 0;
     return config;
   };
   TestHooks hooks;

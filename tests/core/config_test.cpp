@@ -76,6 +76,7 @@ Config everything_changed() {
   config.model.sh_degree = 1;
   config.model.random_box = 2;
   config.density.opacity_regularizer = config.density.scale_regularizer = 0.5f;
+  config.density.prune_scale = config.density.camera_clearance = 0.5f;
   config.density.time_scale_regularizer = config.density.velocity_regularizer = 0.5f;
   config.density.static_after = config.density.gaussians_per_point = 2;
   config.density.score_threshold = 0.5f;

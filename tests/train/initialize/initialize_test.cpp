@@ -261,9 +261,26 @@ TEST(SceneSettings, TakeMoreStepsFromARandomStart) {
 TEST(SceneSettings, GiveDenseCloudsNoMultipleOfTheirPoints) {
   Config config;
   config.density.gaussians_per_point = 25;
-  EXPECT_EQ(settled_for(config, 100'000, 50).density.max_gaussians, 2'500'000);
-  EXPECT_EQ(settled_for(config, 1'000'000, 50).density.max_gaussians, 10'000'000);
-  EXPECT_EQ(settled_for(config, 12'000'000, 50).density.max_gaussians, 12'000'000);
+  EXPECT_EQ(settled_for(config, {100'000, 50}).density.max_gaussians, 2'500'000);
+  EXPECT_EQ(settled_for(config, {1'000'000, 50}).density.max_gaussians, 10'000'000);
+  EXPECT_EQ(settled_for(config, {12'000'000, 50}).density.max_gaussians, 12'000'000);
+}
+
+// A blank wall has hardly any points.
+TEST(SceneSettings, GiveASceneOfFewPointsGaussiansByThePixelsOfItsPhotos) {
+  Config config;
+  config.density.gaussians_per_point = 25;
+  config.density.pixels_per_gaussian = 100;
+  const auto limit = [&](const SceneNumbers& scene) {
+    return settled_for(config, scene).density.max_gaussians;
+  };
+  EXPECT_EQ(limit({1'000, 50, 5e7}), 500'000);
+  EXPECT_EQ(limit({100'000, 50, 5e7}), 2'500'000);         // the points ask for more
+  EXPECT_EQ(limit({1'000, 50, 5e7, 500}), 250'000 + 500);  // half of the points lie outside
+  EXPECT_EQ(limit({0, 50, 5e7}), 25 * config.model.random_points);
+  EXPECT_EQ(limit({1'000, 5'000, 5e10}), 10'000'000);
+  config.density.pixels_per_gaussian = 0;
+  EXPECT_EQ(limit({1'000, 50, 5e7}), 25'000);
 }
 
 TEST(SceneSettings, OfARunThatGoesOnAreItsNumbers) {
