@@ -38,7 +38,7 @@ struct PruneCommand : CommandLine {
   float opacity = 0, contribution = 0;
   double keep = 1;  // share of the Gaussians that the other rules leave
   float clearance = 0;
-  int witnesses = 0;
+  int witnesses = 1;
   std::vector<double> box;  // x y z of two corners, in the photos' frame; empty: no box
   bool json = false, force = false, allow_empty = false;
 
@@ -113,11 +113,9 @@ Removed apply_rules(const Pruning& p, Kept& kept) {
   if (command.contribution > 0)
     removed.unseen = kept.remove([&](std::size_t i) { return shares[i] < command.contribution; });
   if (command.clearance > 0) {
-    const std::vector<std::uint8_t> is_floater =
-        find_floaters(p.renderer, p.gaussians.span(), host.mean.download(), p.scene, p.settings,
-                      command.clearance, command.witnesses);
-    if (!is_floater.empty())
-      removed.floaters = kept.remove([&](std::size_t i) { return is_floater[i]; });
+    const FloaterFinder finder(p.scene, command.clearance, command.witnesses);
+    const std::vector<std::uint8_t> is_floater = finder.marks(host.mean.download());
+    removed.floaters = kept.remove([&](std::size_t i) { return is_floater[i]; });
   }
   if (command.keep < 1)
     removed.unseen += kept.keep_best(
@@ -249,15 +247,15 @@ void add_prune(CLI::App& program) {
       ->type_name("SHARE")
       ->check(CLI::Range(0.0, 1.0));
   verb.add_option("--floaters", command->clearance,
-                  "remove Gaussians in front of a camera that are nearer than this share of the "
-                  "distance to its scene points, as training does with density.camera_clearance")
+                  "remove Gaussians that a photo looks through: they are nearer than this share of "
+                  "the depth of the scene points around them, as density.camera_clearance says")
       ->type_name("SHARE")
       ->check(CLI::NonNegativeNumber);
   verb.add_option("--witnesses", command->witnesses,
-                  "with --floaters: keep Gaussians that at least this many training views see from "
-                  "farther away [0: keep none]")
+                  "with --floaters: keep Gaussians that at least this many training photos show "
+                  "among their own scene points [1]")
       ->type_name("VIEWS")
-      ->check(CLI::NonNegativeNumber);
+      ->check(CLI::PositiveNumber);
   verb.add_option("--box", command->box,
                   "remove Gaussians outside of a box, given by two opposite corners in the "
                   "coordinates of the photos' poses")

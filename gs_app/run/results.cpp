@@ -104,6 +104,7 @@ std::optional<std::size_t> gpu_bytes([[maybe_unused]] Backend& backend) {
 std::string results_json(const Results& results) {
   Json json = {{"iterations", results.iterations},
                {"num_gaussians", results.num_gaussians},
+               {"removed_floaters", results.removed_floaters},
                {"train_seconds", results.train_seconds},
                {"test", means(results.test)},
                {"train", means(results.train)},

@@ -19,6 +19,7 @@ struct Results {
   int iterations = 0;
   std::size_t num_gaussians = 0;
   std::optional<std::size_t> num_static;  // of those in space and time, the static ones
+  std::size_t removed_floaters = 0;       // at the end (gs_train/density/floaters.h)
   double train_seconds = 0;
   Evaluation test, train;  // train: of a few views, evenly chosen
   std::string device;
@@ -39,7 +40,7 @@ std::optional<std::size_t> peak_gpu_bytes(Backend& backend);
 /// The GPU memory that it holds now.
 std::optional<std::size_t> gpu_bytes(Backend& backend);
 
-/// {"iterations", "num_gaussians", "train_seconds", "test": {"psnr", "ssim", "ms_ssim", "flip",
+/// {"iterations", "num_gaussians", "removed_floaters", "train_seconds", "test": {"psnr", "ssim", "ms_ssim", "flip",
 /// "num_views"}, "train": {...}, "device", "version", "seed", "commit", "cpu", "date",
 /// "scene_hash", "peak_host_bytes", "compiler"}; "cuda" of a build with CUDA, "uncommitted" of one
 /// with uncommitted changes (their hash); "test" is null where no view was held out, and "ms_ssim"

@@ -121,6 +121,7 @@ Results results_of(Trainer& trainer) {
   Results results;
   results.iterations = trainer.step();
   results.num_gaussians = trainer.gaussian_count();
+  results.removed_floaters = trainer.removed_floaters();
   if (trainer.model().gaussians.has_time)
     results.num_static = static_count(trainer.model().gaussians);
   results.train_seconds = trainer.train_seconds();

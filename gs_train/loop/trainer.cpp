@@ -292,7 +292,7 @@ void Trainer::finish() {
   run_.backend.rows().catch_up(run_.model);
   end_lazy(run_.model);
   recovery_.guarded_or_skipped("the final prune", [&] {
-    HiddenFloaters(run_.model, clear_space()).leave();
+    if (run_.config.density.camera_clearance > 0) remove_floaters();
     run_.backend.rows().prune(run_.model, kMinAlpha);
   });
   sort_by_morton();
@@ -309,6 +309,17 @@ void Trainer::measure_filter() {
   if (!run_.model.poses.empty()) run_.backend.synchronize(run_.model);
   const std::vector<Camera> cameras = refined_cameras(run_.model.poses, run_.scene.train_views);
   run_.backend.rows().measure_filter(run_.model, cameras, run_.config.render.near_plane);
+}
+
+void Trainer::remove_floaters() {
+  const FloaterFinder finder(run_.scene, run_.config.density.camera_clearance);
+  const std::size_t before = run_.model.count();
+  removed_floaters_ = gs::remove_floaters(run_.model, run_.backend.rows(), finder);
+  if (removed_floaters_ > 0)
+    log_info(
+        "{} of {} Gaussians are removed ({:.2f} %), because photos look through them and no "
+        "other photo sees them (density.camera_clearance)",
+        removed_floaters_, before, 100.0 * double(removed_floaters_) / double(before));
 }
 
 const View& Trainer::view_of(ViewSampler& views, int step) {
@@ -336,13 +347,7 @@ double Trainer::loss() {
 void Trainer::look_at_result(const std::function<void(const Gaussians&)>& f) {
   TrainingModel& model = run_.synchronized_model();
   const CurrentSh current(model, run_.backend.rows());
-  const HiddenFloaters hidden(model, clear_space());
   f(model.gaussians);
-}
-
-const ClearSpace& Trainer::clear_space() {
-  if (!clear_space_) clear_space_.emplace(run_.scene, run_.config.density.camera_clearance);
-  return *clear_space_;
 }
 
 RenderSettings Trainer::evaluation_settings() const {

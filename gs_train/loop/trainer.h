@@ -76,11 +76,13 @@ class Trainer {
   /// The model after all steps so far. Waits for the device. With optimizer.lazy, SH of some rows is
   /// late until the run ends: look_at_result() has it as it is now.
   const TrainingModel& model() { return run_.synchronized_model(); }
-  /// Calls f with the Gaussians as the run would leave them if it ended here: those right in front
-  /// of cameras (floaters.h) have no opacity. Waits for the device.
+  /// Calls f with the Gaussians as they are now, with the SH of all rows up to date. Waits for the
+  /// device.
   void look_at_result(const std::function<void(const Gaussians&)>& f);
   /// The number of Gaussians. Does not wait.
   std::size_t gaussian_count() const { return run_.model.count(); }
+  /// How many were removed at the end because photos look through them (floaters.h).
+  std::size_t removed_floaters() const { return removed_floaters_; }
   const RenderSettings& settings() const { return run_.settings; }
   /// The settings for looking at the model: as trained, on the fixed background (black for
   /// "random").
@@ -108,10 +110,10 @@ class Trainer {
   void finish();
   void sort_by_morton();
   void measure_filter();
+  void remove_floaters();
   void prefetch_decode(int first_step, int last_step);
   const View& view_of(ViewSampler& views, int step);
   void notify(const std::function<void(Observer&)>& f);
-  const ClearSpace& clear_space();
 
   TrainingRun run_;
   RunRecovery recovery_;
@@ -119,7 +121,7 @@ class Trainer {
   std::vector<std::uint32_t> camera_rows_;  // (training views)
   std::vector<TrainingPhoto> batch_;
   std::vector<Observer*> observers_;
-  std::optional<ClearSpace> clear_space_;     // found when the result is first looked at
+  std::size_t removed_floaters_ = 0;
   std::atomic<bool> stop_requested_ = false;  // a signal may come to any thread
 };
 

@@ -184,7 +184,7 @@ TEST_F(Program, TrainingWritesTheWholeFolder) {
   EXPECT_GT(results.at("peak_host_bytes"), 1 << 20);
   for (const char* key : {"version", "commit", "compiler", "cpu", "date"})
     EXPECT_FALSE(results.at(key).get<std::string>().empty()) << key;
-  EXPECT_EQ(results.size(), 14u + results.contains("cuda") + results.contains("uncommitted"));
+  EXPECT_EQ(results.size(), 15u + results.contains("cuda") + results.contains("uncommitted"));
 
   const nlohmann::json split = json("out/split.json");
   EXPECT_EQ(split.at("test"), nlohmann::json({"view_0.png", "view_3.png"}));

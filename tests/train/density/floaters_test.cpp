@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What each Gaussian contributes to a view, and which ones float in front of cameras.
+// What each Gaussian contributes to a view, and which ones float between cameras and what they see.
 #include "gs_train/density/floaters.h"
 
 #include <gtest/gtest.h>
@@ -68,9 +68,11 @@ TEST(Contribution, OfViewsOfOtherSizesFollowOneAnother) {
 
 class Floaters : public ::testing::Test {
  protected:
+  static constexpr float kClearance = 0.5f;
+
   /// Points on a ball around the origin: each camera is at a distance of 3 and sees the near side
   /// at 2.
-  Scene scene_with_ball(std::size_t points) {
+  static Scene scene_with_ball(std::size_t points = 5000) {
     Scene scene = small_scene();
     scene.points.clear();
     Draws draws(2);
@@ -80,151 +82,96 @@ class Floaters : public ::testing::Test {
     }
     return scene;
   }
-  /// The small scene's Gaussians, and one in front of the first camera, at (0, 0, -3).
-  static Gaussians with_one_at_depth(float depth, float opacity = 0.9f) {
-    Gaussians one(1, host_memory());
-    set_gaussian(one, 0, {0, 0, -3 + depth}, 0.05f, opacity);
-    return joined(small_truth(), one);
+  /// A place in the middle of the first camera's picture.
+  static Vec3f at_depth(float depth) { return {0, 0, -3 + depth}; }
+  static bool is_floater(const Scene& scene, const Vec3f& place, int witnesses = 1) {
+    return FloaterFinder(scene, kClearance, witnesses).marks({place})[0] == 1;
   }
-  static std::vector<std::uint8_t> found(const Scene& scene, const Gaussians& gaussians,
-                                         float clearance, int witnesses = 0) {
-    const auto renderer = make_scalar_renderer();
-    return find_floaters(*renderer, gaussians.span(), gaussians.mean.download(), scene, {},
-                         clearance, witnesses);
-  }
-  static std::size_t count(const std::vector<std::uint8_t>& marks) {
-    return std::size_t(std::count(marks.begin(), marks.end(), 1));
+  static Sight sight(const Scene& scene, std::size_t view, const Vec3f& place) {
+    return PointDepths(scene.train_views[view].camera, scene.points).sight_of(place, kClearance);
   }
 };
 
-TEST_F(Floaters, ClearanceIsAShareOfTheWayToTheNearestThing) {
-  for (const float distance :
-       clear_distances(scene_with_ball(5000).train_views, scene_with_ball(5000).points, 0.5f))
-    EXPECT_NEAR(distance, 1, 0.1);
+TEST_F(Floaters, AreSeenThroughWherePointsLieFarBehindThem) {
+  const Scene scene = scene_with_ball();
+  EXPECT_EQ(sight(scene, 0, at_depth(0.5f)), Sight::through);
+  EXPECT_EQ(sight(scene, 0, at_depth(1.5f)), Sight::witness);
+  EXPECT_EQ(sight(scene, 0, at_depth(2)), Sight::witness);
 }
 
-TEST_F(Floaters, OneWrongPointInAHundredMakesNoDifference) {
-  Scene scene = scene_with_ball(5000);
-  // in front of the first camera
-  for (int i = 0; i < 20; ++i) scene.points.push_back({{0, 0, -2.9f}, {}});
-  EXPECT_NEAR(clear_distances(scene.train_views, scene.points, 0.5f)[0], 1, 0.1);
+TEST_F(Floaters, AreNotKnownWhereAPhotoSaysNothing) {
+  const Scene scene = scene_with_ball();
+  EXPECT_EQ(sight(scene, 0, at_depth(6)), Sight::unknown);                   // behind the ball
+  EXPECT_EQ(sight(scene, 0, at_depth(-1)), Sight::unknown);                  // behind the camera
+  EXPECT_EQ(sight(scene, 0, {0.5f, 0, -2.5f}), Sight::unknown);              // out of the picture
+  EXPECT_EQ(sight(scene_with_ball(20), 0, at_depth(0.5f)), Sight::unknown);  // too few points
 }
 
-TEST_F(Floaters, WherePointsAreFewNothingIsKnown) {
-  for (const float distance :
-       clear_distances(scene_with_ball(20).train_views, scene_with_ball(20).points, 0.5f))
-    EXPECT_EQ(distance, 0);
-  EXPECT_EQ(count(found(scene_with_ball(20), with_one_at_depth(0.5f), 0.5f)), 0u);
+TEST_F(Floaters, OneWrongPointInTenMakesNoDifference) {
+  Scene scene = scene_with_ball();
+  for (int i = 0; i < 3; ++i) scene.points.push_back({at_depth(0.1f), {}});
+  EXPECT_EQ(sight(scene, 0, at_depth(0.5f)), Sight::through);
 }
 
-TEST_F(Floaters, WhatHangsBeforeACameraIsFoundAndNothingElse) {
-  const std::vector<std::uint8_t> marks =
-      found(scene_with_ball(5000), with_one_at_depth(0.5f), 0.5f);
-  EXPECT_EQ(count(marks), 1u);
-  EXPECT_EQ(marks.back(), 1);
-  EXPECT_EQ(count(found(scene_with_ball(5000), with_one_at_depth(1.5f), 0.5f)), 0u);
+// The rule that was replaced measured against the nearest points of the whole picture, and removed
+// walls that have none.
+TEST_F(Floaters, AreNoneOnABlankWallBesideNearPoints) {
+  Scene scene = scene_with_ball();
+  // Only points in the lower half of the picture are left.
+  std::erase_if(scene.points, [](const ScenePoint& point) { return point.position.y < 0.4f; });
+  EXPECT_FALSE(is_floater(scene, {0, -0.15f, -2.5f}));
+  EXPECT_TRUE(is_floater(scene, {0, 0.15f, -2.5f}));
 }
 
-TEST_F(Floaters, WhatOthersSeeFromFartherAwayIsNone) {
-  const Scene scene = scene_with_ball(5000);
-  const Gaussians gaussians = with_one_at_depth(0.5f);
-  const auto renderer = make_scalar_renderer();
-  ContributionMeter meter(*renderer, gaussians.span(), {});
-  int witnesses = 0;
-  for (std::size_t v = 1; v < scene.train_views.size(); ++v)
-    witnesses += meter.measure(scene.train_views[v].camera).back() >= 1;
-  ASSERT_GE(witnesses, 1);
-  EXPECT_EQ(count(found(scene, gaussians, 0.5f, witnesses)), 0u);
-  EXPECT_EQ(count(found(scene, gaussians, 0.5f, witnesses + 1)), 1u);
+TEST_F(Floaters, HangBeforeACameraAndNowhereElse) {
+  const Scene scene = scene_with_ball();
+  EXPECT_TRUE(is_floater(scene, at_depth(0.5f)));
+  EXPECT_FALSE(is_floater(scene, at_depth(1.5f)));
+  EXPECT_FALSE(is_floater(scene, at_depth(2)));
 }
 
-TEST_F(Floaters, NothingIsFoundInAnEmptyModelOrScene) {
-  EXPECT_TRUE(found(scene_with_ball(5000), Gaussians(0, host_memory()), 0.5f, 3).empty());
-  EXPECT_EQ(count(found(scene_with_ball(0), with_one_at_depth(0.1f), 0.5f, 3)), 0u);
+TEST_F(Floaters, AreNoneWhereAnotherPhotoShowsThemAmongItsPoints) {
+  Scene scene = scene_with_ball();
+  // A camera behind the first one, for which the place is at a depth of 2.5 of 4.
+  View other = scene.train_views[0];
+  other.camera.cam_from_world_translation.z = 5;
+  scene.train_views.push_back(other);
+  EXPECT_FALSE(is_floater(scene, at_depth(0.5f)));
+  EXPECT_TRUE(is_floater(scene, at_depth(0.5f), 2));
 }
 
-TEST_F(Floaters, AreHiddenAndComeBackBitForBit) {
-  const Scene scene = scene_with_ball(5000);
-  TrainingModel model = model_of(with_one_at_depth(0.5f));
-  const TrainingModel before = copy_to(host_memory(), model);
-  {
-    const HiddenFloaters hidden(model, ClearSpace(scene, 0.5f));
-    EXPECT_LT(sigmoid(model.gaussians.logit_opacity[40]), kMinAlpha);
-    EXPECT_EQ(model.gaussians.logit_opacity[39], before.gaussians.logit_opacity[39]);
+TEST_F(Floaters, AreNotFoundWithoutPointsOrClearance) {
+  EXPECT_FALSE(is_floater(scene_with_ball(0), at_depth(0.5f)));
+  EXPECT_EQ(FloaterFinder(scene_with_ball(), 0).marks({at_depth(0.1f)})[0], 0);
+  EXPECT_TRUE(FloaterFinder(scene_with_ball(), kClearance).marks({}).empty());
+}
+
+/// A run of 10 steps on a scene where one Gaussian starts in front of the first camera.
+class FloatersOfARun : public Floaters {
+ protected:
+  FloatersOfARun() {
+    scene_.points.push_back({at_depth(0.5f), {200, 200, 200}});
+    config_.train.iterations = 10;
+    config_.density.camera_clearance = kClearance;
   }
-  EXPECT_TRUE(same_bits(model, before));
-  {
-    const HiddenFloaters none(model, ClearSpace(scene, 0));
-    EXPECT_TRUE(same_bits(model, before));
-  }
-  HiddenFloaters(model, ClearSpace(scene, 0.5f)).leave();
-  EXPECT_LT(sigmoid(model.gaussians.logit_opacity[40]), kMinAlpha);
-}
-
-TEST_F(Floaters, AFailureWhileTheyAreHiddenGivesThemBack) {
-  Scene scene = scene_with_ball(5000);
-  scene.points.push_back({{0, 0, -2.5f}, {200, 200, 200}});
-  Config config = adaptive_config();
-  config.density.camera_clearance = 0.5f;
-  const auto backend = make_scalar_backend();
-  Trainer trainer(scene, config, *backend);
-  const std::vector<float> before = trainer.model().gaussians.logit_opacity.download();
-  EXPECT_THROW(trainer.look_at_result([&](const Gaussians& gaussians) {
-    EXPECT_NE(gaussians.logit_opacity.download(), before);
-    throw Error("out of memory, says the test", ExitCode::out_of_memory);
-  }),
-               Error);
-  EXPECT_EQ(trainer.model().gaussians.logit_opacity.download(), before);
-}
-
-/// Looks at the result after the third step.
-class Look : public Observer {
- public:
-  void after_step(int step, Trainer& trainer) override {
-    if (step != 3) return;
-    trainer.look_at_result(
-        [&](const Gaussians& gaussians) { seen = gaussians.logit_opacity.download(); });
-    after = trainer.model().gaussians.logit_opacity.download();
-  }
-  std::vector<float> seen, after;
+  const std::unique_ptr<Backend> backend_ = make_scalar_backend();
+  Scene scene_ = scene_with_ball();
+  Config config_ = adaptive_config();
 };
 
-TEST_F(Floaters, AreNoPartOfWhatTrainingLeavesNorOfWhatObserversSee) {
-  Scene scene = scene_with_ball(5000);
-  // a Gaussian starts here, in front of the first camera
-  scene.points.push_back({{0, 0, -2.5f}, {200, 200, 200}});
-  Config config = adaptive_config();
-  config.train.iterations = 5;
-  config.density.camera_clearance = 0.5f;
-  const auto backend = make_scalar_backend();
-  Look look;
-  Trainer cleaned(scene, config, *backend);
-  cleaned.add_observer(look);
-  cleaned.run();
-  EXPECT_EQ(cleaned.gaussian_count(), 5000u);
-  const auto hidden = [](float logit) { return sigmoid(logit) < kMinAlpha; };
-  EXPECT_EQ(std::count_if(look.seen.begin(), look.seen.end(), hidden), 1);
-  EXPECT_EQ(std::count_if(look.after.begin(), look.after.end(), hidden), 0);
-  config.density.camera_clearance = 0;
-  Trainer as_it_was(scene, config, *backend);
-  as_it_was.run();
-  EXPECT_EQ(as_it_was.gaussian_count(), 5001u);
+TEST_F(FloatersOfARun, AreRemovedAndCounted) {
+  Trainer trainer(scene_, config_, *backend_);
+  trainer.run();
+  EXPECT_EQ(trainer.gaussian_count(), 5000u);
+  EXPECT_EQ(trainer.removed_floaters(), 1u);
 }
 
-// Neither paper removes Gaussians in front of cameras.
-TEST_F(Floaters, StayUnderThePresetsOfPapers) {
-  Scene scene = scene_with_ball(5000);
-  scene.points.push_back({{0, 0, -2.5f}, {200, 200, 200}});  // as in the test before
-  const auto backend = make_scalar_backend();
-  for (const char* preset : {"paper_3dgs", "paper_faster_gs"}) {
-    Config config = adaptive_config();
-    load_config(config, preset);
-    EXPECT_TRUE(ClearSpace(scene, config.density.camera_clearance).marks({{0, 0, -2.5f}}).empty());
-    config.train.iterations = 3;
-    Trainer trainer(scene, config, *backend);
-    trainer.run();
-    EXPECT_EQ(trainer.gaussian_count(), 5001u) << preset;
-  }
+TEST_F(FloatersOfARun, StayWithoutClearance) {
+  config_.density.camera_clearance = 0;
+  Trainer trainer(scene_, config_, *backend_);
+  trainer.run();
+  EXPECT_EQ(trainer.gaussian_count(), 5001u);
+  EXPECT_EQ(trainer.removed_floaters(), 0u);
 }
 
 }  // namespace
