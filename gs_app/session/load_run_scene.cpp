@@ -8,8 +8,8 @@
 
 #include "data_loaders/reconstruct/foreign_cameras.h"
 #include "data_loaders/reconstruct/photo_folder.h"
-#include "data_loaders/scene/photo_light.h"
 #include "gs_app/run/text.h"
+#include "gs_app/session/measure_light.h"
 #include "gs_core/error.h"
 #include "gs_core/log.h"
 #include "gs_core/memory.h"
@@ -31,11 +31,6 @@ void move_source(DatasetConfig& dataset, const fs::path& scene) {
   keep_place(dataset.masks, "masks");
   keep_place(dataset.depth, "depth");
   dataset.source = scene.string();
-}
-
-void settle(Config& config, const PhotometricChoice& choice) {
-  config.photometric.model = choice.has_gains ? kGainsModel : kNoPhotometricModel;
-  log_info("photometric.model auto is {}: {}", config.photometric.model, choice.why);
 }
 
 void forget_exposures(Scene& scene) {
@@ -98,18 +93,22 @@ Scene load_run_scene(Config& config, SessionHooks& hooks) {
   if (photometric.model != kAutoPhotometricModel)
     return load_run_scene(config.dataset, hooks, needs);
   DatasetConfig dataset = config.dataset;
-  std::string unknown_because;
-  if (!dataset.exposure) unknown_because = why_exposures_are_unknown(dataset);
-  dataset.exposure = unknown_because.empty();
+  dataset.exposure = dataset.exposure || why_exposures_are_unknown(dataset).empty();
   Scene scene = load_run_scene(dataset, hooks, needs);
-  settle(config, choose_photometric(scene.exposure, unknown_because));
+  if (scene.exposure) settle_photometric(config, choose_photometric(scene.exposure, ""));
   if (!config.dataset.exposure) forget_exposures(scene);
   return scene;
 }
 
+void settle_photometric(Config& config, const PhotometricChoice& choice) {
+  config.photometric.model = choice.has_gains ? kGainsModel : kNoPhotometricModel;
+  log_info("photometric.model auto is {}: {}", config.photometric.model, choice.why);
+}
+
 void choose_photometric_model(Config& config, const Scene& scene) {
   if (config.photometric.model != kAutoPhotometricModel) return;
-  settle(config, choose_photometric(scene.exposure, "its exposures were not solved for"));
+  settle_photometric(config, scene.exposure ? choose_photometric(scene.exposure, "")
+                                            : choose_photometric_by_run(config, scene));
 }
 
 ForecastDevice forecast_device(Backend& backend) {

@@ -6,6 +6,7 @@
 #include <functional>
 
 #include "data_loaders/doctor/forecast.h"
+#include "data_loaders/scene/photo_light.h"
 #include "gs_app/run/run_folder.h"
 #include "gs_app/session/session_hooks.h"
 #include "gs_core/config/config.h"
@@ -25,13 +26,16 @@ bool reconstruct_bare_photos(Config& config, const RunFolder& folder,
 Scene load_run_scene(const DatasetConfig& dataset, SessionHooks& hooks,
                      const LightNeeds& needs = {});
 
-/// The same for a run. Where photometric.model is "auto", the photos choose the model, and the
-/// config then names it. Exposures that were solved for that choice alone are forgotten: gains that
-/// start from them make neutral pictures worse (docs/photometric.md).
-/// Logs why.
+/// The same for a run. Where photometric.model is "auto" and exposures can be solved for, they
+/// choose the model, and the config then names it. Exposures that were solved for that choice alone
+/// are forgotten: gains that start from them make neutral pictures worse (docs/photometric.md).
 Scene load_run_scene(Config& config, SessionHooks& hooks);
 
-/// The choice for a scene that somebody else has made: by the exposures that it has.
+/// Writes the choice into the config, and logs why.
+void settle_photometric(Config& config, const PhotometricChoice& choice);
+
+/// The choice where it is still open: by the exposures of a scene that somebody else has made, and
+/// by a short run where there are none (measure_light.h).
 void choose_photometric_model(Config& config, const Scene& scene);
 
 /// Logs what the run is expected to take of the machine.

@@ -242,10 +242,8 @@ void TrainSession::get_scene() {
     has_made_scene_ = reconstruct_bare_photos(
         config_, *folder_, [&] { clear_folder_for_photos(); }, hooks_);
   describe_scene();
-  if (scene_)
-    choose_photometric_model(config_, *scene_);
-  else
-    scene_ = &loaded_scene_.emplace(load_run_scene(config_, hooks_));
+  if (!scene_) scene_ = &loaded_scene_.emplace(load_run_scene(config_, hooks_));
+  choose_photometric_model(config_, *scene_);
   if (lpips_)
     lpips_->check_sizes(scene_->test_views.empty() ? scene_->train_views : scene_->test_views);
   if (!resumed_) config_ = settled_for(config_, *scene_);
