@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// The order of an examination: photos without a model have their own; else folders, model, files, headers, pictures, cameras, points, sight,
-// depth maps, forecast, blocks, light.
+// The order of an examination: folders, model, files, headers, pictures, cameras, points, sight,
+// depth maps, forecast, blocks, light. Photos without a model have an order of their own.
 #include "data_loaders/doctor/doctor.h"
 
 #include <algorithm>

@@ -35,13 +35,7 @@ Pixel stored_pixel(int orientation, int x, int y, int width, int height) {
 
 /// Color with its alpha as a fourth channel, if there is one.
 Image8 with_alpha(PhotoWithAlpha read) {
-  if (read.alpha.empty()) return std::move(read.photo);
-  Image8 image(read.photo.width, read.photo.height, 4);
-  for (std::size_t i = 0; i < read.alpha.pixels.size(); ++i) {
-    std::copy_n(&read.photo.pixels[3 * i], 3, &image.pixels[4 * i]);
-    image.pixels[4 * i + 3] = read.alpha.pixels[i];
-  }
-  return image;
+  return read.alpha.empty() ? std::move(read.photo) : joined(read.photo, read.alpha);
 }
 
 }  // namespace

@@ -39,6 +39,8 @@ ExposureTags decode_exposure_tags(const std::filesystem::path& path);
 
 /// The result of decode_photo() as color and alpha.
 PhotoWithAlpha separated(Image8 decoded);
+/// Color with a fourth channel of the same size: an alpha or a mask.
+Image8 joined(const Image8& color, const Image8& fourth);
 
 /// The library and its version: another one may decode a JPEG to other bytes.
 std::string codec_name();

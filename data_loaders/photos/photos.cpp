@@ -122,6 +122,15 @@ PhotoWithAlpha separated(Image8 decoded) {
   return result;
 }
 
+Image8 joined(const Image8& color, const Image8& fourth) {
+  Image8 both(color.width, color.height, 4);
+  for (std::size_t i = 0; i < fourth.pixels.size(); ++i) {
+    std::copy_n(&color.pixels[3 * i], 3, &both.pixels[4 * i]);
+    both.pixels[4 * i + 3] = fourth.pixels[i];
+  }
+  return both;
+}
+
 Image8 read_photo(const fs::path& path) { return read_photo_with_alpha(path).photo; }
 
 PhotoWithAlpha read_photo_with_alpha(const fs::path& path) {

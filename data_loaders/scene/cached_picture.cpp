@@ -44,14 +44,6 @@ std::string recipe_of(const ViewPlan& plan) {
 
 // A masked picture is an entry of its own kind, with the mask as a fourth channel.
 std::string masked_key(const std::string& key) { return key + "m"; }
-Image8 joined(const Picture& picture) {
-  Image8 both(picture.photo.width, picture.photo.height, 4);
-  for (std::size_t i = 0; i < picture.mask.pixels.size(); ++i) {
-    std::copy_n(&picture.photo.pixels[3 * i], 3, &both.pixels[4 * i]);
-    both.pixels[4 * i + 3] = picture.mask.pixels[i];
-  }
-  return both;
-}
 
 }  // namespace
 
@@ -105,7 +97,7 @@ void CachedPictures::store(std::size_t view, const ViewPlan& plan, const Picture
   if (picture.mask.empty())
     cache_.store(key, picture.photo);
   else
-    cache_.store(masked_key(key), joined(picture));
+    cache_.store(masked_key(key), joined(picture.photo, picture.mask));
 }
 
 Picture CachedPictures::picture(std::size_t view, const ViewPlan& plan) {

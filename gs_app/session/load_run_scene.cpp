@@ -33,6 +33,11 @@ void move_source(DatasetConfig& dataset, const fs::path& scene) {
   dataset.source = scene.string();
 }
 
+void settle(Config& config, const PhotometricChoice& choice) {
+  config.photometric.model = choice.has_gains ? kGainsModel : kNoPhotometricModel;
+  log_info("photometric.model auto is {}: {}", config.photometric.model, choice.why);
+}
+
 void forget_exposures(Scene& scene) {
   scene.exposure.reset();
   scene.lenses.clear();
@@ -95,20 +100,15 @@ Scene load_run_scene(Config& config, SessionHooks& hooks) {
   DatasetConfig dataset = config.dataset;
   dataset.exposure = dataset.exposure || why_exposures_are_unknown(dataset).empty();
   Scene scene = load_run_scene(dataset, hooks, needs);
-  if (scene.exposure) settle_photometric(config, choose_photometric(scene.exposure, ""));
+  if (scene.exposure) settle(config, choose_photometric(scene.exposure, ""));
   if (!config.dataset.exposure) forget_exposures(scene);
   return scene;
 }
 
-void settle_photometric(Config& config, const PhotometricChoice& choice) {
-  config.photometric.model = choice.has_gains ? kGainsModel : kNoPhotometricModel;
-  log_info("photometric.model auto is {}: {}", config.photometric.model, choice.why);
-}
-
 void choose_photometric_model(Config& config, const Scene& scene) {
   if (config.photometric.model != kAutoPhotometricModel) return;
-  settle_photometric(config, scene.exposure ? choose_photometric(scene.exposure, "")
-                                            : choose_photometric_by_run(config, scene));
+  settle(config, scene.exposure ? choose_photometric(scene.exposure, "")
+                                : choose_photometric_by_run(config, scene));
 }
 
 ForecastDevice forecast_device(Backend& backend) {

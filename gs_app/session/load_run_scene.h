@@ -6,7 +6,6 @@
 #include <functional>
 
 #include "data_loaders/doctor/forecast.h"
-#include "data_loaders/scene/photo_light.h"
 #include "gs_app/run/run_folder.h"
 #include "gs_app/session/session_hooks.h"
 #include "gs_core/config/config.h"
@@ -30,9 +29,6 @@ Scene load_run_scene(const DatasetConfig& dataset, SessionHooks& hooks,
 /// choose the model, and the config then names it. Exposures that were solved for that choice alone
 /// are forgotten: gains that start from them make neutral pictures worse (docs/photometric.md).
 Scene load_run_scene(Config& config, SessionHooks& hooks);
-
-/// Writes the choice into the config, and logs why.
-void settle_photometric(Config& config, const PhotometricChoice& choice);
 
 /// The choice where it is still open: by the exposures of a scene that somebody else has made, and
 /// by a short run where there are none (measure_light.h).

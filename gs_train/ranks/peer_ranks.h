@@ -51,7 +51,8 @@ struct PeerRules {
   /// Why the connection to a rank was lost, for a sentence that begins with its number.
   std::function<std::string(int rank)> why_lost;
   /// The message `setup`, when the views are announced for the first time. A rank answers `ready`,
-  /// however long that takes, and shows signs of life (`alive`) until then. Null: the ranks have their views already.
+  /// however long that takes, and shows signs of life (`alive`) until then. Null: the ranks have
+  /// their views already.
   std::function<std::vector<std::byte>()> setup = {};
 };
 
