@@ -72,7 +72,6 @@ struct Step : PendingStep {
   using PendingStep::PendingStep;
   PhotometricUpdate photometric;
   PoseUpdate poses;
-  std::optional<std::uint32_t> lazy_updates;  // LazyState::updates before the step
 };
 
 class CudaBackend final : private Device, private StepLauncher<Step>, public Backend {
@@ -114,8 +113,6 @@ class CudaBackend final : private Device, private StepLauncher<Step>, public Bac
   void check_refines_poses() const override {}
   void check_takes_depth() const override {}
   bool makes_refined_cameras() const override { return true; }
-  bool can_update_lazily() const override { return true; }
-  bool has_updates_bound_by_memory() const override { return true; }
   RowOps& rows() override {
     finish_pending();
     return *rows_;
@@ -142,13 +139,8 @@ class CudaBackend final : private Device, private StepLauncher<Step>, public Bac
     const PhotometricUpdate photometric = step.photometric =
         photometric_.update_of(model.photometric, update);
     const PoseUpdate poses = step.poses = pose_update(model.poses, update);
-    if (model.lazy.is_on) {
-      model.lazy.rounding_seed = update.rounding_seed;
-      step.lazy_updates = std::uint32_t(model.lazy.updates);
-    }
     steps_.launch(std::move(step), model.count());
     model.adam_steps += update.rule.steps;
-    if (model.lazy.is_on && ++model.lazy.updates == kLazyWindow) model.lazy.updates = 0;
     if (photometric.is_due) model.photometric.adam_steps += photometric.rule.steps;
     if (poses.is_due) model.poses.adam_steps += update.photo_rule.steps;
   }
@@ -241,7 +233,6 @@ class CudaBackend final : private Device, private StepLauncher<Step>, public Bac
                        step.rounding, step.density, renderer_.workspace().halted.data());
     else if (step.is_batch())
       update(step);
-    if (step.lazy_updates) note_unseen(step);
     photometric_.update(model_->photometric, step.photometric, step.photos(),
                         renderer_.workspace().halted.data());
     if (step.poses.is_due)
@@ -295,9 +286,7 @@ class CudaBackend final : private Device, private StepLauncher<Step>, public Bac
                                      step.batch.size());
       loss_settings.photo_on_device = &*on_device;
     }
-    RenderSettings settings = settings_of(step, photo);
-    const std::optional<LazySh> late = lazy_sh(step);
-    if (late) settings.lazy_sh = &*late;
+    const RenderSettings settings = settings_of(step, photo);
     const GaussiansSpan gaussians = model_->gaussians.span();
     Workspace& workspace = renderer_.workspace();
     const std::uint32_t capacity = steps_.forecast().capacity_for(photo, model_->count());
@@ -350,33 +339,11 @@ class CudaBackend final : private Device, private StepLauncher<Step>, public Bac
       add_regularizer_gradients(context, model_->gaussians.span(), regularizers,
                                 sums_.gradients.span());
     const std::uint32_t* const halted = renderer_.workspace().halted.data();
-    const std::optional<LazySh> late = lazy_sh(step);
     update_by_sums(context, *model_, step.adam, step.rule, step.rounding,
-                   step.batch.back().settings.sh_degree, regularizers.any(),
-                   late ? &*late : nullptr, halted, sums_);
+                   step.batch.back().settings.sh_degree, regularizers.any(), halted, sums_);
     if (model_->statistics.has_sums)
       pool_fragment_sums(context, model_->statistics.sums.span(), sums_.statistics.sums.span(),
                          step.density.pooling, halted);
-  }
-
-  // What SH has missed before a step; nothing where it is not updated lazily.
-  std::optional<LazySh> lazy_sh(const Step& step) const {
-    if (!step.lazy_updates) return std::nullopt;
-    LazySh late = lazy_sh_of(*model_);
-    late.updates = *step.lazy_updates;
-    return late;
-  }
-
-  // After the update of rows that its photos see: the others have missed it. All rows catch up when
-  // the table is full.
-  void note_unseen(const Step& step) {
-    const std::uint32_t* const halted = renderer_.workspace().halted.data();
-    extend_missed(context, model_->lazy, *step.lazy_updates,
-                  unseen_update(step.rounding.t, step.adam, step.rule), halted);
-    if (*step.lazy_updates + 1 < std::uint32_t(kLazyWindow)) return;
-    LazySh late = lazy_sh_of(*model_);
-    late.updates = kLazyWindow;
-    catch_up_sh(context, *model_, late, step.rounding, halted);
   }
 
   static PoseUpdate pose_update(const PoseState& state, const Update& update) {

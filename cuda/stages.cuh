@@ -292,27 +292,12 @@ void preprocess_backward_and_add(Context& context, const GaussiansSpan& gaussian
                                  float weight, const BatchSums& sums,
                                  const DevicePose* pose = nullptr, const Shard& shard = {});
 /// 8 for a batch  adam.cu: updates the parameters by the sums, and the statistics but for sums over
-/// fragments, and clears what it took. `all_have_gradients`: all sums but those of color may have
-/// some, also in rows that no photo has touched. `lazy_sh` is null, or says what the SH of rows has
-/// missed; then that of rows that no photo has touched stays.
-/// SH coefficients beyond `sh_degree` have no gradients yet and stay. Nothing is updated while
-/// `halted` is raised.
+/// fragments, and clears what it took. `all_have_gradients`: sums may have some also in rows that no photo has touched. SH coefficients beyond `sh_degree` have no
+/// gradients and stay. Nothing is updated while `halted` is raised.
 void update_by_sums(Context& context, TrainingModel& model, const AdamSteps& steps,
                     const AdamRule& rule, const MomentRounding& rounding, int sh_degree,
-                    bool all_have_gradients, const LazySh* lazy_sh, const std::uint32_t* halted,
-                    const BatchSums& sums, const Shard& shard = {});
-
-/// 8 where SH is updated lazily  lazy_adam.cu. After each update: extends the table of what rows have
-/// missed by it, which has `updates` entries.
-void extend_missed(Context& context, const LazyState& lazy, std::uint32_t updates,
-                   const UnseenUpdate& update, const std::uint32_t* halted);
-/// Brings SH of all rows up to date. `late` says what they have missed.
-void catch_up_sh(Context& context, const TrainingModel& model, const LazySh& late,
-                 const MomentRounding& rounding, const std::uint32_t* halted);
-/// The same between steps, and as far as it is needed.
-void catch_up_sh(Context& context, TrainingModel& model);
-/// Writes SH of all rows as it would be then into the parameters alone.
-void show_current_sh(Context& context, const TrainingModel& model);
+                    bool all_have_gradients, const std::uint32_t* halted, const BatchSums& sums,
+                    const Shard& shard = {});
 
 /// Additions of the MCMC strategy to 8  langevin.cu: the regularizers' gradients before Adam, where
 /// gradients are stored, and noise on the means after Adam. No noise is added while `halted` is

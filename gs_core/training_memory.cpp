@@ -78,7 +78,6 @@ void add_state(const TrainingSize& size, Rows& rows) {
       arrays);
   for (int statistic = 0; statistic < 2; ++statistic) rows.add(sizeof(float));
   if (size.has_sums) rows.add(sizeof(FragmentSums));
-  if (size.is_lazy) rows.add(kWord);  // LazyState::updated_at
 }
 
 // Arrays of the step that row operations borrow.
@@ -115,14 +114,11 @@ void add_row_operations(const TrainingSize& size, Rows& rows) {
   for (int array = 0; array < 3; ++array) rows.add(kWord);  // sources, clones, parents
 }
 
-// True where the photos of a batch are done together (cuda/train/batch_choice.h). Batches with lazy
-// updates are not. With "auto" it is not known, so the larger of the two is taken.
+// True where the photos of a batch are done together (cuda/train/batch_choice.h).
 bool are_done_together(const TrainingSize& size) {
   const bool are_sums_apart =
       size.has_sums && (size.is_deterministic || size.is_absolute || size.has_pixel_values);
-  const bool are_lazy = size.is_lazy && size.batch < kMostTogether;
-  return size.batch <= kMostTogether && !size.has_time && !size.has_depth_maps && !are_sums_apart &&
-         !are_lazy;
+  return size.batch <= kMostTogether && !size.has_time && !size.has_depth_maps && !are_sums_apart;
 }
 
 // What the photos of a batch keep until all are drawn, or its sums.
@@ -195,8 +191,6 @@ TrainingSize training_size(const Config& config, const PictureSizes& pictures, d
   size.relocates = config.density.strategy == "mcmc";
   size.batch = config.train.batch;
   size.moment_bytes = moment_bytes(config.optimizer.moments);
-  size.is_lazy =
-      config.optimizer.lazy == LazyMode::on || config.optimizer.lazy == LazyMode::automatic;
   size.has_time = config.model.dynamic;
   size.has_slope = config.model.dynamic && config.model.time_colors;
   size.has_filter = config.model.filter_3d;
@@ -211,7 +205,7 @@ TrainingSize training_size(const Config& config, const PictureSizes& pictures, d
 }
 
 TrainingSize with_offload(TrainingSize size) {
-  size.offloads_sh = size.is_lazy = true;
+  size.offloads_sh = true;
   return size;
 }
 

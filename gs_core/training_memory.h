@@ -56,7 +56,6 @@ struct TrainingSize {
   bool relocates = false;    // mcmc's row operations, in place of those that clone and split
   int batch = 1;             // photos of an update
   int moment_bytes = 8;      // of both of Adam's moments of one parameter
-  bool is_lazy = false;      // updates of SH are left for later (optimizer.lazy)
   bool offloads_sh = false;  // sh_rest and its moments lie in host memory (train.offload)
   bool has_time = false, has_slope = false, has_filter = false;  // as in Gaussians
   bool has_sums = false;          // the score sums over fragments ...

@@ -11,16 +11,16 @@ namespace {
 
 ProjectedGaussian<float> project_row(const GaussiansSpan& gaussians, std::size_t i,
                                      const Camera& camera, const RenderSettings& settings) {
-  const CurrentRow row(gaussians, i, settings);
   if (gaussians.has_slope)
-    return project_gaussian(camera, row.spacetime_parameters(), row.sh0_slope(),
+    return project_gaussian(camera, spacetime_parameters_of(gaussians, i), gaussians.sh0_slope[i],
                             time_of(camera, settings), settings);
   if (gaussians.has_time)
-    return project_gaussian(camera, row.spacetime_parameters(), time_of(camera, settings),
-                            settings);
+    return project_gaussian(camera, spacetime_parameters_of(gaussians, i),
+                            time_of(camera, settings), settings);
   if (gaussians.has_filter)
-    return project_gaussian(camera, row.parameters(), gaussians.filter_scale[i], settings);
-  return project_gaussian(camera, row.parameters(), settings);
+    return project_gaussian(camera, parameters_of(gaussians, i), gaussians.filter_scale[i],
+                            settings);
+  return project_gaussian(camera, parameters_of(gaussians, i), settings);
 }
 
 }  // namespace
@@ -30,16 +30,10 @@ void preprocess(const GaussiansSpan& gaussians, const Camera& camera,
   const HostStage stage("preprocess");
   const std::size_t count = gaussians.mean.size;
   pass.begin(camera, count);
-  RenderSettings as_stored = settings;
-  as_stored.lazy_sh = nullptr;
 
   parallel_for(count, 512, [&](std::size_t i) {
     pass.tile_counts[i] = 0;
-    ProjectedGaussian<float> projected = project_row(gaussians, i, camera, as_stored);
-    if (!projected.is_visible) return;
-    // Only rows that are seen make up for what their SH has missed.
-    if (settings.lazy_sh && settings.lazy_sh->is_late(i))
-      projected = project_row(gaussians, i, camera, settings);
+    const ProjectedGaussian<float> projected = project_row(gaussians, i, camera, settings);
     if (!projected.is_visible) return;
     const Splat& splat = projected.splat;
     const Rect pixels = pixels_of(settings.bounds, splat.mean2d, projected.cov2d, splat.cutoff,

@@ -85,22 +85,23 @@ void preprocess_backward(const GaussiansSpan& gaussians, const Camera& camera,
     const SplatGradient dL_dsplat = splat_gradient_of(pass, i);
     gradients.sh_rest[i] = {};  // degrees that are not in use have gradient 0
     Vec3f* const dL_dsh_rest = gradients.sh_rest[i].coefficient;
-    const CurrentRow row(gaussians, i, settings);
     if (gaussians.has_slope)
       write_row(gradients, i,
-                project_gaussian_vjp(camera, row.spacetime_parameters(), row.sh0_slope(),
-                                     time_of(camera, settings), settings, dL_dsplat, dL_dsh_rest));
+                project_gaussian_vjp(camera, spacetime_parameters_of(gaussians, i),
+                                     gaussians.sh0_slope[i], time_of(camera, settings), settings,
+                                     dL_dsplat, dL_dsh_rest));
     else if (gaussians.has_time)
       write_row(gradients, i,
-                project_gaussian_vjp(camera, row.spacetime_parameters(), time_of(camera, settings),
-                                     settings, dL_dsplat, dL_dsh_rest));
+                project_gaussian_vjp(camera, spacetime_parameters_of(gaussians, i),
+                                     time_of(camera, settings), settings, dL_dsplat, dL_dsh_rest));
     else if (gaussians.has_filter)
       write_row(gradients, i,
-                project_gaussian_vjp(camera, row.parameters(), gaussians.filter_scale[i], settings,
-                                     dL_dsplat, dL_dsh_rest));
+                project_gaussian_vjp(camera, parameters_of(gaussians, i), gaussians.filter_scale[i],
+                                     settings, dL_dsplat, dL_dsh_rest));
     else
       write_row(gradients, i,
-                project_gaussian_vjp(camera, row.parameters(), settings, dL_dsplat, dL_dsh_rest));
+                project_gaussian_vjp(camera, parameters_of(gaussians, i), settings, dL_dsplat,
+                                     dL_dsh_rest));
     dL_dmean2d[i] = settings.absolute_gradient ? absolute_gradient_of(pass, i) : dL_dsplat.mean2d;
   });
 }

@@ -8,7 +8,6 @@
 #include "gs_core/buffer.h"
 #include "gs_core/error.h"
 #include "gs_core/math/blend.h"
-#include "gs_core/math/lazy_adam.h"
 #include "gs_core/math/splat.h"
 
 namespace gs {
@@ -38,8 +37,6 @@ struct RenderSettings : SplatSettings {
   bool with_depths = true;
   // sums that do not depend on their order, so that a step has one result
   bool deterministic = false;
-  // of a training step whose model has rows with SH that is late; null: all rows are up to date
-  const LazySh* lazy_sh = nullptr;
 };
 
 /// An entry of a tile's list holds a Gaussian in its lower bits. On the GPU the upper ones say

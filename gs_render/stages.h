@@ -117,55 +117,6 @@ inline GaussianParameters<float> parameters_of(const GaussiansSpan& gaussians, s
   return {gaussians.mean[i],          gaussians.log_scale[i], gaussians.rotation[i],
           gaussians.logit_opacity[i], gaussians.sh0[i],       gaussians.sh_rest[i].coefficient};
 }
-/// The same with SH as it is after all updates, where settings.lazy_sh says that it may be late.
-class CurrentRow {
- public:
-  CurrentRow(const GaussiansSpan& gaussians, std::size_t i, const RenderSettings& settings)
-      : gaussians_(gaussians), i_(i), parameters_(parameters_of(gaussians, i)) {
-    if (gaussians.has_slope) sh0_slope_ = gaussians.sh0_slope[i];
-    if (settings.lazy_sh && settings.lazy_sh->is_late(i)) catch_up(*settings.lazy_sh);
-  }
-  CurrentRow(const CurrentRow&) = delete;
-  CurrentRow& operator=(const CurrentRow&) = delete;
-  const GaussianParameters<float>& parameters() const { return parameters_; }
-  SpacetimeParameters<float> spacetime_parameters() const {
-    return {parameters_, gaussians_.right_rotation[i_], gaussians_.time_mean[i_],
-            gaussians_.log_time_scale[i_]};
-  }
-  /// Zero where colors do not change.
-  const Vec3f& sh0_slope() const { return sh0_slope_; }
-
- private:
-  void catch_up(const LazySh& lazy) {
-    const CatchUp missed = lazy.missed_by(i_);
-    const auto bring = [&](LazyQuantity quantity, auto& row, const auto&... moments) {
-      constexpr std::size_t kInRow = sizeof(row) / sizeof(float);
-      const MomentNumbers of_quantity = moment_numbers(lazy.moments.form, moments...);
-      float* const numbers = reinterpret_cast<float*>(&row);
-      for (std::size_t k = 0; k < kInRow; ++k) {
-        float m, v;
-        of_quantity.load(i_ * kInRow + k, m, v);
-        numbers[k] = caught_up(numbers[k], m, v, missed.length[quantity], missed.epsilon);
-      }
-    };
-    const GaussiansSpan &m = lazy.moments.first, &v = lazy.moments.second;
-    const MomentCodesSpan<CompactCode>& compact = lazy.moments.compact;
-    const MomentCodesSpan<TinyCode>& tiny = lazy.moments.tiny;
-    sh_rest_ = gaussians_.sh_rest[i_];
-    bring(kLazySh0, parameters_.sh0, m.sh0, v.sh0, compact.sh0, tiny.sh0);
-    bring(kLazyShRest, sh_rest_, m.sh_rest, v.sh_rest, compact.sh_rest, tiny.sh_rest);
-    if (gaussians_.has_slope)
-      bring(kLazySh0Slope, sh0_slope_, m.sh0_slope, v.sh0_slope, compact.sh0_slope, tiny.sh0_slope);
-    parameters_.sh_rest = sh_rest_.coefficient;
-  }
-
-  const GaussiansSpan& gaussians_;
-  std::size_t i_;
-  GaussianParameters<float> parameters_;
-  Vec3f sh0_slope_{0, 0, 0};
-  ShRest sh_rest_;  // only where SH is late
-};
-
 inline SpacetimeParameters<float> spacetime_parameters_of(const GaussiansSpan& gaussians,
                                                           std::size_t i) {
   return {parameters_of(gaussians, i), gaussians.right_rotation[i], gaussians.time_mean[i],

@@ -31,10 +31,8 @@ void Backend::step(TrainingModel& model, Span<const TrainingPhoto> batch,
   if (is_summed) prepare_sums(model);
   photometric_sum_.assign(photometric_ ? model.photometric.shape.size() : 0, 0.0);
   pose_sum_.assign(update.pose_rate > 0 ? model.poses.values.size() : 0, 0.0);
-  seen_.assign(model.lazy.is_on ? model.count() : 0, 0);
   for (const TrainingPhoto& photo : batch) {
     differentiate_photo(model, photo, loss_settings, density);
-    if (!seen_.empty()) mark_seen(pass_, {seen_.data(), seen_.size()});
     if (!pose_sum_.empty()) add_camera_gradient(model, photo, 1.0 / double(batch.size));
     if (photometric_)
       add_photometric_gradient(model.photometric.shape, photo, 1.0 / double(batch.size));
@@ -45,9 +43,7 @@ void Backend::step(TrainingModel& model, Span<const TrainingPhoto> batch,
   }
   Gaussians& gradients = is_summed ? sum_ : gradients_;
   if (density.regularizers.any()) optimizer().regularize(model, density.regularizers, gradients);
-  Update of_seen = update;
-  of_seen.seen = {seen_.data(), seen_.size()};
-  optimizer().step(model, gradients, of_seen);
+  optimizer().step(model, gradients, update);
   if (density.noise.scale > 0) optimizer().add_noise(model, density.noise, update.rates.mean);
   if (photometric_ && update.photometric_rate > 0)
     update_photometric(model.photometric, update, photometric_sum_);
@@ -78,9 +74,7 @@ void Backend::differentiate_photo(const TrainingModel& model, const TrainingPhot
   const GaussiansSpan gaussians = model.gaussians.span();
   const std::shared_ptr<const View> view = loaded_view(photo);
   const Camera camera = reduced(photo.camera(), photo.reduction);
-  RenderSettings settings = settings_of(photo, density);
-  const LazySh lazy_sh = lazy_sh_of(model);
-  if (model.lazy.is_on) settings.lazy_sh = &lazy_sh;
+  const RenderSettings settings = settings_of(photo, density);
   renderer().forward(gaussians, camera, settings, pass_);
   compare(model, photo, *view, loss_settings, density, pass_);
   renderer().backward(gaussians, camera, settings, pass_, dL_dimage_.span(), gradients_.span(),
@@ -178,10 +172,6 @@ void Backend::add_photometric_gradient(const PhotometricShape& shape, const Trai
 
 void Backend::update_photometric(PhotometricState&, const Update&, std::vector<double>&) {
   GS_CHECK(false);  // of a backend whose use_photometric() takes none
-}
-
-void Backend::mark_seen(const RenderPass&, Span<std::uint8_t>) {
-  GS_CHECK(false);  // of a backend that cannot update lazily, or whose step() does it itself
 }
 
 void Backend::prepare_sums(const TrainingModel& model) {

@@ -74,11 +74,6 @@ class Backend {
   /// True where step() makes the cameras of training photos from model.poses itself. Else the
   /// caller gives them with the photos (TrainingPhoto::refined), as they are after the last step.
   virtual bool makes_refined_cameras() const { return false; }
-  /// True where step() can leave updates of SH for later (TrainingModel::lazy).
-  virtual bool can_update_lazily() const { return false; }
-  /// True where an update takes as long as the bytes that it moves, so that a lazy one is faster if
-  /// it moves fewer.
-  virtual bool has_updates_bound_by_memory() const { return false; }
   virtual Optimizer& optimizer() = 0;
   /// What changes rows between steps. Ask for it anew after a step: on a GPU this waits for steps
   /// that may have to be repeated.
@@ -144,8 +139,6 @@ class Backend {
   /// fragments, if there are any, with those in `statistics`.
   virtual void gather(const DensityStatistics& statistics, const RenderPass& pass,
                       Span<const Vec2f> dL_dmean2d, ScorePooling pooling) = 0;
-  /// Marks the rows that the pass sees, for models whose SH is updated lazily.
-  virtual void mark_seen(const RenderPass& pass, Span<std::uint8_t> seen);
   /// to += weight * from.
   virtual void add(Span<float> to, Span<const float> from, float weight) = 0;
   /// Pools the sums over fragments of more photos with `all`, and leaves `more` undefined.
@@ -196,7 +189,6 @@ class Backend {
   Buffer<float> dL_dimage_;
   Buffer<float> depth_planes_, dL_dplanes_;  // of photos with a depth map; else empty
   Buffer<Vec2f> dL_dmean2d_;
-  std::vector<std::uint8_t> seen_;    // rows that a photo of a batch sees; empty if nothing is lazy
   Gaussians gradients_;               // of one photo
   Gaussians sum_;                     // of a batch: the mean gradients of its photos so far
   DensityStatistics statistics_sum_;  // of a batch

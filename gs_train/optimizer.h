@@ -37,14 +37,7 @@ struct Update {
   float pose_pull = 0;              // PosesConfig::pull
   AdamRule photo_rule = {};         // of both
   std::uint64_t rounding_seed = 0;  // of moments that are codes (MomentRounding)
-  // (N) rows that a photo sees, for Optimizer::step() of a model whose SH is updated lazily
-  Span<const std::uint8_t> seen = {};
 };
-
-/// The update that a step makes, as rows that no photo sees have it.
-inline UnseenUpdate unseen_update(int t, const AdamSteps& steps, const AdamRule& rule) {
-  return unseen_update(t, steps.sh0, steps.sh_rest, steps.sh0_slope, rule);
-}
 
 /// Noise on the means in one step. It depends on seed, step and row alone, so that every backend
 /// and a resumed run draw the same numbers.
@@ -65,8 +58,7 @@ class Optimizer {
   /// gradients += those of the regularizers, for every row.
   virtual void regularize(const TrainingModel& model, const Regularizers& regularizers,
                           Gaussians& gradients) = 0;
-  /// One Adam update of every row, visible or not (dense semantics). SH of rows that are not in
-  /// update.seen is left for later where model.lazy is on. Adds update.rule.steps to
+  /// One Adam update of every row, visible or not (dense semantics). Adds update.rule.steps to
   /// model.adam_steps.
   virtual void step(TrainingModel& model, const Gaussians& gradients, const Update& update) = 0;
   /// means += noise. `position_rate` is the learning rate of the means in this step.

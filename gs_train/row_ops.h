@@ -3,7 +3,6 @@
 // them.
 #pragma once
 
-#include <type_traits>
 #include <vector>
 
 #include "gs_core/camera.h"
@@ -73,55 +72,12 @@ class RowOps {
   /// Removes this share of the rows, rounded down: the lowest ones by an order, of equal ones those
   /// with the lowest numbers. By sensitivity the model has sums over fragments. Returns how many.
   virtual std::size_t prune_share(TrainingModel& model, PruneOrder order, double share) = 0;
-  /// Brings SH of all rows up to date where updates are left for later (TrainingModel::lazy). The
-  /// operations that move rows or change moments do so first.
-  virtual void catch_up(TrainingModel& model) = 0;
-  /// Writes SH of all rows as it would be then into the parameters alone. Moments and the rest stay
-  /// as they are, so that the old parameters have to come back before the next step: CurrentSh.
-  virtual void show_current_sh(const TrainingModel& model) = 0;
   /// The number of Gaussians with a parameter that is infinite or not a number.
   virtual std::size_t count_not_finite(const TrainingModel& model) = 0;
   /// Releases buffers that are kept between calls.
   virtual void release_caches() {}
   /// Sorts all rows (parameters, moments, statistics) along the Morton curve of their means.
   virtual void sort_by_morton(TrainingModel& model) = 0;
-};
-
-/// While it lives, the parameters of a model have the SH of all updates so far. Afterwards they are
-/// what they were, so that looking at a model does not change its training by a bit. Where updates
-/// of SH are left for later it takes memory for a second copy of SH, and throws Error where there
-/// is none.
-class CurrentSh {
- public:
-  CurrentSh(TrainingModel& model, RowOps& rows) : model_(model) {
-    is_needed_ = model.lazy.is_on && model.lazy.updates > 0;
-    if (!is_needed_) return;
-    kept_.has_slope = model.gaussians.has_slope;
-    for_each_lazy_array(
-        [](LazyQuantity, auto& copy, const auto& array) {
-          copy = std::remove_cvref_t<decltype(copy)>(array.size(), array.memory());
-          if (array.size())
-            array.memory().copy(copy.data(), array.data(), array.size() * sizeof(*array.data()));
-        },
-        kept_, model.gaussians);
-    swap();
-    rows.show_current_sh(model);
-  }
-  ~CurrentSh() {
-    if (is_needed_) swap();
-  }
-  CurrentSh(const CurrentSh&) = delete;
-  CurrentSh& operator=(const CurrentSh&) = delete;
-
- private:
-  void swap() {
-    for_each_lazy_array([](LazyQuantity, auto& copy, auto& array) { copy.swap(array); }, kept_,
-                        model_.gaussians);
-  }
-
-  TrainingModel& model_;
-  Gaussians kept_;
-  bool is_needed_ = false;
 };
 
 }  // namespace gs

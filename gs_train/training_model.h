@@ -9,7 +9,6 @@
 #include "gs_core/error.h"
 #include "gs_core/gaussians.h"
 #include "gs_core/math/growth.h"
-#include "gs_core/math/lazy_adam.h"
 #include "gs_core/math/moment_code.h"
 #include "gs_train/photometric/photometric_state.h"
 #include "gs_train/poses/pose_state.h"
@@ -36,17 +35,6 @@ void for_each_statistic(F&& f, First&& first, Rest&&... rest) {
   if (first.has_sums) f("sums", first.sums, rest.sums...);
 }
 
-/// Which updates of SH each row has had, where they are left for later (optimizer.lazy). They count
-/// from the time when all rows were up to date. While it is off the arrays are empty.
-struct LazyState {
-  bool is_on = false;
-  int updates = 0;                   // since then; fewer than kLazyWindow between two steps
-  std::uint64_t rounding_seed = 0;   // of moments that are codes (MomentRounding)
-  Buffer<std::uint32_t> updated_at;  // (N) the last of them that the row has had
-  Buffer<MissedUpdates> missed;      // (kLazyWindow) [k]: all after update k
-  explicit LazyState(Memory& memory = host_memory()) : updated_at(memory), missed(memory) {}
-};
-
 /// Where the arrays of a model lie. A Memory by itself holds all of them.
 struct ModelMemory {
   Memory& rows;
@@ -70,7 +58,6 @@ struct TrainingModel {
   MomentCodes<CompactCode> compact_codes;
   MomentCodes<TinyCode> tiny_codes;
   DensityStatistics statistics;
-  LazyState lazy;
   PhotometricState photometric;  // of the photos; empty without photometric.model
   PoseState poses;               // of the photos; empty without poses.refine
   // updates since the start; one count for all Gaussians, as in Kerbl et al. 2023
@@ -81,7 +68,7 @@ struct TrainingModel {
   explicit TrainingModel(const ModelMemory& memory = host_memory())
       : gaussians(memory.rows), first_moment(memory.rows), second_moment(memory.rows),
         compact_codes(memory.rows), tiny_codes(memory.rows), statistics(memory.rows),
-        lazy(memory.rows), photometric(memory.rows) {
+        photometric(memory.rows) {
     for (Gaussians* const arrays : {&gaussians, &first_moment, &second_moment})
       arrays->sh_rest = Buffer<ShRest>(memory.sh_rest);
     compact_codes.sh_rest = decltype(compact_codes.sh_rest)(memory.sh_rest);
@@ -130,7 +117,7 @@ void for_each_moment(F&& f, Model& model) {
 /// What an array holds. It decides what the row of a new Gaussian starts with.
 enum class RowRole {
   parameter,  // a new Gaussian has those of the Gaussian that it is made from
-  moment,     // of Adam, and what tells its state; a new Gaussian starts with zeros
+  moment,     // of Adam; a new Gaussian starts with zeros
   statistic,  // of density control; every Gaussian starts with zeros after a refinement
 };
 
@@ -166,9 +153,6 @@ void for_each_row_array(F&& f, First&& first, Rest&&... rest) {
                    rest.second_moment...);
   }
   for_each_statistic(visit(RowRole::statistic, "statistics"), first.statistics, rest.statistics...);
-  if (first.lazy.is_on)
-    f(RowArray{RowRole::moment, "lazy", "updated_at"}, first.lazy.updated_at,
-      rest.lazy.updated_at...);
 }
 
 /// Gives a model whose parameters are set the moments, in the form that it has, and the statistics
@@ -183,38 +167,14 @@ inline void clear_history(TrainingModel& model) {
         array.fill_zero();
       },
       model);
-  model.lazy.updates = 0;
   model.adam_steps = 0;
   model.first_count = count;
-}
-
-/// From now on updates of SH are left for later where no photo sees a row.
-inline void begin_lazy(TrainingModel& model, std::uint64_t rounding_seed) {
-  LazyState& lazy = model.lazy;
-  lazy.missed.resize_discard(kLazyWindow);
-  lazy.updated_at.reserve(model.gaussians.mean.capacity());
-  lazy.updated_at.resize_discard(model.count());
-  lazy.updated_at.fill_zero();
-  lazy.updates = 0;
-  lazy.rounding_seed = rounding_seed;
-  lazy.is_on = true;
-}
-/// The end of it, for a model whose rows are all up to date (RowOps::catch_up).
-inline void end_lazy(TrainingModel& model) {
-  model.lazy = LazyState(model.lazy.updated_at.memory());
 }
 
 /// Adam's moments of all rows.
 inline MomentsSpan moments_of(const TrainingModel& model) {
   return {model.moment_form, model.first_moment.span(), model.second_moment.span(),
           model.compact_codes.span(), model.tiny_codes.span()};
-}
-
-/// What a renderer needs to draw rows that are late.
-inline LazySh lazy_sh_of(const TrainingModel& model) {
-  const LazyState& lazy = model.lazy;
-  return {std::uint32_t(lazy.updates), lazy.updated_at.data(), lazy.missed.data(),
-          moments_of(model)};
 }
 
 /// Gives the statistics sums over fragments, zeros, where they have none yet.
@@ -249,13 +209,9 @@ inline TrainingModel copy_to(const ModelMemory& memory, const TrainingModel& fro
   model.set_learned_arrays(from.gaussians);
   model.gaussians.has_filter = from.gaussians.has_filter;
   model.statistics.has_sums = from.statistics.has_sums;
-  model.lazy.is_on = from.lazy.is_on;
   for_each_row_array(
       [](const RowArray&, auto& to, const auto& array) { to.upload(array.download()); }, model,
       from);
-  model.lazy.updates = from.lazy.updates;
-  model.lazy.rounding_seed = from.lazy.rounding_seed;
-  model.lazy.missed.upload(from.lazy.missed.download());
   model.photometric = copy_to(memory.rows, from.photometric);
   model.poses = from.poses;
   model.adam_steps = from.adam_steps;

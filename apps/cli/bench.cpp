@@ -128,7 +128,6 @@ BenchmarkReport measure(const BenchmarkSubject& subject, const BenchCommand& com
         benchmark_model(*backend, subject.gaussians, memory, subject.config.optimizer.moments);
     if (memory.offloads_sh()) report.offloaded_bytes = sh_rest_bytes(model);
     report.workload = mean_workload(*backend, model, subject.train_views, subject.settings);
-    begin_lazy_as_asked(subject.config, *backend, model, report.workload);
     log_info("timing training: {} warm-up steps, then {} steps twice", plan.warmup, plan.steps);
     report.training = time_training(*backend, model, subject.train_views, subject.settings,
                                     subject.config, plan, report.workload);

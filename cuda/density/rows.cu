@@ -194,7 +194,6 @@ class CudaRowOps final : public RowOps {
 
   RefineReport refine(TrainingModel& model, const AdaptiveRules& rules, const Random& random,
                       int step) override {
-    catch_up(model);
     StageScope scope(context_, "refine");
     const std::size_t count = model.count();
     if (count == 0) return {};
@@ -215,7 +214,6 @@ class CudaRowOps final : public RowOps {
 
   RefineReport grow(TrainingModel& model, const GrowthRules& rules, std::uint64_t seed,
                     int step) override {
-    catch_up(model);
     StageScope scope(context_, "grow");
     if (model.count() == 0) return {};
     const Growth::Result result = growth_.choose(model, rules, seed, step, source_);
@@ -226,7 +224,6 @@ class CudaRowOps final : public RowOps {
 
   RefineReport relocate(TrainingModel& model, const RelocationRules& rules, std::uint64_t seed,
                         int step) override {
-    catch_up(model);
     StageScope scope(context_, "relocate");
     return relocation_.run(model, rules, seed, step);
   }
@@ -234,16 +231,10 @@ class CudaRowOps final : public RowOps {
   std::size_t make_static(TrainingModel& model, double least_time_scale) override {
     StageScope scope(context_, "make_static");
     if (!model.gaussians.has_time || model.count() == 0) return 0;
-    catch_up(model);
     counts_.fill_zero();
     launch(make_static_kernel, model.count(), model.gaussians.span(), moments_of(model),
            least_time_scale, counts_.data());
     return counts_.download()[0].made_static;
-  }
-
-  void catch_up(TrainingModel& model) override { catch_up_sh(context_, model); }
-  void show_current_sh(const TrainingModel& model) override {
-    gs::cuda::show_current_sh(context_, model);
   }
 
   void measure_filter(TrainingModel& model, const std::vector<Camera>& cameras,
@@ -253,7 +244,6 @@ class CudaRowOps final : public RowOps {
   }
 
   void lower_opacity(TrainingModel& model, const OpacityRule& rule) override {
-    catch_up(model);
     StageScope scope(context_, "lower_opacity");
     if (model.gaussians.has_filter && rule.policy == OpacityPolicy::reset)
       launch(cap_filtered_opacity_kernel, model.count(), model.gaussians.span(), rule.amount);
@@ -264,7 +254,6 @@ class CudaRowOps final : public RowOps {
   }
 
   std::size_t prune(TrainingModel& model, float opacity) override {
-    catch_up(model);
     StageScope scope(context_, "prune");
     const std::size_t count = model.count();
     if (count == 0) return 0;
@@ -274,7 +263,6 @@ class CudaRowOps final : public RowOps {
   }
 
   std::size_t prune_share(TrainingModel& model, PruneOrder order, double share) override {
-    catch_up(model);
     StageScope scope(context_, "prune_share");
     GS_CHECK(order == PruneOrder::opacity || model.statistics.has_sums);
     const std::size_t count = model.count();
@@ -316,7 +304,6 @@ class CudaRowOps final : public RowOps {
   }
 
   void sort_by_morton(TrainingModel& model) override {
-    catch_up(model);
     StageScope scope(context_, "morton");
     const Gaussians& rows = model.gaussians;
     gather_all(model, morton_order(context_, order_workspace_, rows.mean.span(),

@@ -353,8 +353,8 @@ void RankSteps::update(const RankedStep& step, Rank& rank) {
     add_regularizer_gradients(rank.context, rank.shard.gaussians.span(), regularizers,
                               rank.sums.gradients.span(), rank.place);
   update_by_sums(rank.context, rank.shard, step.adam, step.rule, step.rounding,
-                 step.batch.back().settings.sh_degree, regularizers.any(), nullptr, rank.halted(),
-                 rank.sums, rank.place);
+                 step.batch.back().settings.sh_degree, regularizers.any(), rank.halted(), rank.sums,
+                 rank.place);
   if (rank.shard.statistics.has_sums)
     pool_fragment_sums(rank.context, rank.shard.statistics.sums.span(),
                        rank.sums.statistics.sums.span(), step.density.pooling, rank.halted());

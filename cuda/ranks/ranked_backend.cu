@@ -82,7 +82,7 @@ class RankedCudaBackend final : public Backend {
   void step(TrainingModel& model, Span<const TrainingPhoto> batch,
             const LossSettings& loss_settings, const Update& update,
             const DensityStep& density) override {
-    GS_CHECK(model.poses.empty() && !model.lazy.is_on);
+    GS_CHECK(model.poses.empty());
     if (model_ != &model) finish_pending();
     model_ = &model;
     // The statistics of the merged model have their sums from now on.

@@ -7,7 +7,6 @@
 // Faster-GS, fused activations, exact and balanced tile culling
 #include <algorithm>
 
-#include "cuda/render/lazy_rows.cuh"
 #include "cuda/render/preprocess.cuh"
 #include "cuda/render/refined_camera.cuh"
 #include "cuda/render/sh_rows.cuh"
@@ -27,16 +26,7 @@ struct Parameters {
   float sh0_slope[3 * kWarp];  // of those whose colors change
 };
 
-// What the rows of a warp have missed, where SH may be late.
-template <bool is_lazy>
-struct SharedLazyRows {
-  LazyRows lazy;
-};
-template <>
-struct SharedLazyRows<false> {};
-
-template <bool is_lazy>
-struct WarpShared : SharedLazyRows<is_lazy> {
+struct WarpShared {
   union alignas(16) {                      // for copies of 16 bytes
     Parameters parameters;                 // at first
     float sh_rows[kWarp * kShRowNumbers];  // once the parameters were read; more than they are
@@ -145,48 +135,6 @@ struct Output {
   ProjectedRows rows;
 };
 
-// SH of all rows is up to date.
-struct AllCurrent {
-  static constexpr bool kIsLazy = false;
-};
-// Rows that are seen make up in registers and shared memory for what their SH has missed. Nothing
-// is written: the update of the step does so with the same numbers.
-struct SomeLate : LazyColors {
-  static constexpr bool kIsLazy = true;
-};
-
-// The whole warp: brings the color of its Gaussians in `seen` up to date, whose SH rows are in
-// shared memory.
-template <int degree, bool has_slope>
-__device__ void catch_up(WarpShared<true>& shared, const SomeLate& late, Gaussian& gaussian,
-                         std::size_t first, int rows, SomeRows seen, float time) {
-  const std::size_t i = first + lane_of_thread();
-  const bool is_due = seen.has(lane_of_thread()) && late.is_late(i);
-  const SomeRows due{__ballot_sync(kAllLanes, is_due)};
-  if (!due.bits) return;
-  LazyRows& lazy = shared.lazy;
-  lazy.take(late, i, due);
-  const std::size_t first_number = first * kShRowNumbers;
-  catch_up_sh_rows<degree>(shared.sh_rows, lazy, rows, [&](int at, float& m, float& v) {
-    late.of[kLazyShRest].load(first_number + at, m, v);
-  });
-  if (!is_due) return;
-  const int lane = lane_of_thread();
-  const auto current = [&](LazyQuantity quantity, const Vec3f& value) {
-    return caught_up_color(late.of[quantity], i, value, lazy.length[quantity][lane],
-                           lazy.epsilon[lane]);
-  };
-  if constexpr (has_slope) {
-    // Both are late, and the color is that of the moment already.
-    const float phase = phase_at(shape_of(gaussian), time);
-    const Vec3f sh0 = gaussian.sh0 - gaussian.sh0_slope * phase;
-    gaussian.sh0 =
-        sh0_at(current(kLazySh0, sh0), current(kLazySh0Slope, gaussian.sh0_slope), phase);
-  } else {
-    gaussian.sh0 = current(kLazySh0, gaussian.sh0);
-  }
-}
-
 // The whole warp: writes the splats of the lanes that have one, from row `first` on, in whole
 // lines. They may go to another GPU, and vectors of single lanes would use the link badly.
 __device__ void store_in_lines(Splat* shared, Splat* first, const Splat& splat, bool has_one) {
@@ -200,13 +148,13 @@ __device__ void store_in_lines(Splat* shared, Splat* first, const Splat& splat, 
       reinterpret_cast<float4*>(first)[item] = reinterpret_cast<const float4*>(shared)[item];
 }
 
-// `Source` is a Camera, or a RefinedCamera; `Late` is AllCurrent or SomeLate.
-template <int degree, bool has_time, bool has_filter, bool has_slope, class Source, class Late>
+// `Source` is a Camera, or a RefinedCamera.
+template <int degree, bool has_time, bool has_filter, bool has_slope, class Source>
 __global__ void __launch_bounds__(kPreprocessThreads)
     preprocess_kernel(GaussiansSpan gaussians, Source source, SplatSettings settings, int tiles_x,
-                      int tiles_y, Output out, Late late, Shard shard) {
+                      int tiles_y, Output out, Shard shard) {
   const Camera& camera = camera_of(source);
-  __shared__ WarpShared<Late::kIsLazy> shared_of_warps[kPreprocessThreads / kWarp];
+  __shared__ WarpShared shared_of_warps[kPreprocessThreads / kWarp];
   auto& shared = shared_of_warps[threadIdx.x / kWarp];
   const std::size_t i = std::size_t(blockIdx.x) * kPreprocessThreads + threadIdx.x;
   const std::size_t count = gaussians.mean.size, first = i - lane_of_thread();
@@ -245,9 +193,6 @@ __global__ void __launch_bounds__(kPreprocessThreads)
       start_sh_copy<degree>(shared.sh_rows, sh_rest, rows);
     hits = count_hit_tiles(shared, outline_of(splat), pixels, settings.bounds);
     finish_copies();
-    if constexpr (Late::kIsLazy)
-      catch_up<degree, has_slope>(shared, late, gaussian, first, rows, visible,
-                                  time_of(camera, settings));
     if (hits > 0) {
       splat.color = sh_color(
           degree, unit_direction(camera.position(), gaussian.mean), gaussian.sh0,
@@ -281,7 +226,7 @@ template <int degree, bool has_filter>
 __global__ void __launch_bounds__(kPreprocessThreads)
     preprocess_batch_kernel(GaussiansSpan gaussians, const __grid_constant__ BatchInput in,
                             Shard shard) {
-  __shared__ WarpShared<false> shared_of_warps[kPreprocessThreads / kWarp];
+  __shared__ WarpShared shared_of_warps[kPreprocessThreads / kWarp];
   auto& shared = shared_of_warps[threadIdx.x / kWarp];
   const int lane = lane_of_thread();
   const std::size_t i = std::size_t(blockIdx.x) * kPreprocessThreads + threadIdx.x;
@@ -373,20 +318,14 @@ void preprocess(Context& context, const GaussiansSpan& gaussians, const Camera& 
   workspace.depth_keys.resize_discard(all);
   const Output out{pass.splats.data(), settings.with_depths ? pass.depths.data() : nullptr,
                    projected_rows(settings, workspace, pass)};
-  const auto launch = [&]<class Source, class Late>(const Source& source, const Late& late) {
+  with_camera(camera, pose, [&]<class Source>(const Source& source) {
     with_form(settings.sh_degree, gaussians, [&](auto degree, auto time, auto filter, auto slope) {
       context.launch("preprocess",
-                     preprocess_kernel<degree(), time(), filter(), slope(), Source, Late>,
+                     preprocess_kernel<degree(), time(), filter(), slope(), Source>,
                      blocks_for(count, kPreprocessThreads), kPreprocessThreads, gaussians, source,
-                     settings, pass.tiles_x, pass.tiles_y, out, late, shard);
+                     settings, pass.tiles_x, pass.tiles_y, out, shard);
     });
-  };
-  if (settings.lazy_sh) {
-    GS_CHECK(!pose);  // the trainer refuses both together
-    launch(camera, SomeLate{lazy_colors(*settings.lazy_sh)});
-  } else {
-    with_camera(camera, pose, [&](const auto& source) { launch(source, AllCurrent()); });
-  }
+  });
 }
 
 }  // namespace gs::cuda

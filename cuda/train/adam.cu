@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Stage 8: Adam over every number of every learned quantity, from stored gradients.
 #include "cuda/device/warp.cuh"
-#include "cuda/render/lazy_rows.cuh"
 #include "cuda/stages.cuh"
 
 namespace gs::cuda {
@@ -131,45 +130,10 @@ __global__ void update_codes_by_sums_kernel(SummedCodes<Code> array, int in_use,
   }
 }
 
-// One array of color where SH is updated lazily, and the sums of its gradients.
-struct LazySums {
-  float *parameters, *sums;
-  MomentNumbers moments;
-  std::size_t size;  // numbers
-  const std::uint32_t* touched;
-  LazyColors lazy;
-  MomentRounding rounding;
-  int quantity, place;
-};
-
-// The update of rows that a photo has touched, which first make up for what they have missed. A
-// thread takes one number; the 32 of a warp are of few rows.
-template <int kInRow>
-__global__ void update_lazily_by_sums_kernel(LazySums array, int in_use, AdamStep step,
-                                             AdamRule rule, const std::uint32_t* halted) {
-  const std::size_t i = std::size_t(blockIdx.x) * kThreads + threadIdx.x;
-  if (i >= array.size || *halted) return;
-  const std::size_t row = i / kInRow;
-  const int number = int(i - row * kInRow);
-  if (number >= in_use || !has_gradients(array.touched, row, row)) return;
-  float p = array.parameters[i], m, v;
-  array.moments.load(i, m, v);
-  if (array.lazy.is_late(row))
-    catch_up(p, m, v, array.lazy.missed[array.lazy.updated_at[row]].catch_up, array.quantity);
-  adam_update(p, m, v, array.sums[i], step, rule);
-  array.parameters[i] = p;
-  array.sums[i] = 0;
-  std::uint32_t random = 0;
-  if (array.moments.are_codes())
-    random = random_of_number(array.rounding.of_row(row), array.place + number);
-  array.moments.store(i, m, v, random);
-}
-
 // After the updates: statistics += their sums, which are cleared. A warp has 32 rows with one word
-// of marks, which it clears, too. Rows with marks have had `update` then, if updated_at is not null.
+// of marks, which it clears, too.
 __global__ void add_statistics_kernel(Span<float> visits, float* gradient_norm, float* more_visits,
                                       float* more_norm, std::uint32_t* touched,
-                                      std::uint32_t* updated_at, std::uint32_t update,
                                       const std::uint32_t* halted) {
   const std::size_t i = std::size_t(blockIdx.x) * kThreads + threadIdx.x;
   if (i >= visits.size || *halted) return;
@@ -179,7 +143,6 @@ __global__ void add_statistics_kernel(Span<float> visits, float* gradient_norm, 
     visits[i] += more_visits[i];
     gradient_norm[i] += more_norm[i];
     more_visits[i] = more_norm[i] = 0;
-    if (updated_at) updated_at[i] = update;
   }
   __syncwarp(__activemask());  // all have read the marks
   if (i % kWarp == 0) touched[i / kWarp] = 0;
@@ -198,7 +161,6 @@ class CudaOptimizer final : public Optimizer {
   }
   void step(TrainingModel& model, const Gaussians& gradients, const Update& update) override {
     GS_CHECK(gradients.count() == model.count());
-    GS_CHECK(!model.lazy.is_on);  // of Backend::step() alone, which backend.cu overrides
     StageScope scope(context_, "adam");
     const AdamRule& rule = update.rule;
     const int t = model.adam_steps += rule.steps;
@@ -245,19 +207,20 @@ class CudaOptimizer final : public Optimizer {
 
 void update_by_sums(Context& context, TrainingModel& model, const AdamSteps& steps,
                     const AdamRule& rule, const MomentRounding& rounding, int sh_degree,
-                    bool all_have_gradients, const LazySh* lazy_sh, const std::uint32_t* halted,
-                    const BatchSums& sums, const Shard& shard) {
+                    bool all_have_gradients, const std::uint32_t* halted, const BatchSums& sums,
+                    const Shard& shard) {
   const StageScope scope(context, "adam");
   const auto launch = [&]<class Row>(auto kernel, const auto& array, const Buffer<Row>&,
-                                     const AdamStep& step, int numbers_of_thread) {
+                                     const AdamStep& step) {
     constexpr int kInRow = int(sizeof(Row) / sizeof(float));
     const int in_use = kInRow == 3 * kShRestCount ? 3 * sh_rest_count(sh_degree) : kInRow;
-    context.launch("adam", kernel, blocks_for(array.size, numbers_of_thread * kThreads), kThreads,
-                   array, in_use, step, rule, halted);
+    context.launch("adam", kernel, blocks_for(array.size, 4 * kThreads), kThreads, array, in_use,
+                   step, rule, halted);
   };
   // One array with its moments, which are floats in m and v, or codes.
-  const auto update = [&]<class Row>(const std::uint32_t* touched, const Buffer<Row>& rows,
-                                     const Buffer<Row>& m, const Buffer<Row>& v,
+  const std::uint32_t* const touched = all_have_gradients ? nullptr : sums.touched.data();
+  const auto update = [&]<class Row>(const char*, const Buffer<Row>& rows, const Buffer<Row>& m,
+                                     const Buffer<Row>& v,
                                      const Buffer<CodedRow<CompactCode, Row>>& compact,
                                      const Buffer<CodedRow<TinyCode, Row>>& tiny,
                                      const Buffer<Row>& sum, const AdamStep& step, int place) {
@@ -267,7 +230,7 @@ void update_by_sums(Context& context, TrainingModel& model, const AdamSteps& ste
       launch(update_codes_by_sums_kernel<kInRow, Code>,
              SummedCodes<Code>{numbers.data, codes.data, numbers_of(sum).data, numbers.size,
                                touched, rounding, place, shard},
-             rows, step, 4);
+             rows, step);
     };
     switch (model.moment_form) {
       case MomentForm::compact: return update_codes(codes_of(compact));
@@ -276,43 +239,17 @@ void update_by_sums(Context& context, TrainingModel& model, const AdamSteps& ste
         launch(update_by_sums_kernel<kInRow>,
                SummedArray{numbers.data, numbers_of(m).data, numbers_of(v).data,
                            numbers_of(sum).data, numbers.size, touched},
-               rows, step, 4);
+               rows, step);
     }
   };
-  const auto update_late = [&]<class Row>(LazyQuantity quantity, const Buffer<Row>& rows,
-                                          const Buffer<Row>& m, const Buffer<Row>& v,
-                                          const Buffer<CodedRow<CompactCode, Row>>& compact,
-                                          const Buffer<CodedRow<TinyCode, Row>>& tiny,
-                                          const Buffer<Row>& sum, const AdamStep& step, int place) {
-    const Span<float> numbers = numbers_of(rows);
-    launch(update_lazily_by_sums_kernel<int(sizeof(Row) / sizeof(float))>,
-           LazySums{
-               numbers.data, numbers_of(sum).data,
-               moment_numbers(model.moment_form, m.span(), v.span(), compact.span(), tiny.span()),
-               numbers.size, sums.touched.data(), lazy_colors(*lazy_sh), rounding, quantity, place},
-           rows, step, 1);
-  };
-  const auto for_all = [&](auto&& for_each, auto&& f) {
-    for_each(f, model.gaussians, model.first_moment, model.second_moment, model.compact_codes,
-             model.tiny_codes, sums.gradients, steps, number_places());
-  };
-  const std::uint32_t* const touched = sums.touched.data();
-  for_all([](auto&&... arguments) { for_each_prompt_array(arguments...); },
-          [&](const char*, const auto&... arrays) {
-            update(all_have_gradients ? nullptr : touched, arrays...);
-          });
-  for_all([](auto&&... arguments) { for_each_lazy_array(arguments...); },
-          [&](LazyQuantity quantity, const auto&... arrays) {
-            if (lazy_sh)
-              update_late(quantity, arrays...);
-            else
-              update(touched, arrays...);
-          });
+  for_each_array(
+      update,
+      model.gaussians, model.first_moment, model.second_moment, model.compact_codes,
+      model.tiny_codes, sums.gradients, steps, number_places());
   context.launch("adam", add_statistics_kernel, blocks_for(model.count(), kThreads), kThreads,
                  model.statistics.visits.span(), model.statistics.gradient_norm.data(),
                  sums.statistics.visits.data(), sums.statistics.gradient_norm.data(),
-                 sums.touched.data(), lazy_sh ? model.lazy.updated_at.data() : nullptr,
-                 lazy_sh ? lazy_sh->updates + 1 : 0, halted);
+                 sums.touched.data(), halted);
 }
 
 std::unique_ptr<Optimizer> make_optimizer(Context& context) {

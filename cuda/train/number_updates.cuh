@@ -6,7 +6,6 @@
 #include <type_traits>
 
 #include "cuda/device/warp.cuh"
-#include "cuda/render/lazy_rows.cuh"
 #include "cuda/render/sh_rows.cuh"
 #include "gs_core/math/moment_code.h"
 
@@ -37,17 +36,6 @@ __device__ const float* sh_rows_of(const Shared& shared, int a) {
     if (a == kFloatArrays<Numbers>) return reinterpret_cast<const float*>(shared.sh_codes);
   return shared.sh_rows[a];
 }
-
-/// What a warp's rows have missed, in shared memory; nothing where SH is not updated lazily.
-template <bool is_lazy>
-struct MissedRows {
-  static constexpr bool kIsLazy = true;
-  LazyRows missed;
-};
-template <>
-struct MissedRows<false> {
-  static constexpr bool kIsLazy = false;
-};
 
 /// Which numbers a finish() takes: number `number` of row `row` of the warp, or four from there on,
 /// which may be in two rows of `in_row` numbers each.
@@ -152,49 +140,6 @@ struct AdamNumbersByRule {
   __device__ void finish(std::size_t at, Vector (&numbers)[kArrays], const Vector& gradient,
                          const Place&) const {
     update_by_adam(arrays, at, numbers, gradient, step, rule);
-  }
-};
-
-/// Numbers of color where SH is updated lazily: those of rows that are visible. The parameter is up
-/// to date already (catch_up_sh_rows, Share::catch_up), and the moments become so here. Numbers of
-/// other rows, which a vector may hold, stay as they are.
-struct LazyAdamNumbers {
-  static constexpr int kArrays = 3;
-  static constexpr int kCodeBytes = 0;  // no codes
-  float* arrays[kArrays];               // parameters, first and second moments
-  AdamStep step;
-  AdamRule rule;
-
-  __device__ void load_moments(std::size_t, const float (&loaded)[kArrays], float& m,
-                               float& v) const {
-    m = loaded[1];
-    v = loaded[2];
-  }
-  template <class Vector, class Place>
-  __device__ void finish(std::size_t at, Vector (&numbers)[kArrays], const Vector& gradient,
-                         const Place& of_numbers) const {
-    const LazyRows& missed = of_numbers.rows.missed;
-    for (int k = 0; k < int(sizeof(Vector) / sizeof(float)); ++k) {
-      const int row = of_numbers.row + (of_numbers.number + k >= of_numbers.in_row);
-      if (!missed.is_due(row)) continue;
-      float& m = reinterpret_cast<float*>(&numbers[1])[k];
-      float& v = reinterpret_cast<float*>(&numbers[2])[k];
-      m *= missed.m_decay[row];
-      v *= missed.v_decay[row];
-      adam_update(reinterpret_cast<float*>(&numbers[0])[k], m, v,
-                  reinterpret_cast<const float*>(&gradient)[k], step, rule);
-    }
-    for (int a = 0; a < kArrays; ++a) reinterpret_cast<Vector*>(arrays[a])[at] = numbers[a];
-  }
-};
-
-/// The numbers of one quantity of color whose gradients are added to a sum. Only their parameters
-/// in shared memory and registers catch up; the update of the batch does it in the model.
-struct LazySumNumbers : SumNumbers {
-  MomentNumbers moments;
-
-  __device__ void load_moments(std::size_t at, const float (&)[kArrays], float& m, float& v) const {
-    moments.load(at, m, v);
   }
 };
 

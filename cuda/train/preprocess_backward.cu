@@ -1,10 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Stages 7 and 8 where SH of all rows is up to date: the three uses of the kernel of
-// preprocess_backward.cuh. Where some of it may be late, preprocess_backward_lazy.cu has the last
-// two.
+// Stages 7 and 8: the three uses of the kernel of preprocess_backward.cuh.
 #include "cuda/train/preprocess_backward.cuh"
-
-#include "cuda/train/lazy_adam.cuh"
 
 namespace gs::cuda {
 
@@ -12,7 +8,6 @@ void preprocess_backward(Context& context, const GaussiansSpan& gaussians, const
                          const RenderSettings& settings, Workspace& workspace, RenderPass& pass,
                          const GaussiansSpan& gradients, Span<Vec2f> dL_dmean2d) {
   const StageScope scope(context, "preprocess backward");
-  GS_CHECK(!settings.lazy_sh);  // of steps alone, which have the two functions below
   if (settings.sh_degree < kMaxShDegree && gradients.sh_rest.size)  // degrees not in use have none
     check(cudaMemsetAsync(gradients.sh_rest.data, 0, gradients.sh_rest.size * sizeof(ShRest),
                           context.stream()),
@@ -41,15 +36,11 @@ void preprocess_backward_and_add(Context& context, const GaussiansSpan& gaussian
                                  float weight, const BatchSums& sums, const DevicePose* pose,
                                  const Shard& shard) {
   const StageScope scope(context, "preprocess backward");
-  if (settings.lazy_sh) {
-    GS_CHECK(!pose);  // the trainer refuses both together
-    return add_lazily(context, gaussians, camera, settings, density, workspace, pass, weight, sums);
-  }
   const GaussiansSpan to = sums.gradients.span();
   const auto numbers = [weight](const auto& rows, const auto& sum) {
     return SumNumbers{{numbers_of(rows), numbers_of(sum)}, weight};
   };
-  const AddGradients<> sink{gather_into(sums.statistics, density, settings, pass, workspace, shard),
+  const AddGradients sink{gather_into(sums.statistics, density, settings, pass, workspace, shard),
                             numbers(gaussians.mean, to.mean),
                             numbers(gaussians.log_scale, to.log_scale),
                             numbers(gaussians.rotation, to.rotation),
@@ -73,11 +64,6 @@ void preprocess_backward_and_update(Context& context, TrainingModel& model, cons
                                     const DensityStep& density, Workspace& workspace,
                                     RenderPass& pass, const DevicePose* pose, const Shard& shard) {
   const StageScope scope(context, "preprocess backward, Adam");
-  if (settings.lazy_sh) {
-    GS_CHECK(!pose);
-    return update_lazily(context, model, camera, settings, steps, rule, rounding, density,
-                         workspace, pass);
-  }
   const GaussiansSpan rows = model.gaussians.span();
   const GatherStatistics gather =
       gather_into(model.statistics, density, settings, pass, workspace, shard);
@@ -91,7 +77,7 @@ void preprocess_backward_and_update(Context& context, TrainingModel& model, cons
     return with_code(model.moment_form, [&]<class Code>(Code) {
       const auto by_codes = codes_by<Code>(rule, rounding);
       const auto sink =
-          update_of<UpdateAll<AdamCodes<Code>>>(model, steps, gather, by_codes, by_codes);
+          update_of<UpdateAll<AdamCodes<Code>>>(model, steps, gather, by_codes);
       if (!pose && !is_absolute && !density.regularizers.any())
         return launch_sink(camera, sink, by_codes);
       const UpdateAsAsked<AdamCodes<Code>> as_asked{sink, is_absolute, of_each};
@@ -102,7 +88,7 @@ void preprocess_backward_and_update(Context& context, TrainingModel& model, cons
     // Runs that refine poses have this variant alone, so that their cameras do not double all.
     const auto by_rule = floats_by(rule);
     const auto sink =
-        update_of<UpdateAll<AdamNumbersByRule>>(model, steps, gather, by_rule, by_rule);
+        update_of<UpdateAll<AdamNumbersByRule>>(model, steps, gather, by_rule);
     const UpdateAsAsked<AdamNumbersByRule> as_asked{sink, is_absolute, of_each};
     with_camera(camera, pose, [&](const auto& source) { launch_sink(source, as_asked, by_rule); });
     return;
@@ -111,7 +97,7 @@ void preprocess_backward_and_update(Context& context, TrainingModel& model, cons
                            const AdamStep& step, int) {
     return AdamNumbers{{numbers_of(p), numbers_of(m), numbers_of(v)}, step};
   };
-  const auto sink = update_of<UpdateByAdam>(model, steps, gather, as_usual, as_usual);
+  const auto sink = update_of<UpdateByAdam>(model, steps, gather, as_usual);
   if (is_absolute || density.regularizers.any())
     launch_sink(camera, UpdateAsAsked<AdamNumbers>{sink, is_absolute, of_each}, as_usual);
   else

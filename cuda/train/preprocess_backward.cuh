@@ -3,8 +3,7 @@
 // follows at once, so that no gradient of a parameter is stored. A thread pulls the gradient of one
 // Gaussian back. The whole warp then writes the gradients or updates the parameters, one number of
 // its 32 rows after another, in whole cache lines. All loads are issued at the start, so that the
-// warp waits for memory only once. Where SH is updated lazily it waits twice: which rows are visible
-// says which SH it loads.   Faster-GS, backward fused with Adam
+// warp waits for memory only once.   Faster-GS, backward fused with Adam
 #pragma once
 
 #include <algorithm>
@@ -23,8 +22,8 @@ inline constexpr int kGradientThreads = kWarp;
 inline constexpr int kBasisStride =
     kShBasisCount + 1;  // odd, so that 32 rows begin in different banks
 
-template <class Numbers, class Rows, bool is_lazy>
-struct GradientShared : CodeRows<Numbers::kCodeBytes>, MissedRows<is_lazy> {
+template <class Numbers, class Rows>
+struct GradientShared : CodeRows<Numbers::kCodeBytes> {
   // of the parameters, and what goes along; aligned for copies of 16 bytes
   alignas(16) float sh_rows[kFloatArrays<Numbers>][kWarp * kShRowNumbers];
   union {
@@ -112,13 +111,6 @@ __device__ Vec3f color_backward(Shared& shared, const Vec3f& mean, const Camera&
   for (int c = 0; c < 3; ++c) shared.dL_dcolor[3 * lane + c] = dL_dcolor[c];
   __pipeline_wait_prior(0);
   __syncwarp();
-  if constexpr (Shared::kIsLazy)
-    catch_up_sh_rows<degree>(shared.sh_rows[0], shared.missed, rows,
-                             [&](int at, float& m, float& v) {
-                               float loaded[Numbers::kArrays];
-                               load_sh(shared, numbers, at, loaded);
-                               numbers.load_moments(first * kShRowNumbers + at, loaded, m, v);
-                             });
   if (degree == kMaxShDegree && rows == kWarp)
     finish_sh_vectors(shared, numbers, first, which);
   else
@@ -170,19 +162,7 @@ struct Input {
 };
 
 template <class Sink>
-using SharedOf = GradientShared<typename Sink::ColorNumbers, RowNumbersOf<Sink>, kIsLazy<Sink>>;
-
-// The rows of `which` whose SH takes part. An update that leaves some for later takes the visible
-// ones.
-template <class Sink, class Source, class Which>
-__device__ auto colored_rows([[maybe_unused]] const Input<Source>& in,
-                             [[maybe_unused]] std::size_t i, Which which) {
-  if constexpr (kIsLazy<Sink> && !Sink::kSkipsInvisible)
-    return SomeRows{
-        __ballot_sync(kAllLanes, i < in.count && in.tile_counts[in.shard.row_of_all(i)] > 0)};
-  else
-    return which;
-}
+using SharedOf = GradientShared<typename Sink::Numbers, RowNumbersOf<Sink>>;
 
 // The whole warp: those of rows first .. first + 31 that `which` has.
 template <int degree, bool has_time, class Sink, class Source, class Which>
@@ -192,10 +172,9 @@ __device__ void pull_back_rows(SharedOf<Sink>& shared, const Input<Source>& in, 
   const std::size_t i = first + lane_of_thread(), projected = in.shard.row_of_all(i);
   const int rows = int(min(in.count - first, std::size_t(kWarp)));
   // All loads come first, before any store, so that the warp waits for memory only once.
-  const auto colored = colored_rows<Sink>(in, i, which);
-  if (degree > 0) start_sh_rows<degree>(shared, sink.sh_rest, first, rows, colored);
+  if (degree > 0) start_sh_rows<degree>(shared, sink.sh_rest, first, rows, which);
   const bool is_halted = sink.is_halted(), is_row = i < in.count && which.has(lane_of_thread());
-  Shares<Sink, has_time> shares(sink, first, rows, which, colored);
+  Shares<Sink, has_time> shares(sink, first, rows, which);
   const typename Sink::Statistics statistics =
       is_row ? sink.load_statistics(i) : typename Sink::Statistics{};
   const SplatGradientSum sum = is_row ? load_in_vectors(in.sums + projected) : SplatGradientSum{};
@@ -212,12 +191,7 @@ __device__ void pull_back_rows(SharedOf<Sink>& shared, const Input<Source>& in, 
 
   if constexpr (Sink::Numbers::kCodeBytes > 0)  // the lanes wait for each other in row()
     shared.random[lane_of_thread()] = sink.mean.rounding.of_row(projected);
-  if constexpr (kIsLazy<Sink>) {
-    shared.missed.take(sink.lazy, i, colored);
-    shares.catch_up(sink, shared.missed, first, rows);
-    if (is_visible) sink.note_update(i);
-  }
-  const Shape shape = shares.row(shared.numbers, rows, which, colored);
+  const Shape shape = shares.row(shared.numbers, rows, which);
   SplatGradient dL_dsplat{};
   RowGradient gradient{};
   Vec3f by_slope(0.0f);
@@ -232,7 +206,7 @@ __device__ void pull_back_rows(SharedOf<Sink>& shared, const Input<Source>& in, 
     const Vec3f mean =
         is_visible ? mean_at(shape.in_spacetime(), time_of(camera, in.settings)) : Vec3f(0.0f);
     const Vec3f by_color = color_backward<degree>(shared, mean, camera, first, rows, is_visible,
-                                                  dL_dsplat.color, sink.sh_rest, colored);
+                                                  dL_dsplat.color, sink.sh_rest, which);
     if constexpr (kHasSlope<Sink>) {
       const float by_phase = float(kSh0) * inner(shape.sh0_slope, dL_dsplat.color);
       if (is_visible) {
@@ -252,7 +226,7 @@ __device__ void pull_back_rows(SharedOf<Sink>& shared, const Input<Source>& in, 
       if (is_visible) gradient = pull_back(camera, shape, in.settings, dL_dsplat);
     }
     gradient.mean += color_backward<degree>(shared, shape.mean, camera, first, rows, is_visible,
-                                            dL_dsplat.color, sink.sh_rest, colored);
+                                            dL_dsplat.color, sink.sh_rest, which);
   }
   if (is_visible) gradient.sh0 = float(kSh0) * dL_dsplat.color;
   sink.template regularize<has_time>(shape, gradient);
@@ -261,7 +235,7 @@ __device__ void pull_back_rows(SharedOf<Sink>& shared, const Input<Source>& in, 
   stage<has_time>(shared.numbers, gradient);
   if constexpr (kHasSlope<Sink>) stage_slope(shared.numbers, by_slope);
   __syncwarp();
-  shares.finish(sink, first, rows, which, colored, shared.numbers, shared);
+  shares.finish(sink, first, rows, which, shared.numbers, shared);
 }
 
 // A photo of a batch leaves most rows alone, and a block for a few of them takes longer to start
@@ -303,8 +277,7 @@ __global__ void __launch_bounds__(kGradientThreads, Sink::kSkipsInvisible ? 10 :
 template <class Sink, class Source>
 void launch(Context& context, const GaussiansSpan& gaussians, const Source& camera,
             const RenderSettings& settings, Workspace& workspace, RenderPass& pass,
-            const Sink& sink, const typename Sink::ColorNumbers& sh0_slope,
-            const Shard& shard = {}) {
+            const Sink& sink, const typename Sink::Numbers& sh0_slope, const Shard& shard = {}) {
   const Input<Source> in{gaussians.mean.size,
                          camera,
                          settings,
@@ -373,10 +346,10 @@ const auto& codes_for(const TrainingModel& model) {
 }
 
 // A sink that updates the model: of(parameters, first and second moments, codes of both, step,
-// place) of each quantity, and of_color(the same) of those of color.
-template <class Sink, class Numbers, class ColorNumbers>
+// place) of each quantity.
+template <class Sink, class Numbers>
 Sink update_of(const TrainingModel& model, const AdamSteps& steps, const GatherStatistics& gather,
-               Numbers&& of, ColorNumbers&& of_color) {
+               Numbers&& of) {
   const GaussiansSpan rows = model.gaussians.span(), m = model.first_moment.span(),
                       v = model.second_moment.span();
   const auto codes = codes_for<typename Sink::Numbers>(model).span();
@@ -389,8 +362,8 @@ Sink update_of(const TrainingModel& model, const AdamSteps& steps, const GatherS
       of(rows.rotation, m.rotation, v.rotation, codes.rotation, steps.rotation, places.rotation),
       of(rows.logit_opacity, m.logit_opacity, v.logit_opacity, codes.logit_opacity,
          steps.logit_opacity, places.logit_opacity),
-      of_color(rows.sh0, m.sh0, v.sh0, codes.sh0, steps.sh0, places.sh0),
-      of_color(rows.sh_rest, m.sh_rest, v.sh_rest, codes.sh_rest, steps.sh_rest, places.sh_rest),
+      of(rows.sh0, m.sh0, v.sh0, codes.sh0, steps.sh0, places.sh0),
+      of(rows.sh_rest, m.sh_rest, v.sh_rest, codes.sh_rest, steps.sh_rest, places.sh_rest),
       of(rows.right_rotation, m.right_rotation, v.right_rotation, codes.right_rotation,
          steps.right_rotation, places.right_rotation),
       of(rows.time_mean, m.time_mean, v.time_mean, codes.time_mean, steps.time_mean,
@@ -400,9 +373,9 @@ Sink update_of(const TrainingModel& model, const AdamSteps& steps, const GatherS
 }
 
 // The same of the changes of color, of the numbers that such a sink takes.
-template <class Sink, class ColorNumbers>
-auto slope_of(const TrainingModel& model, const AdamSteps& steps, ColorNumbers&& of_color) {
-  return of_color(model.gaussians.sh0_slope.span(), model.first_moment.sh0_slope.span(),
+template <class Sink, class Numbers>
+auto slope_of(const TrainingModel& model, const AdamSteps& steps, Numbers&& of) {
+  return of(model.gaussians.sh0_slope.span(), model.first_moment.sh0_slope.span(),
                   model.second_moment.sh0_slope.span(),
                   codes_for<typename Sink::Numbers>(model).sh0_slope.span(), steps.sh0_slope,
                   number_places().sh0_slope);

@@ -66,7 +66,6 @@ struct RowGradient : GaussianGradient<float> {
 struct WriteGradients {
   static constexpr bool kSkipsInvisible = false;
   using Numbers = GradientNumbers;
-  using ColorNumbers = Numbers;
   Numbers mean, log_scale, rotation, logit_opacity, sh0, sh_rest;
   Numbers right_rotation, time_mean, log_time_scale;  // null where rows have no time
   Vec2f* dL_dmean2d;
@@ -128,13 +127,10 @@ struct GatherStatistics {
 };
 /// A sink that adds the gradients of one photo of a batch to sums. Rows that are not visible have
 /// nothing to add.
-template <class NumbersOfColor = SumNumbers>
 struct AddGradients : GatherStatistics {
   static constexpr bool kSkipsInvisible = true;
   using Numbers = SumNumbers;
-  using ColorNumbers = NumbersOfColor;
-  Numbers mean, log_scale, rotation, logit_opacity;
-  ColorNumbers sh0, sh_rest;
+  Numbers mean, log_scale, rotation, logit_opacity, sh0, sh_rest;
   Numbers right_rotation, time_mean, log_time_scale;  // null where rows have no time
   bool is_absolute;                                   // the statistic
   std::uint32_t* touched;                             // BatchSums
@@ -146,13 +142,11 @@ struct AddGradients : GatherStatistics {
   __device__ void regularize(const Shape&, RowGradient&) const {}
 };
 /// A sink that updates all parameters.
-template <class NumbersOfRows, class NumbersOfColor = NumbersOfRows>
+template <class NumbersOfRows>
 struct UpdateAll : GatherStatistics {
   static constexpr bool kSkipsInvisible = false;
   using Numbers = NumbersOfRows;
-  using ColorNumbers = NumbersOfColor;
-  Numbers mean, log_scale, rotation, logit_opacity;
-  ColorNumbers sh0, sh_rest;
+  Numbers mean, log_scale, rotation, logit_opacity, sh0, sh_rest;
   Numbers right_rotation, time_mean, log_time_scale;  // null where rows have no time
 
   __device__ Vec2f by_mean2d(const SplatGradientSum& sum) const { return sum.mean2d; }
@@ -162,8 +156,8 @@ struct UpdateAll : GatherStatistics {
 using UpdateByAdam = UpdateAll<AdamNumbers>;
 /// The same with absolute gradients and regularizers. It has a kernel of its own, so that other
 /// runs do not pay for it. A rule of Adam that is not the usual one has another.
-template <class NumbersOfRows, class NumbersOfColor = NumbersOfRows>
-struct UpdateAsAsked : UpdateAll<NumbersOfRows, NumbersOfColor> {
+template <class NumbersOfRows>
+struct UpdateAsAsked : UpdateAll<NumbersOfRows> {
   bool is_absolute;      // the statistic
   Regularizers of_each;  // weights for one row
 
@@ -184,21 +178,6 @@ struct UpdateAsAsked : UpdateAll<NumbersOfRows, NumbersOfColor> {
   }
 };
 
-/// A sink for models whose SH is updated lazily.
-template <class Sink>
-struct Lazily : Sink {
-  LazyColors lazy;
-  std::uint32_t* updated_at;  // null: the update comes later
-
-  __device__ void note_update(std::size_t i) const {
-    if (updated_at) updated_at[i] = lazy.updates + 1;
-  }
-};
-template <class Sink>
-inline constexpr bool kIsLazy = requires(const Sink& sink) {
-  sink.lazy;
-};
-
 /// A sink for Gaussians with a 3D filter. These have kernels of their own, so that others do not
 /// pay for it.
 template <class Sink>
@@ -213,7 +192,7 @@ inline constexpr bool kHasFilter<WithFilter<Sink>> = true;
 /// The same for Gaussians in space and time whose colors change.
 template <class Sink>
 struct WithSlope : Sink {
-  typename Sink::ColorNumbers sh0_slope;
+  typename Sink::Numbers sh0_slope;
 };
 template <class Sink>
 inline constexpr bool kHasSlope = false;
@@ -237,18 +216,6 @@ struct Share {
       for (int a = 0; a < Numbers::kArrays; ++a)
         if (item < rows * kInRow && which.has(item / kInRow))
           loaded[k][a] = vector_at<Numbers>(numbers.arrays[a], a, first * kInRow + item);
-    }
-  }
-  /// Brings the parameters of rows that are due up to date.
-  __device__ void catch_up(const Numbers& numbers, const LazyRows& missed, LazyQuantity quantity,
-                           std::size_t first, int rows) {
-    for (int k = 0; k < kInRow; ++k) {
-      const int item = lane_of_thread() + k * kWarp, row = item / kInRow;
-      if (item >= rows * kInRow || !missed.is_due(row)) continue;
-      float m, v;
-      numbers.load_moments(first * kInRow + item, loaded[k], m, v);
-      loaded[k][0] =
-          caught_up(loaded[k][0], m, v, missed.length[quantity][row], missed.epsilon[row]);
     }
   }
   /// Writes the parameters to `to`, row after row.
@@ -322,7 +289,6 @@ template <class Sink>
 struct SlopeShares {
   template <class Which>
   __device__ SlopeShares(const Sink&, std::size_t, int, Which) {}
-  __device__ void catch_up(const Sink&, const LazyRows&, std::size_t, int) {}
   template <class Which>
   __device__ void lay_out(int, Which, RowNumbers&) const {}
   __device__ void read(const RowNumbers&, int, Shape&) const {}
@@ -333,14 +299,11 @@ struct SlopeShares {
 template <class Base>
 struct SlopeShares<WithSlope<Base>> {
   using Sink = WithSlope<Base>;
-  Share<3, typename Sink::ColorNumbers> sh0_slope;
+  Share<3, typename Sink::Numbers> sh0_slope;
 
   template <class Which>
   __device__ SlopeShares(const Sink& sink, std::size_t first, int rows, Which which)
       : sh0_slope(sink.sh0_slope, first, rows, which) {}
-  __device__ void catch_up(const Sink& sink, const LazyRows& missed, std::size_t first, int rows) {
-    sh0_slope.catch_up(sink.sh0_slope, missed, kLazySh0Slope, first, rows);
-  }
   template <class Which>
   __device__ void lay_out(int rows, Which which, SlopeRowNumbers& shared) const {
     sh0_slope.lay_out(rows, which, shared.sh0_slope);
@@ -356,38 +319,32 @@ struct SlopeShares<WithSlope<Base>> {
   }
 };
 
-/// This lane's shares of all quantities without SH. `colored` are the rows whose color takes part.
+/// This lane's shares of all quantities without SH.
 template <class Sink, bool has_time>
 struct Shares {
   using Numbers = typename Sink::Numbers;
-  Share<3, Numbers> mean, log_scale;
-  Share<3, typename Sink::ColorNumbers> sh0;
+  Share<3, Numbers> mean, log_scale, sh0;
   Share<4, Numbers> rotation;
   Share<1, Numbers> logit_opacity;
   TimeShares<Sink, has_time> time;
   SlopeShares<Sink> slope;
 
-  template <class Which, class Colored>
-  __device__ Shares(const Sink& sink, std::size_t first, int rows, Which which, Colored colored)
+  template <class Which>
+  __device__ Shares(const Sink& sink, std::size_t first, int rows, Which which)
       : mean(sink.mean, first, rows, which), log_scale(sink.log_scale, first, rows, which),
-        sh0(sink.sh0, first, rows, colored), rotation(sink.rotation, first, rows, which),
+        sh0(sink.sh0, first, rows, which), rotation(sink.rotation, first, rows, which),
         logit_opacity(sink.logit_opacity, first, rows, which), time(sink, first, rows, which),
-        slope(sink, first, rows, colored) {}
-  __device__ void catch_up(const Sink& sink, const LazyRows& missed, std::size_t first, int rows) {
-    if constexpr (!Sink::kSkipsInvisible)  // else nothing reads it
-      sh0.catch_up(sink.sh0, missed, kLazySh0, first, rows);
-    slope.catch_up(sink, missed, first, rows);
-  }
+        slope(sink, first, rows, which) {}
   /// The whole warp: returns this lane's row of parameters; the lanes exchange them through shared
   /// memory.
-  template <class Which, class Colored>
-  __device__ Shape row(RowNumbersOf<Sink>& shared, int rows, Which which, Colored colored) const {
+  template <class Which>
+  __device__ Shape row(RowNumbersOf<Sink>& shared, int rows, Which which) const {
     mean.lay_out(rows, which, shared.mean);
     log_scale.lay_out(rows, which, shared.log_scale);
     rotation.lay_out(rows, which, shared.rotation);
     logit_opacity.lay_out(rows, which, shared.logit_opacity);
     time.lay_out(rows, which, shared);
-    slope.lay_out(rows, colored, shared);
+    slope.lay_out(rows, which, shared);
     __syncwarp();
     const int lane = lane_of_thread();
     const auto vector = [&](const float* of) {
@@ -404,17 +361,16 @@ struct Shares {
     __syncwarp();
     return shape;
   }
-  template <class Which, class Colored, class RandomSource>
+  template <class Which, class RandomSource>
   __device__ void finish(const Sink& sink, std::size_t first, int rows, Which which,
-                         Colored colored, const RowNumbersOf<Sink>& gradients,
-                         const RandomSource& random) {
+                         const RowNumbersOf<Sink>& gradients, const RandomSource& random) {
     mean.finish(sink.mean, first, rows, which, gradients.mean, random);
     log_scale.finish(sink.log_scale, first, rows, which, gradients.log_scale, random);
-    sh0.finish(sink.sh0, first, rows, colored, gradients.sh0, random);
+    sh0.finish(sink.sh0, first, rows, which, gradients.sh0, random);
     rotation.finish(sink.rotation, first, rows, which, gradients.rotation, random);
     logit_opacity.finish(sink.logit_opacity, first, rows, which, gradients.logit_opacity, random);
     time.finish(sink, first, rows, which, gradients, random);
-    slope.finish(sink, first, rows, colored, gradients, random);
+    slope.finish(sink, first, rows, which, gradients, random);
   }
 };
 

@@ -156,7 +156,7 @@ template <int degree, class Sink>
 __global__ void __launch_bounds__(kWarp, kBlocks)
     update_by_photos_kernel(const __grid_constant__ BatchInput in,
                             const __grid_constant__ Sink sink) {
-  __shared__ BatchShared<typename Sink::ColorNumbers> shared;
+  __shared__ BatchShared<typename Sink::Numbers> shared;
   const int lane = lane_of_thread();
   const std::size_t first = std::size_t(blockIdx.x) * kWarp, i = first + lane;
   const std::size_t first_projected = in.shard.row_of_all(first),
@@ -166,7 +166,7 @@ __global__ void __launch_bounds__(kWarp, kBlocks)
   // All loads of rows come first. Which are visible says what is loaded of the photos.
   if (degree > 0) start_sh_rows<degree>(shared, sink.sh_rest, first, rows, EveryRow());
   const bool is_halted = sink.is_halted();
-  Shares<Sink, false> shares(sink, first, rows, EveryRow(), EveryRow());
+  Shares<Sink, false> shares(sink, first, rows, EveryRow());
   const typename Sink::Statistics before =
       is_row ? sink.load_statistics(i) : typename Sink::Statistics{};
   float filter_scale = 0;
@@ -186,7 +186,7 @@ __global__ void __launch_bounds__(kWarp, kBlocks)
   __pipeline_commit();
   if constexpr (Sink::Numbers::kCodeBytes > 0)  // the lanes wait for each other in row()
     shared.random[lane] = sink.mean.rounding.of_row(projected);
-  const Shape shape = shares.row(shared.numbers, rows, EveryRow(), EveryRow());
+  const Shape shape = shares.row(shared.numbers, rows, EveryRow());
   __pipeline_wait_prior(0);
   __syncwarp();
   std::uint32_t visible_in = 0, clamped_in = 0;  // bits of photos, and of their colors
@@ -216,7 +216,7 @@ __global__ void __launch_bounds__(kWarp, kBlocks)
   stage<false>(shared.numbers, sum);
   __syncwarp();
   finish_sh_rows<degree>(shared, sink.sh_rest, first, rows);
-  shares.finish(sink, first, rows, EveryRow(), EveryRow(), shared.numbers, shared);
+  shares.finish(sink, first, rows, EveryRow(), shared.numbers, shared);
 }
 
 }  // namespace
@@ -258,13 +258,13 @@ void update_by_photos(Context& context, TrainingModel& model, Span<const PhotoRo
     with_code(model.moment_form, [&]<class Code>(Code) {
       const auto by_codes = codes_by<Code>(rule, rounding);
       launch_sink(UpdateAsAsked<AdamCodes<Code>>{
-          update_of<UpdateAll<AdamCodes<Code>>>(model, steps, gather, by_codes, by_codes),
+          update_of<UpdateAll<AdamCodes<Code>>>(model, steps, gather, by_codes),
           is_absolute, of_each});
     });
   } else {
     const auto by_rule = floats_by(rule);
     launch_sink(UpdateAsAsked<AdamNumbersByRule>{
-        update_of<UpdateAll<AdamNumbersByRule>>(model, steps, gather, by_rule, by_rule),
+        update_of<UpdateAll<AdamNumbersByRule>>(model, steps, gather, by_rule),
         is_absolute, of_each});
   }
 }

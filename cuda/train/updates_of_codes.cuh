@@ -95,45 +95,4 @@ struct AdamCodes {
   }
 };
 
-/// Numbers of color where SH is updated lazily (LazyAdamNumbers), with moments that are codes. They
-/// are rounded once for all updates.
-template <class CodeOfMoments>
-struct LazyAdamCodes {
-  using Code = CodeOfMoments;
-  static constexpr int kArrays = 2;
-  static constexpr int kCodeBytes = sizeof(Code);
-  float* arrays[kArrays];  // as in AdamCodes
-  AdamStep step;
-  AdamRule rule;
-  int place;  // NumberPlaces
-
-  __device__ void load_moments(std::size_t, const float (&loaded)[kArrays], float& m,
-                               float& v) const {
-    const Code code = code_of<Code>(loaded[1]);
-    m = first_moment(code);
-    v = second_moment(code);
-  }
-  template <class Vector, class Place>
-  __device__ void finish(std::size_t at, Vector (&numbers)[kArrays], const Vector& gradient,
-                         const Place& of_numbers) const {
-    constexpr int kCount = int(sizeof(Vector) / sizeof(float));
-    const LazyRows& missed = of_numbers.rows.missed;
-    std::uint32_t random[kCount];
-    load_random(of_numbers, place, random);
-    for (int k = 0; k < kCount; ++k) {
-      const int row = of_numbers.row + (of_numbers.number + k >= of_numbers.in_row);
-      if (!missed.is_due(row)) continue;
-      float& code = reinterpret_cast<float*>(&numbers[1])[k];
-      const Code before = code_of<Code>(code);
-      float m = first_moment(before) * missed.m_decay[row];
-      float v = second_moment(before) * missed.v_decay[row];
-      adam_update(reinterpret_cast<float*>(&numbers[0])[k], m, v,
-                  reinterpret_cast<const float*>(&gradient)[k], step, rule);
-      code = __uint_as_float(Code::of(m, v, random[k]).bits);
-    }
-    reinterpret_cast<Vector*>(arrays[0])[at] = numbers[0];
-    store_codes<Code>(arrays[1], at, numbers[1]);
-  }
-};
-
 }  // namespace gs::cuda

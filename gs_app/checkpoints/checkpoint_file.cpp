@@ -69,8 +69,16 @@ constexpr std::uint64_t kHasSlope = 8;         // colors that change; only with 
 constexpr std::uint64_t kHasPhotometric = 16;  // those of a photometric model, which are no rows
 constexpr std::uint64_t kHasPoses = 32;        // those of poses, which are no rows either
 constexpr std::uint64_t kIsCompact = 64;       // moments as codes, in place of those as floats
-constexpr std::uint64_t kIsLazy = 128;         // SH of some rows is late (LazyState)
 constexpr std::uint64_t kIsTiny = 256;         // moments as tiny codes; not with kIsCompact
+
+// Kinds that older versions wrote.
+struct RemovedKind {
+  std::uint64_t bit;
+  const char* what;
+};
+constexpr RemovedKind kRemovedKinds[] = {
+    {128, "updates of SH that were left for later (optimizer.lazy)"},
+};
 
 std::uint64_t kind_of(const TrainingModel& model) {
   return (model.gaussians.has_time ? kHasTime : 0) | (model.statistics.has_sums ? kHasSums : 0) |
@@ -78,7 +86,7 @@ std::uint64_t kind_of(const TrainingModel& model) {
          (model.gaussians.has_slope ? kHasSlope : 0) |
          (model.photometric.empty() ? 0 : kHasPhotometric) | (model.poses.empty() ? 0 : kHasPoses) |
          (model.moment_form == MomentForm::compact ? kIsCompact : 0) |
-         (model.moment_form == MomentForm::tiny ? kIsTiny : 0) | (model.lazy.is_on ? kIsLazy : 0);
+         (model.moment_form == MomentForm::tiny ? kIsTiny : 0);
 }
 
 void set_kind(TrainingModel& model, std::uint64_t kind) {
@@ -87,7 +95,6 @@ void set_kind(TrainingModel& model, std::uint64_t kind) {
   model.moment_form = kind & kIsCompact ? MomentForm::compact
                       : kind & kIsTiny  ? MomentForm::tiny
                                         : MomentForm::floats;
-  model.lazy.is_on = kind & kIsLazy;
   model.set_learned_arrays(model.gaussians);
   model.statistics.has_sums = kind & kHasSums;
   model.gaussians.has_filter = kind & kHasFilter;
@@ -95,7 +102,7 @@ void set_kind(TrainingModel& model, std::uint64_t kind) {
 
 bool is_kind(std::uint64_t kind) {
   return kind <= (kHasTime | kHasSums | kHasFilter | kHasSlope | kHasPhotometric | kHasPoses |
-                  kIsCompact | kIsLazy | kIsTiny) &&
+                  kIsCompact | kIsTiny) &&
          (!(kind & kHasSlope) || (kind & kHasTime)) && !((kind & kIsCompact) && (kind & kIsTiny));
 }
 
@@ -275,37 +282,6 @@ void read_poses(CheckedReader& file, PoseState& state) {
       state);
 }
 
-// The table of missed updates as the formula has it, without what follows from it.
-constexpr std::size_t kNumbersOfMissed = 4 + kLazyQuantities;
-
-void write_lazy(CheckedWriter& file, const LazyState& lazy) {
-  std::vector<MissedUpdates> missed = lazy.missed.download();
-  missed.resize(std::size_t(lazy.updates));
-  std::vector<double> numbers;
-  for (const MissedUpdates& some : missed) {
-    numbers.insert(numbers.end(), {some.m_decay, some.v_decay, some.weight, some.epsilon_sum});
-    numbers.insert(numbers.end(), some.length, some.length + kLazyQuantities);
-  }
-  write_values(file, "lazy.missed", numbers);
-}
-
-void read_lazy(CheckedReader& file, LazyState& lazy) {
-  const std::vector<double> numbers = file.values<double>("lazy.missed");
-  const std::size_t updates = numbers.size() / kNumbersOfMissed;
-  if (numbers.size() % kNumbersOfMissed || updates >= std::size_t(kLazyWindow)) file.damaged();
-  lazy.updates = int(updates);
-  std::vector<MissedUpdates> missed(kLazyWindow);
-  for (std::size_t k = 0; k < updates; ++k) {
-    const double* const of = numbers.data() + k * kNumbersOfMissed;
-    missed[k] = {of[0], of[1], {}, of[2], of[3], {}};
-    std::copy_n(of + 4, kLazyQuantities, missed[k].length);
-    find_catch_up(missed[k]);
-  }
-  lazy.missed.upload(missed);
-  for (const std::uint32_t update : lazy.updated_at)
-    if (update > updates) file.damaged();
-}
-
 // The texts of a file. They are parsed only after its checksum was found right.
 struct Contents {
   std::string about, config;
@@ -450,7 +426,6 @@ void write_checkpoint(const std::filesystem::path& path, const Config& config,
       model);
   if (kind & kHasPhotometric) write_photometric(file, model.photometric);
   if (kind & kHasPoses) write_poses(file, model.poses);
-  if (kind & kIsLazy) write_lazy(file, model.lazy);
   file.commit();
 }
 
@@ -465,13 +440,17 @@ Checkpoint read_checkpoint(const std::filesystem::path& path) {
   checkpoint.state.progress.view_order = file.values<std::uint32_t>("view_order");
   const auto count = file.values<std::uint64_t>("gaussians");
   const std::uint64_t kind = count.size() == 2 ? count[1] : 0;
+  for (const RemovedKind& removed : kRemovedKinds)
+    if (kind & removed.bit)
+      cannot_read(path, fmt::format("it has {}, which this version does not have any more; go on with "
+                                    "the version that wrote it, or start from its model with --from",
+                                    removed.what));
   if (!(count.size() == 1 || (kind > 0 && is_kind(kind)))) file.damaged();
   set_kind(checkpoint.state.model, kind);
   if (kind & kHasTime) read_times(file, checkpoint.scene.views);
   read_model(file, count[0], checkpoint.state.model);
   if (kind & kHasPhotometric) read_photometric(file, checkpoint.state.model.photometric);
   if (kind & kHasPoses) read_poses(file, checkpoint.state.model.poses);
-  if (kind & kIsLazy) read_lazy(file, checkpoint.state.model.lazy);
   file.finish();
   try {
     apply(path, contents, checkpoint);

@@ -14,7 +14,6 @@
 #include "gs_core/math/constants.h"
 #include "gs_core/math/view_splat.h"
 #include "gs_core/training_memory.h"
-#include "gs_train/loop/lazy_choice.h"
 #include "gs_train/loop/offload.h"
 #include "gs_train/loss.h"
 
@@ -197,19 +196,6 @@ Workload mean_workload(Backend& backend, const TrainingModel& model, const std::
   }
   mean.moments = model.moment_form;
   return mean;
-}
-
-void begin_lazy_as_asked(const Config& config, const Backend& backend, TrainingModel& model,
-                         Workload& workload) {
-  check_lazy(config, backend);
-  const double seen = workload.visible / std::max(workload.gaussians, 1.0);
-  const bool pays = backend.has_updates_bound_by_memory() &&
-                    lazy_update_bytes(model.gaussians, model.moment_form, {seen, seen, 1}) <
-                        prompt_update_bytes(model.gaussians, model.moment_form);
-  const LazyMode mode = config.optimizer.lazy;
-  workload.is_lazy = mode == LazyMode::on || (mode == LazyMode::automatic && pays) ||
-                     (mode == LazyMode::with_offload && model.memory().offloads_sh());
-  if (workload.is_lazy) begin_lazy(model, config.train.seed);
 }
 
 double milliseconds_of_steps(Backend& backend, TrainingModel& model, const std::vector<View>& views,

@@ -91,12 +91,6 @@ ModelMemory benchmark_memory(Backend& backend, const GaussianModel& from,
 Workload mean_workload(Backend& backend, const TrainingModel& model, const std::vector<View>& views,
                        const RenderSettings& settings);
 
-/// Begins to update SH lazily where optimizer.lazy says so, with "auto" by the backend and the
-/// visible share of the workload, with "offload" by the model's memory. The workload says so, too,
-/// afterwards.
-void begin_lazy_as_asked(const Config& config, const Backend& backend, TrainingModel& model,
-                         Workload& workload);
-
 /// The wall time of so many training steps on all views in turn, from views[next] on, which
 /// afterwards is the view of the next step. Learning rates are zero. Takes views that the backend
 /// has (upload_views).

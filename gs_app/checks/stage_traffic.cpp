@@ -13,7 +13,7 @@ namespace {
 
 // bytes a Gaussian
 constexpr double kShape = sizeof(Vec3f) + sizeof(Vec3f) + sizeof(Quatf) + sizeof(float);
-constexpr double kCount = 4, kDepth = 4, kIndex = 4, kStamp = 4;  // bytes each
+constexpr double kCount = 4, kDepth = 4, kIndex = 4;  // bytes each
 constexpr double kGradientSum = 48;                               // bytes; dL/d(splat), padded
 constexpr double kDigit = 8;                                      // bits per pass of a radix sort
 
@@ -49,11 +49,8 @@ constexpr Rule kRules[] = {
        if (w.is_packed)
          return w.gaussians * (kEllipsoid + kCount + kDepth) +
                 w.visible * (packed_color_bytes(w) + w.splat_bytes + sizeof(Rect));
-       // Where it is late, its moments come along.
-       const double moments = moments_per_parameter(w);
-       const double late = w.is_lazy ? kStamp + moments * (12 + sh_rest_bytes(w)) : 0;
        return w.gaussians * (kShape + 12 + kCount + kDepth) +
-              w.visible * (sh_rest_bytes(w) + late + w.splat_bytes + (w.has_depths ? kDepth : 0) +
+              w.visible * (sh_rest_bytes(w) + w.splat_bytes + (w.has_depths ? kDepth : 0) +
                            sizeof(Rect));
      }},
     // Sorts all by the bits of the depth that make its key; sums the counts in that order (reads
@@ -78,17 +75,13 @@ constexpr Rule kRules[] = {
     // Two passes over picture (float) and photo (byte), three channels: the first writes three
     // derivatives of SSIM a value, the second reads them and writes the gradient.
     {"loss", [](const Workload& w) { return 3 * w.pixels * (2 * (4 + 1) + 2 * 3 * 4 + 4); }},
-    // Reads and writes every parameter in use and its two moments, visible or not, but SH of visible
-    // rows alone where it is updated lazily; reads and clears
+    // Reads and writes every parameter in use and its two moments, visible or not; reads and clears
     // the visible's dL/d(splat), reads their color, reads and writes their statistics.
     {"preprocess backward, Adam",
      [](const Workload& w) {
        const double arrays = 1 + moments_per_parameter(w);
-       const double color = 2 * arrays * (12 + sh_rest_bytes(w)),
-                    stamp = w.is_lazy ? 2 * kStamp : 0;
-       return w.gaussians * (2 * arrays * kShape + kCount) +
-              (w.is_lazy ? w.visible : w.gaussians) * color +
-              w.visible * (2 * kGradientSum + 12 + 2 * 8 + stamp);
+       return w.gaussians * (2 * arrays * (kShape + 12 + sh_rest_bytes(w)) + kCount) +
+              w.visible * (2 * kGradientSum + 12 + 2 * 8);
      }},
 };
 

@@ -25,7 +25,6 @@ struct Workload {
   bool has_depths = true;     // stage 1 writes depths, which a packed model does not have
   double splat_bytes = 48;    // one splat
   MomentForm moments = MomentForm::floats;
-  bool is_lazy = false;  // SH is updated lazily, and all that is visible is late (optimizer.lazy)
 };
 
 /// Bytes that one run of a stage of the CUDA backend reads and writes. Nothing for the blending

@@ -60,10 +60,8 @@ void EvaluationObserver::after_step(int step, Trainer& trainer) {
   if (views.empty() || is_last(step, trainer) || !contains(trainer.config().train.test_steps, step))
     return;
   const EvaluationOptions options = evaluation_options(trainer, MetricSet::quick);
-  trainer.look_at_result([&](const Gaussians& gaussians) {
-    evaluation_ = evaluate(trainer.backend().renderer(), gaussians.span(), views,
-                           trainer.evaluation_settings(), {}, options);
-  });
+  evaluation_ = evaluate(trainer.backend().renderer(), trainer.model().gaussians.span(), views,
+                         trainer.evaluation_settings(), {}, options);
   step_ = step;
   progress_.clear();
   log_info("step {}: test {}", step, summary(evaluation_));

@@ -15,6 +15,7 @@
 #include "gs_core/config/nearest_word.h"
 #include "gs_core/config/read_toml.h"
 #include "gs_core/config/region_text.h"
+#include "gs_core/config/removed_settings.h"
 #include "gs_core/error.h"
 #include "gs_core/foreign_text.h"
 
@@ -28,6 +29,13 @@ namespace fs = std::filesystem;
                          const std::string& must) {
   throw UsageError(std::string(where) + std::string(key) + " = " + shown_word(value) +
                    " cannot be used: it must be " + must);
+}
+
+// For what older versions had. `value` is TOML text.
+[[noreturn]] void refuse_removed(std::string_view where, std::string_view key,
+                                 std::string_view value, std::string_view why) {
+  throw UsageError(fmt::format("{}{} = {} cannot be used: {}", where, key,
+                               shown_word(std::string(value)), why));
 }
 
 // What a number or word must be. The largest float is named only to a number beyond it.
@@ -108,6 +116,10 @@ void assign(const Field<T>& field, const toml::node& node, std::string_view wher
   }
   const auto value = value_of<typename Wide<T>::type>(node);
   if (!value) refuse(where, field.key, text_of(node), kTypeName<T>);
+  if constexpr (std::is_same_v<typename Wide<T>::type, std::string>) {
+    const std::string_view why = reason_for_removed_word(field.key, *value);
+    if (!why.empty()) refuse_removed(where, field.key, text_of(node), why);
+  }
   if (!fits(*value, field.limits))
     refuse(where, field.key, text_of(node), range_for(*value, field.limits));
   if constexpr (std::is_same_v<T, std::vector<int>>) {
@@ -151,6 +163,16 @@ void visit_field(Config& config, const std::string& key, std::string_view where,
   if (!found) refuse_key(where, key);
 }
 
+// Whether older versions had the setting, and a run with this value is as it is without it. Throws
+// where it is not.
+bool is_read_over(const std::string& key, const toml::node& node, std::string_view where) {
+  const RemovedSetting* const removed = find_removed_setting(key);
+  if (!removed) return false;
+  const std::string value = text_of(node);
+  if (!is_unchanged(*removed, value)) refuse_removed(where, key, value, removed->why);
+  return true;
+}
+
 // ---- files
 
 std::string place_of(const ConfigSource& source, const toml::node& node) {
@@ -172,6 +194,7 @@ void merge_section(Config& config, const ConfigSource& source, const std::string
   for (const auto& [name, node] : table) {
     const std::string place = place_of(source, node), where = place + ": ";
     const std::string key = current_key(section + "." + std::string(name.str()));
+    if (is_read_over(key, node, where)) continue;
     visit_field(config, key, where,
                 [&, &value = node](const auto& field) { assign(field, value, where); });
     origins[key] = place;
@@ -247,6 +270,7 @@ std::string apply_setting(Config& config, const std::string& assignment) {
   };
   const std::string key = current_key(trimmed(assignment.substr(0, equals)));
   const std::string text = trimmed(assignment.substr(equals + 1));
+  if (is_read_over(key, *parse_value(text).get("value"), "")) return key;
   visit_field(config, key, "", [&](const auto& field) {
     toml::table parsed = parse_value(text);
     // For a setting that is text or a word, 2024 and true are words like any other.

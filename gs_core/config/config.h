@@ -126,7 +126,6 @@ struct OptimizerConfig {
   float cooldown_share = 0.03f;   // ... to this share of themselves at the last one; 1: they do not
   float beta2 = 0.999f;           // of Adam, for one photo
   MomentForm moments = MomentForm::floats;
-  LazyMode lazy = LazyMode::with_offload;
 };
 
 inline constexpr int kMostBatch = 64;           // photos of one update
@@ -258,8 +257,9 @@ struct Config {
 using SettingOrigins = std::map<std::string, std::string, std::less<>>;
 
 /// Merges a config into `config`. `name` is a TOML file, a run's folder or a preset
-/// (config_source.h); its `base` is merged first. `origins`, if given, notes where each value came
-/// from. Throws UsageError, which names file, line, key and the nearest known key, and Error for a
+/// (config_source.h); its `base` is merged first. Settings of older versions that change nothing are
+/// read over (removed_settings.h). `origins`, if given, notes where each value came from. Throws
+/// UsageError, which names file, line, key and the nearest known key, and Error for a
 /// file that cannot be read.
 void load_config(Config& config, const std::filesystem::path& name,
                  SettingOrigins* origins = nullptr);

@@ -36,9 +36,6 @@ enum class PhotoTimes { none, frames, names };
 /// Whether all photos were taken through one lens.
 enum class SingleCamera { automatic, yes, no };
 
-/// Whether Adam leaves SH of rows that no photo of an update sees for later (math/lazy_adam.h);
-/// `with_offload`: where SH lies in host memory.
-enum class LazyMode { with_offload, off, on, automatic };
 /// What of the model a GPU keeps in host memory: nothing, or SH beyond degree 0 with its moments.
 enum class OffloadMode { automatic, none, sh };
 
@@ -174,13 +171,6 @@ template <>
 struct Words<MomentForm> {
   static constexpr Word<MomentForm> kTable[] = {
       {"float", MomentForm::floats}, {"compact", MomentForm::compact}, {"tiny", MomentForm::tiny}};
-};
-template <>
-struct Words<LazyMode> {
-  static constexpr Word<LazyMode> kTable[] = {{"offload", LazyMode::with_offload},
-                                              {"off", LazyMode::off},
-                                              {"on", LazyMode::on},
-                                              {"auto", LazyMode::automatic}};
 };
 template <>
 struct Words<OffloadMode> {

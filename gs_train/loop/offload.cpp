@@ -48,20 +48,17 @@ ModelMemory model_memory(const Config& config, const Scene& scene, Backend& back
   const ModelMemory memory = model_memory(mode, size, backend);
   if (!memory.offloads_sh()) return memory;
   TrainingSize offloaded = with_offload(size);
-  offloaded.is_lazy = config.optimizer.lazy != LazyMode::off && !config.poses.refine;
   log_info("{}", text_of_offload(offloaded, mode == OffloadMode::automatic,
                                  backend.memory().free_bytes(), link_gb_per_second(backend)));
   return memory;
 }
 
-// Stage 1 reads SH of a row that is seen, and the moments which bring it up to date. Stage 7 reads
-// both again; where the update is one by a single photo, that is the read of the update
-// (cuda/train/preprocess_backward.cuh).
+// Stage 1 reads SH of a row that is seen. Stage 7 reads it again; where the update is one by a single
+// photo, that is the read of the update (cuda/train/preprocess_backward.cuh).
 LinkBytes link_bytes(const TrainingSize& size) {
   const double sh = sizeof(ShRest),
                moments = size.moment_bytes * double(sizeof(ShRest)) / sizeof(float);
-  const double look = size.is_lazy ? sh + moments : sh;
-  return {size.batch > 1 ? 2 * look : look, sh + moments};
+  return {size.batch > 1 ? 2 * sh : sh, sh + moments};
 }
 
 std::optional<double> link_gb_per_second(Backend& backend) {
@@ -89,10 +86,9 @@ std::string text_of_offload(const TrainingSize& size, bool is_auto, std::size_t 
   std::string text = fmt::format(
       "train.offload is sh{}: SH and its moments take up to {:.1f} GiB of host memory, and the "
       "rest {:.1f} GiB of the GPU's, of which {:.1f} are free; a photo reads {:.0f} bytes of each "
-      "Gaussian that it sees, and an update moves {:.0f} each way of {}",
+      "Gaussian that it sees, and an update moves {:.0f} each way of all",
       is_auto ? ", because the run fits only so" : "", gib(offloaded_bytes(size)),
-      gib(training_bytes(size)), gib(double(free_on_gpu)), bytes.by_photo, bytes.by_update,
-      size.is_lazy ? "those" : "all");
+      gib(training_bytes(size)), gib(double(free_on_gpu)), bytes.by_photo, bytes.by_update);
   if (gb_per_second)
     text +=
         fmt::format("; at {:.1f} GB/s that is {:.0f} and {:.0f} ms for a million", *gb_per_second,

@@ -16,7 +16,6 @@
 #include "gs_render/render_settings.h"
 #include "gs_train/density/gaussian_budget.h"
 #include "gs_train/initialize/initialize.h"
-#include "gs_train/loop/lazy_choice.h"
 #include "gs_train/loop/offload.h"
 #include "gs_train/photometric/photometric_start.h"
 #include "gs_train/poses/poses.h"
@@ -117,10 +116,8 @@ std::vector<std::uint32_t> visible_rows(const Gaussians& gaussians) {
 
 // The Gaussians as they are, with a filter if the run has one.
 GaussianModel copy_of_result(Trainer& trainer) {
-  GaussianModel model;
-  trainer.look_at_result([&](const Gaussians& gaussians) {
-    model = host_copy(gaussians, trainer.config().model.sh_degree, trainer.settings().antialias);
-  });
+  GaussianModel model = host_copy(trainer.model().gaussians, trainer.config().model.sh_degree,
+                                  trainer.settings().antialias);
   model.world_offset = trainer.scene().world_offset;
   return model;
 }
@@ -138,7 +135,6 @@ Trainer::Trainer(const Scene& scene, const Config& config, Backend& backend, Tra
       recovery_(run_), views_(scene.train_views.size(), config.train.seed), views_ahead_(views_),
       camera_rows_(camera_rows(scene.train_views)) {
   check_model(config);
-  check_lazy(config, backend);
   backend.use_loss(config.loss.kind);
   backend.use_photometric(make_photometric_model(config.photometric));
   if (config.poses.refine) backend.check_refines_poses();
@@ -272,14 +268,12 @@ void Trainer::maintain(int step) {
   if (run_.schedule.reorder(step)) sort_by_morton();
   if (run_.config.model.filter_3d && run_.schedule.measure_filter(step))
     recovery_.guarded_or_skipped("the 3D filter", [&] { measure_filter(); });
-  recovery_.guarded_or_skipped("optimizer.lazy=auto", [&] { choose_lazy(run_, step); });
 }
 
 // ---- before and after it -----------------------------------------------------------------------
 
 void Trainer::start() {
   prefetch_decode(run_.step + 1, run_.step + int(kPhotosAhead));
-  recovery_.guarded("optimizer.lazy", [&] { begin_or_end_lazy(run_); });
   if (run_.step > 0) return;
   sort_by_morton();
   if (run_.config.model.filter_3d) recovery_.guarded("the 3D filter", [&] { measure_filter(); });
@@ -289,8 +283,6 @@ void Trainer::finish() {
   const TrainingTime time(run_);
   recovery_.begin_finish();
   run_.backend.synchronize(run_.model);
-  run_.backend.rows().catch_up(run_.model);
-  end_lazy(run_.model);
   recovery_.guarded_or_skipped("the final prune", [&] {
     if (run_.config.density.camera_clearance > 0) remove_floaters();
     run_.backend.rows().prune(run_.model, kMinAlpha);
@@ -342,12 +334,6 @@ double Trainer::loss() {
   const double loss = run_.loss();
   recovery_.check_loss(loss);
   return loss;
-}
-
-void Trainer::look_at_result(const std::function<void(const Gaussians&)>& f) {
-  TrainingModel& model = run_.synchronized_model();
-  const CurrentSh current(model, run_.backend.rows());
-  f(model.gaussians);
 }
 
 RenderSettings Trainer::evaluation_settings() const {

@@ -73,12 +73,8 @@ class Trainer {
 
   /// Steps done.
   int step() const { return run_.step; }
-  /// The model after all steps so far. Waits for the device. With optimizer.lazy, SH of some rows is
-  /// late until the run ends: look_at_result() has it as it is now.
+  /// The model after all steps so far. Waits for the device.
   const TrainingModel& model() { return run_.synchronized_model(); }
-  /// Calls f with the Gaussians as they are now, with the SH of all rows up to date. Waits for the
-  /// device.
-  void look_at_result(const std::function<void(const Gaussians&)>& f);
   /// The number of Gaussians. Does not wait.
   std::size_t gaussian_count() const { return run_.model.count(); }
   /// How many were removed at the end because photos look through them (floaters.h).

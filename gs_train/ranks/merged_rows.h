@@ -51,8 +51,6 @@ class MergedRows final : public RowOps {
     return merged(model).prune_share(model, order, share);
   }
   void sort_by_morton(TrainingModel& model) override { merged(model).sort_by_morton(model); }
-  void catch_up(TrainingModel& model) override { merged(model).catch_up(model); }
-  void show_current_sh(const TrainingModel& model) override { rows_.show_current_sh(model); }
   void release_caches() override { rows_.release_caches(); }
   std::size_t count_not_finite(const TrainingModel& model) override {
     return is_dealt(model) ? count_not_finite_(rows_) : rows_.count_not_finite(model);

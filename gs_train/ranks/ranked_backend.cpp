@@ -32,7 +32,6 @@ class RankedBackend final : public ScalarBackend {
   void upload_views(const std::vector<View>& views, std::size_t) override {
     crew_->announce(views);
   }
-  bool can_update_lazily() const override { return false; }
 
   using Backend::step;
   void step(TrainingModel& model, Span<const TrainingPhoto> batch,

@@ -116,7 +116,7 @@ Message message_of(const StepOrder& order, const std::vector<View>& views) {
   packer.value(order.photos.size());
   for (const TrainingPhoto& photo : order.photos) {
     const std::size_t view = std::size_t(photo.view - views.data());
-    GS_CHECK(view < views.size() && !photo.settings.lazy_sh);
+    GS_CHECK(view < views.size());
     packer.value(PackedPhoto{view, photo.photo_row, photo.camera_row, photo.settings,
                              photo.reduction, photo.refined.has_value(), photo.camera()});
   }

@@ -1,6 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Stage 8: Adam over every number of every learned quantity, visible or not. SH may be left for
-// later (lazy_adam.cpp).
+// Stage 8: Adam over every number of every learned quantity, visible or not.
 #include "gs_core/math/adam.h"
 
 #include "gs_core/error.h"
@@ -37,19 +36,9 @@ void update_numbers(Span<float> parameters, Span<float> m, Span<float> v,
   });
 }
 
-// Calls f for each array that is updated at once: all, or those without SH.
-template <class F, class... Arrays>
-void for_each_due_array(bool is_lazy, F&& f, Arrays&&... arrays) {
-  if (is_lazy)
-    for_each_prompt_array(f, arrays...);
-  else
-    for_each_array(f, arrays...);
-}
-
 void update_floats(TrainingModel& model, const Gaussians& gradients, const AdamSteps& steps,
                    const AdamRule& rule) {
-  for_each_due_array(
-      model.lazy.is_on,
+  for_each_array(
       [&](const char*, auto& parameters, auto& m, auto& v, const auto& gradient,
           const AdamStep& step) {
         update_numbers(numbers_of(parameters), numbers_of(m), numbers_of(v), numbers_of(gradient),
@@ -63,8 +52,7 @@ template <class Code>
 void update_row(TrainingModel& model, std::size_t i, const Gaussians& gradients,
                 const AdamSteps& steps, const AdamRule& rule, std::uint32_t random) {
   static const NumberPlaces kPlaces = number_places();
-  for_each_due_array(
-      model.lazy.is_on,
+  for_each_array(
       [&](const char*, auto& rows, auto& moments, const auto& of_rows, const AdamStep& step,
           int place) {
         constexpr int kInRow = sizeof(rows[0]) / sizeof(float);
@@ -94,7 +82,6 @@ void update_by_adam(TrainingModel& model, const Gaussians& gradients, const Upda
     });
   else
     update_floats(model, gradients, steps, rule);
-  if (model.lazy.is_on) update_sh_lazily(model, gradients, update, steps);
 }
 
 std::unique_ptr<Optimizer> make_scalar_optimizer() { return std::make_unique<ScalarOptimizer>(); }

@@ -86,7 +86,6 @@ class ScalarRowOps final : public RowOps {
  public:
   RefineReport refine(TrainingModel& model, const AdaptiveRules& rules, const Random& random,
                       int step) override {
-    gs::catch_up(model);
     std::vector<RowAction> action = actions(model, rules);
     limit_growth(action, model, rules);
 
@@ -115,13 +114,11 @@ class ScalarRowOps final : public RowOps {
 
   RefineReport grow(TrainingModel& model, const GrowthRules& rules, std::uint64_t seed,
                     int step) override {
-    gs::catch_up(model);
     return gs::grow(model, rules, seed, step);
   }
 
   RefineReport relocate(TrainingModel& model, const RelocationRules& rules, std::uint64_t seed,
                         int step) override {
-    gs::catch_up(model);
     return gs::relocate(model, rules, seed, step);
   }
 
@@ -129,7 +126,6 @@ class ScalarRowOps final : public RowOps {
     const GaussiansSpan rows = model.gaussians.span();
     const MomentsSpan moments = moments_of(model);
     if (!rows.has_time) return 0;
-    gs::catch_up(model);
     std::atomic<std::size_t> found = 0;
     parallel_chunks(model.count(), 1024, [&](std::size_t begin, std::size_t end) {
       std::size_t made = 0;
@@ -152,7 +148,6 @@ class ScalarRowOps final : public RowOps {
     else
       for (float& value : model.gaussians.logit_opacity)
         value = lowered_logit_opacity(value, rule, logit_amount);
-    gs::catch_up(model);
     clear_moments(model, rule.clears);
   }
 
@@ -192,11 +187,8 @@ class ScalarRowOps final : public RowOps {
     return found;
   }
 
-  void catch_up(TrainingModel& model) override { gs::catch_up(model); }
-  void show_current_sh(const TrainingModel& model) override { gs::show_current_sh(model); }
 
   void sort_by_morton(TrainingModel& model) override {
-    gs::catch_up(model);
     const Gaussians& rows = model.gaussians;
     gather_rows(
         model,
@@ -243,7 +235,6 @@ class ScalarRowOps final : public RowOps {
 
   template <class Predicate>
   static std::size_t prune_rows(TrainingModel& model, Predicate&& is_removed) {
-    gs::catch_up(model);
     std::vector<std::uint32_t> kept;
     kept.reserve(model.count());
     for (std::uint32_t i = 0; i < model.count(); ++i)

@@ -69,10 +69,6 @@ void ScalarBackend::add(Span<float> to, Span<const float> from, float weight) {
   parallel_for(to.size, 16384, [=](std::size_t i) { to[i] += weight * from[i]; });
 }
 
-void ScalarBackend::mark_seen(const RenderPass& pass, Span<std::uint8_t> seen) {
-  parallel_for(seen.size, 16384, [&](std::size_t i) { seen[i] |= pass.tile_counts[i] > 0; });
-}
-
 CameraGradient<double> ScalarBackend::camera_gradient(const GaussiansSpan& gaussians,
                                                       const Camera& camera,
                                                       const RenderSettings& settings,

@@ -23,7 +23,6 @@ class ScalarBackend : public Backend {
   void use_photometric(std::shared_ptr<const PhotometricModel> photometric) override;
   void check_refines_poses() const override {}
   void check_takes_depth() const override {}
-  bool can_update_lazily() const override { return true; }
   Optimizer& optimizer() override { return *optimizer_; }
   RowOps& rows() override { return *rows_; }
   void set_profiling(bool on) override;
@@ -36,7 +35,6 @@ class ScalarBackend : public Backend {
   void gather(const DensityStatistics& statistics, const RenderPass& pass,
               Span<const Vec2f> dL_dmean2d, ScorePooling pooling) override;
   using Backend::add;
-  void mark_seen(const RenderPass& pass, Span<std::uint8_t> seen) override;
   void add(Span<float> to, Span<const float> from, float weight) override;
   CameraGradient<double> camera_gradient(const GaussiansSpan& gaussians, const Camera& camera,
                                          const RenderSettings& settings,

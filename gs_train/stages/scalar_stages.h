@@ -28,14 +28,6 @@ std::unique_ptr<RowOps> make_scalar_row_ops();       // 9  rows.cpp, 10 morton.c
 void update_by_adam(TrainingModel& model, const Gaussians& gradients, const Update& update,
                     const std::function<std::size_t(std::size_t)>& row_of_model);
 
-/// 8  lazy_adam.cpp: the update of SH where model.lazy is on, of the rows in update.seen. `steps`
-/// are those of update number model.adam_steps.
-void update_sh_lazily(TrainingModel& model, const Gaussians& gradients, const Update& update,
-                      const AdamSteps& steps);
-/// lazy_adam.cpp, behind RowOps::catch_up() and show_current_sh().
-void catch_up(TrainingModel& model);
-void show_current_sh(const TrainingModel& model);
-
 /// 8  photometric.cpp: one update of all photos and cameras, in host memory. `gradient` is that of
 /// the data, in the order of the state; the model's penalties are added to it.
 void update_photometric(PhotometricState& state, const PhotometricModel& model, float rate,

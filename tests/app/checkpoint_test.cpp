@@ -237,39 +237,11 @@ TEST_F(Checkpoints, WithMomentsAsCodesComeBackBitForBitAndAreSmaller) {
     }
 }
 
-TEST_F(Checkpoints, WithSomeUpdatesLeftForLaterComeBackBitForBit) {
-  TrainingState expected = telling_state(100, 12);
-  LazyState& lazy = expected.model.lazy;
-  begin_lazy(expected.model, 42);
-  for (std::uint32_t i = 0; i < 100; ++i) lazy.updated_at[i] = i % 8;
-  for (lazy.updates = 0; lazy.updates < 7; ++lazy.updates) {
-    lazy.missed[std::size_t(lazy.updates)] = MissedUpdates();
-    const AdamStep step = adam_step(lazy.updates + 3, 0.01f);
-    for (int k = 0; k <= lazy.updates; ++k)
-      add_update(lazy.missed[std::size_t(k)],
-                 unseen_update(lazy.updates + 3, step, step, step, AdamRule()));
-  }
-  fs::create_directories(path());
-  write_checkpoint(file(12), telling_config(), telling_scene(), expected.progress, expected.model);
-  const TrainingModel read = read_checkpoint(file(12)).state.model;
-  EXPECT_TRUE(same_bits(read, expected.model));
-  EXPECT_EQ(read.lazy.updates, 7);
-  for (std::size_t k = 0; k < 7; ++k)
-    EXPECT_EQ(std::memcmp(&read.lazy.missed[k], &lazy.missed[k], sizeof(MissedUpdates)), 0) << k;
-  EXPECT_EQ(checkpoint_bytes(expected.model, 4),
-            checkpoint_bytes(telling_state(100, 12).model, 4) + 400);
-
-  lazy.updated_at[5] = 8;  // an update that was not made
-  write_checkpoint(file(12), telling_config(), telling_scene(), expected.progress, expected.model);
-  EXPECT_THAT(error_of([&] { read_checkpoint(file(12)); }), HasSubstr("damaged"));
-}
-
 TEST_F(Checkpoints, OfAModelInTwoMemoriesAreTheSameFile) {
   for (const MomentForm form : kMomentForms) {
     TrainingState state = telling_state(100, 12);
     state.model.moment_form = form;
     clear_history(state.model);
-    begin_lazy(state.model, 42);
     CountedMemory device, host;
     const TrainingModel parted = copy_to({device, host}, state.model);
     EXPECT_EQ(host.allocated, 100u * 45 * unsigned(4 + moment_bytes(form)));
@@ -321,28 +293,63 @@ TEST_F(Checkpoints, WithRefinedPosesComeBackBitForBit) {
   EXPECT_THROW(read_checkpoint(file(12)), Error);
 }
 
-// Version 0.1.0 did not write "first_gaussians".
-TEST_F(Checkpoints, OfVersionsWithoutTheFirstCountAreRead) {
-  ASSERT_TRUE(save(folder(), 12));
-  const TrainingState expected = telling_state(7, 12);
+// Copies checkpoint 12 of telling_state(7, 12) as checkpoint 11. edit(section, text) changes it.
+template <class Edit>
+void rewrite(const std::string& from, const std::string& to, const TrainingModel& model,
+             Edit&& edit) {
   const FileKind kind{"gsckpt\r\n", 1};
   std::vector<std::string> sections{"about",   "config",     "view_names", "views",
                                     "strikes", "view_order", "gaussians"};
   for_each_row_array([&](const RowArray& which, const auto&) { sections.push_back(which.key()); },
-                     expected.model);
-  CheckedReader reader(file(12), kind);
-  CheckedWriter writer(file(11), kind);
+                     model);
+  CheckedReader reader(from, kind);
+  CheckedWriter writer(to, kind);
   for (const std::string& section : sections) {
     std::string text = reader.text(section);
-    const std::string dropped = "\"first_gaussians\":7,";
-    if (section == "about") text.erase(text.find(dropped), dropped.size());
+    edit(section, text);
     writer.text(section, text);
   }
   writer.commit();
+}
+
+// Version 0.1.0 did not write "first_gaussians".
+TEST_F(Checkpoints, OfVersionsWithoutTheFirstCountAreRead) {
+  ASSERT_TRUE(save(folder(), 12));
+  const TrainingState expected = telling_state(7, 12);
+  rewrite(file(12), file(11), expected.model, [](const std::string& section, std::string& text) {
+    const std::string dropped = "\"first_gaussians\":7,";
+    if (section == "about") text.erase(text.find(dropped), dropped.size());
+  });
   const TrainingModel read = read_checkpoint(file(11)).state.model;
   EXPECT_TRUE(same_bits(read, expected.model));
   EXPECT_FALSE(read.statistics.has_sums);
   EXPECT_EQ(read.first_count, 0u);
+}
+
+TEST_F(Checkpoints, OfVersionsWithMoreSettingsAreReadWhereTheseChangedNothing) {
+  ASSERT_TRUE(save(folder(), 12));
+  const TrainingModel model = telling_state(7, 12).model;
+  const auto with_line = [&](const std::string& line) {
+    rewrite(file(12), file(11), model, [&](const std::string& section, std::string& text) {
+      if (section == "config") text += line + "\n";
+    });
+    return error_of([&] { EXPECT_TRUE(same_bits(read_checkpoint(file(11)).state.model, model)); });
+  };
+  EXPECT_EQ(with_line("optimizer.lazy = \"auto\""), "");
+  EXPECT_THAT(with_line("optimizer.lazy = \"on\""),
+              AllOf(HasSubstr("of another version"), HasSubstr("no longer left for later")));
+}
+
+TEST_F(Checkpoints, WithWhatWasRemovedSayWhatItIs) {
+  ASSERT_TRUE(save(folder(), 12));
+  const TrainingModel model = telling_state(7, 12).model;
+  for (const auto& [bit, what] : {std::pair{128u, "optimizer.lazy"}}) {
+    rewrite(file(12), file(11), model, [bit = bit](const std::string& section, std::string& text) {
+      if (section == "gaussians") text += std::string{char(bit & 255), char(bit >> 8), 0, 0, 0, 0, 0, 0};
+    });
+    EXPECT_THAT(error_of([&] { read_checkpoint(file(11)); }),
+                AllOf(HasSubstr(what), HasSubstr("start from its model")));
+  }
 }
 
 TEST_F(Checkpoints, KnowTheirScene) {

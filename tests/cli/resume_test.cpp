@@ -358,19 +358,6 @@ TEST_F(Resume, MomentsAsCodesGoOnAsTheyAre) {
   }
 }
 
-TEST_F(Resume, UpdatesLeftForLaterAreMadeAsIfTheRunHadGoneOn) {
-  const std::string lazy = "--set optimizer.lazy=on ";
-  ASSERT_EQ(run(command("whole", lazy)).code, 0);
-  ASSERT_EQ(run_and_signal(command("out", lazy), checkpoint(path("out"), 12), SIGKILL).code,
-            -SIGKILL);
-  const Outcome prompt = run(command("out", "--resume auto --set optimizer.lazy=off"));
-  EXPECT_EQ(prompt.code, 2);
-  EXPECT_THAT(prompt.err, HasSubstr("optimizer.lazy = \"on\" (now \"off\")"));
-  const Outcome resumed = run(command("out", lazy + "--resume auto"));
-  ASSERT_EQ(resumed.code, 0) << resumed.err;
-  EXPECT_EQ(contents_of(path("out")), contents_of(path("whole")));
-}
-
 TEST_F(Resume, ARunGoesOnWithAnotherOffloadAndACpuRefusesWhatItHasNot) {
   ASSERT_EQ(run(command("whole", "")).code, 0);
   ASSERT_EQ(run_and_signal(command("out", ""), checkpoint(path("out"), 12), SIGKILL).code,

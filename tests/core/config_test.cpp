@@ -525,5 +525,13 @@ TEST(Config, KeysOfOlderRunsAreTaken) {
   EXPECT_EQ(config.density.scale_regularizer, 0.5f);
 }
 
+TEST(Config, SettingsOfOlderVersionsAreReadOverWhereTheyChangedNothing) {
+  Config config;
+  apply_setting(config, "optimizer.lazy=auto");
+  EXPECT_EQ(to_toml(config), to_toml(Config()));
+  EXPECT_THAT(error_of([&] { apply_setting(config, "optimizer.lazy=on"); }),
+              HasSubstr("optimizer.lazy = \"on\" cannot be used: updates of SH are no longer left"));
+}
+
 }  // namespace
 }  // namespace gs

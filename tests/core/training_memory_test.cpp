@@ -50,7 +50,6 @@ TEST(TrainingMemory, TheStateIsThatOfTheModelsArrays) {
   EXPECT_DOUBLE_EQ(state_bytes({}, 1), 716);  // 59 * 4 * 3 + 8
   EXPECT_DOUBLE_EQ(state_bytes({.moment_bytes = 4}, 1), 716 - 59 * 4);
   EXPECT_DOUBLE_EQ(state_bytes({.moment_bytes = 2}, 1), 362);
-  EXPECT_DOUBLE_EQ(state_bytes({.is_lazy = true}, 1), 716 + 4);
 }
 
 TEST(TrainingMemory, AGaussianTakesTheSumOfItsArrays) {
@@ -81,8 +80,8 @@ TEST(TrainingMemory, AGaussianTakesTheSumOfItsArrays) {
 // 45 numbers of 12 bytes with their moments, or of 8 or 6.
 TEST(TrainingMemory, WithOffloadShIsInHostMemory) {
   const TrainingSize whole = steady(1e6), rest = with_offload(whole);
-  EXPECT_DOUBLE_EQ(state_bytes(rest, 1), 716 - 540 + 4);  // lazy updates have 4 bytes more
-  EXPECT_NEAR(training_bytes(whole) - training_bytes(rest), 1e6 * (540 - 4), 1);
+  EXPECT_DOUBLE_EQ(state_bytes(rest, 1), 716 - 540);
+  EXPECT_NEAR(training_bytes(whole) - training_bytes(rest), 1e6 * 540, 1);
   EXPECT_EQ(offloaded_bytes(whole), 0);
   EXPECT_DOUBLE_EQ(offloaded_bytes(rest), 1e6 * (540 + 180));
   TrainingSize compact = rest;
@@ -101,7 +100,6 @@ TEST(TrainingMemory, WithOffloadShIsInHostMemory) {
   EXPECT_EQ(training_size(config, {}, 1).moment_bytes, 2);
   config.train.offload = OffloadMode::sh;
   EXPECT_TRUE(training_size(config, {}, 1).offloads_sh);
-  EXPECT_TRUE(training_size(config, {}, 1).is_lazy);
 }
 
 TEST(TrainingMemory, OffloadIsNeededWhereTheRunFitsOnlySo) {

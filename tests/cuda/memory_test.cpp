@@ -76,7 +76,6 @@ class CudaMemory : public CudaTest {
     const std::unique_ptr<Backend> backend = cuda::make_backend(0);
     Memory& of_sh = size.offloads_sh ? *backend->offload_memory() : backend->memory();
     TrainingModel model = copy_to({backend->memory(), of_sh}, model_of(rows_));
-    if (size.is_lazy) begin_lazy(model, 1);
     backend->upload_views(views_, std::size_t(1) << 30);
     std::vector<TrainingPhoto> photos;
     for (const View& view : views_) photos.push_back({&view, settings});

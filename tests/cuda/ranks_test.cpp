@@ -247,7 +247,6 @@ TEST_P(CudaRanks, RefuseWhatTheyDoNotHave) {
   SomeRanks backend = ranks_of(2, views);
   EXPECT_THAT(error_of([&] { backend->check_refines_poses(); }), HasSubstr("train.ranks=1"));
   EXPECT_THAT(error_of([&] { backend->check_takes_depth(); }), HasSubstr("train.ranks=1"));
-  EXPECT_FALSE(backend->can_update_lazily());
 }
 
 INSTANTIATE_TEST_SUITE_P(OfOneThread, CudaRanks, testing::Values(Driver::one_thread));

@@ -51,7 +51,6 @@ TEST(BatchChoice, OtherStepsAreNot) {
   const std::vector<std::pair<const char*, std::function<void(Step&)>>> changes = {
       {"depth map", [](Step& step) { step.view.has_depth_map = true; }},
       {"time", [](Step& step) { step.model.gaussians.has_time = true; }},
-      {"lazy", [](Step& step) { step.model.lazy.is_on = true; }},
       {"score", [](Step& step) { step.density.score = GrowthScore::error; }},
       {"pooling", [](Step& step) { step.density.pooling = ScorePooling::max; }},
       {"absolute", [](Step& step) { step.batch[0].settings.absolute_gradient = true; }},

@@ -334,14 +334,6 @@ TEST_F(Recovery, AFailureOfAnySingleAllocationInBatchesIsSurvived) {
   config.train.batch = 5;
   expect_any_failure_is_survived(scene_, config);
 }
-TEST_F(Recovery, AFailureOfAnySingleAllocationInLazyRunsIsSurvived) {
-  Config config = brief_run();
-  for (const LazyMode mode : {LazyMode::on, LazyMode::automatic}) {
-    config.optimizer.lazy = mode;
-    expect_any_failure_is_survived(scene_, config);
-  }
-}
-
 /// Keeps states; after that of the last step is kept, memory runs out.
 class ThenNoMemory final : public CheckpointStore {
  public:

@@ -1,0 +1,44 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "gs_core/config/removed_settings.h"
+
+#include <algorithm>
+
+namespace gs {
+namespace {
+
+// clang-format off
+constexpr RemovedSetting kSettings[] = {
+    {"optimizer.lazy", R"("offload"|"off"|"auto")",
+     "updates of SH are no longer left for later, which saved no time beside optimizer.moments = \"tiny\"; remove the line"},
+};
+// clang-format on
+
+struct RemovedWord {
+  std::string_view key, word, why;
+};
+constexpr RemovedWord kWords[] = {{"", "", ""}};
+
+}  // namespace
+
+const RemovedSetting* find_removed_setting(std::string_view key) {
+  const auto found = std::find_if(std::begin(kSettings), std::end(kSettings),
+                                  [&](const RemovedSetting& setting) { return setting.key == key; });
+  return found == std::end(kSettings) ? nullptr : found;
+}
+
+bool is_unchanged(const RemovedSetting& setting, std::string_view value) {
+  for (std::string_view rest = setting.unchanged; !rest.empty();) {
+    const std::size_t bar = std::min(rest.find('|'), rest.size());
+    if (const std::string_view one = rest.substr(0, bar); one == value || one == "*") return true;
+    rest.remove_prefix(std::min(bar + 1, rest.size()));
+  }
+  return false;
+}
+
+std::string_view reason_for_removed_word(std::string_view key, std::string_view word) {
+  for (const RemovedWord& removed : kWords)
+    if (removed.key == key && removed.word == word) return removed.why;
+  return {};
+}
+
+}  // namespace gs
