@@ -54,10 +54,9 @@ __global__ void add_kernel(Span<float> to, const float* from, float weight) {
 
 // A base class, so that the device is created before all that uses it and destroyed afterwards.
 struct Device {
-  explicit Device(int index) : context(index), device_memory(context), mapped_memory(context) {}
+  explicit Device(int index) : context(index), device_memory(context) {}
   Context context;
   DeviceMemory device_memory;
-  MappedMemory mapped_memory;
 };
 
 // The update of the poses; there is none while they rest.
@@ -91,7 +90,6 @@ class CudaBackend final : private Device, private StepLauncher<Step>, public Bac
     return "cuda:" + std::to_string(context.device()) + " (" + context.device_name() + ")";
   }
   Memory& memory() override { return device_memory; }
-  Memory* offload_memory() override { return &mapped_memory; }
   Renderer& renderer() override { return renderer_; }
   Optimizer& optimizer() override { return *optimizer_; }
   void use_loss(const std::string& kind) override {

@@ -53,7 +53,6 @@ void work_as_gpu_rank(int device, PeerSocket& leader, int rank, int count, doubl
 struct Usage {
   std::size_t allocated_bytes = 0;       // now
   std::size_t peak_allocated_bytes = 0;  // the most at any time
-  std::size_t mapped_host_bytes = 0;     // of the host, used in place; not part of the others
 };
 Usage usage();
 /// The peak becomes what is allocated now.

@@ -25,8 +25,6 @@ constexpr double kBytesOfDepthPixel = 24;   // blended depths, and the gradient
 constexpr double kBytesOfRecolored = 24;    // the picture shown, and what is behind it
 constexpr double kBytesOfTile = 3 * kWord + 2 * kWord;  // range, order, checkpoint; a segment
 
-constexpr double kShareOfFree = 0.9;  // that an offloaded run may take
-
 // What an array is expected to have for each byte in use, half way between two steps of its growth.
 double mean_reserve(double bytes) { return 1.0 + 0.5 * reserve_share(std::size_t(bytes)); }
 double with_reserve(double bytes) { return bytes * mean_reserve(bytes); }
@@ -60,21 +58,13 @@ void add_moments(const TrainingSize& size, std::size_t row_bytes, Rows& rows) {
   for (int moment = 0; moment < 2; ++moment) rows.add(numbers * 0.5 * size.moment_bytes);
 }
 
-// Parameters, moments and statistics on the GPU.
+// Parameters, moments and statistics.
 void add_state(const TrainingSize& size, Rows& rows) {
   const Gaussians arrays = arrays_of(size);
-  const auto is_here = [&](const auto& array) {
-    return !size.offloads_sh || static_cast<const void*>(&array) != &arrays.sh_rest;
-  };
-  for_each_stored_array(
-      [&](const char*, const auto& array) {
-        if (is_here(array)) rows.add(sizeof *array.data());
-      },
-      arrays);
+  for_each_stored_array([&](const char*, const auto& array) { rows.add(sizeof *array.data()); },
+                        arrays);
   for_each_array(
-      [&](const char*, const auto& array) {
-        if (is_here(array)) add_moments(size, sizeof *array.data(), rows);
-      },
+      [&](const char*, const auto& array) { add_moments(size, sizeof *array.data(), rows); },
       arrays);
   for (int statistic = 0; statistic < 2; ++statistic) rows.add(sizeof(float));
   if (size.has_sums) rows.add(sizeof(FragmentSums));
@@ -201,11 +191,6 @@ TrainingSize training_size(const Config& config, const PictureSizes& pictures, d
   size.depth_pixels = size.has_depth_maps ? pictures.depth_pixels : 0;
   size.recolors = config.photometric.model == "ppisp";
   size.is_deterministic = config.train.deterministic;
-  return config.train.offload == OffloadMode::sh ? with_offload(size) : size;
-}
-
-TrainingSize with_offload(TrainingSize size) {
-  size.offloads_sh = true;
   return size;
 }
 
@@ -238,32 +223,12 @@ double training_bytes(const TrainingSize& size) {
   add_batch(size, kept);
   add_step(size, step);
   const double of_step = step.sum() + instance_bytes(size, grows);
-  // An array that grows holds its old rows until they are copied. SH coefficients have most, and
-  // without them rotations.
-  const double row = size.offloads_sh ? sizeof(Quatf) : sizeof(ShRest);
-  const double rows = size.gaussians * row;
+  // An array that grows holds its old rows until they are copied. SH coefficients have most.
+  const double rows = size.gaussians * sizeof(ShRest);
   const double old_rows = is_held_twice ? rows / mean_reserve(rows) : 0;
   const double most =
       old_rows < double(kBytesWorthReleasing) ? of_step + old_rows : std::max(of_step, old_rows);
   return state.sum() + kept.sum() + most + picture_bytes(size) + kSmallBuffers;
-}
-
-double offloaded_bytes(const TrainingSize& size) {
-  if (!size.offloads_sh) return 0;
-  Rows rows(size.gaussians, size.growth == RowGrowth::by_need);
-  rows.add(sizeof(ShRest));
-  add_moments(size, sizeof(ShRest), rows);
-  return rows.sum() + size.gaussians * sizeof(ShRest);
-}
-
-bool fits_with_offload(const TrainingSize& size, const FreeMemory& free) {
-  const TrainingSize offloaded = with_offload(size);
-  return training_bytes(offloaded) <= kShareOfFree * free.on_gpu &&
-         offloaded_bytes(offloaded) <= kShareOfFree * free.on_host;
-}
-
-bool needs_offload(const TrainingSize& size, const FreeMemory& free) {
-  return training_bytes(size) > free.on_gpu && fits_with_offload(size, free);
 }
 
 double gaussians_that_fit(TrainingSize size, double bytes) {

@@ -56,7 +56,6 @@ struct TrainingSize {
   bool relocates = false;    // mcmc's row operations, in place of those that clone and split
   int batch = 1;             // photos of an update
   int moment_bytes = 8;      // of both of Adam's moments of one parameter
-  bool offloads_sh = false;  // sh_rest and its moments lie in host memory (train.offload)
   bool has_time = false, has_slope = false, has_filter = false;  // as in Gaussians
   bool has_sums = false;          // the score sums over fragments ...
   bool has_pixel_values = false;  // ... and over values of pixels
@@ -66,10 +65,8 @@ struct TrainingSize {
   bool is_deterministic = false;
 };
 
-/// That of a run with so many Gaussians at most. Of train.offload = "auto" it takes "none".
+/// That of a run with so many Gaussians at most.
 TrainingSize training_size(const Config& config, const PictureSizes& pictures, double gaussians);
-/// The same run with train.offload = "sh".
-TrainingSize with_offload(TrainingSize size);
 
 /// True where density control ends with density.max_gaussians Gaussians: mcmc, and budgeted with a
 /// curve.
@@ -84,19 +81,6 @@ double certain_gaussians(const Config& config, double start);
 
 /// The most bytes that a run has allocated on the GPU at a time.
 double training_bytes(const TrainingSize& size);
-/// The most bytes of host memory that it takes for what it keeps there with offloads_sh: the rows,
-/// and a second copy of SH, which evaluations and growing arrays need for a while.
-double offloaded_bytes(const TrainingSize& size);
-
-/// Bytes that are free before a run takes any.
-struct FreeMemory {
-  double on_gpu = 0, on_host = 0;
-};
-/// True where a run with SH offloaded fits into nine tenths of what is free on GPU and host.
-bool fits_with_offload(const TrainingSize& size, const FreeMemory& free);
-/// The meaning of train.offload = "auto": true for a run that takes more than is free on the GPU,
-/// and fits_with_offload().
-bool needs_offload(const TrainingSize& size, const FreeMemory& free);
 /// Of training_bytes(), the parameters, moments and statistics of so many Gaussians, without any
 /// reserve.
 double state_bytes(const TrainingSize& size, double gaussians);

@@ -56,9 +56,6 @@ class Backend {
   /// GPU calls it before it works with this backend.
   virtual void make_current() {}
   virtual Memory& memory() = 0;
-  /// Host memory that its device reads and writes in place, for models that are larger than the
-  /// device (ModelMemory); null where there is none.
-  virtual Memory* offload_memory() { return nullptr; }
   virtual Renderer& renderer() = 0;
   /// Takes the loss of this name, a word of loss.kind, from now on; at first it is l1_ssim. Throws
   /// UsageError where the backend lacks it.

@@ -3,7 +3,6 @@
 #pragma once
 
 #include <string>
-#include <string_view>
 #include <type_traits>
 
 #include "gs_core/error.h"
@@ -35,17 +34,6 @@ void for_each_statistic(F&& f, First&& first, Rest&&... rest) {
   if (first.has_sums) f("sums", first.sums, rest.sums...);
 }
 
-/// Where the arrays of a model lie. A Memory by itself holds all of them.
-struct ModelMemory {
-  Memory& rows;
-  Memory& sh_rest;  // of sh_rest and its moments (train.offload)
-
-  ModelMemory(Memory& all) : ModelMemory(all, all) {}  // not explicit: as a Memory is
-  ModelMemory(Memory& rows_memory, Memory& sh_rest_memory)
-      : rows(rows_memory), sh_rest(sh_rest_memory) {}
-  bool offloads_sh() const { return &sh_rest != &rows; }
-};
-
 /// The parameters, both Adam moments and the statistics of N Gaussians. A new array is a member
 /// here and a line in for_each_row_array(): row operations, checkpoints and copies then treat it
 /// like the others.
@@ -65,18 +53,12 @@ struct TrainingModel {
   // Gaussians before the first step; a growth curve begins there. 0: not known
   std::size_t first_count = 0;
 
-  explicit TrainingModel(const ModelMemory& memory = host_memory())
-      : gaussians(memory.rows), first_moment(memory.rows), second_moment(memory.rows),
-        compact_codes(memory.rows), tiny_codes(memory.rows), statistics(memory.rows),
-        photometric(memory.rows) {
-    for (Gaussians* const arrays : {&gaussians, &first_moment, &second_moment})
-      arrays->sh_rest = Buffer<ShRest>(memory.sh_rest);
-    compact_codes.sh_rest = decltype(compact_codes.sh_rest)(memory.sh_rest);
-    tiny_codes.sh_rest = decltype(tiny_codes.sh_rest)(memory.sh_rest);
-  }
+  explicit TrainingModel(Memory& memory = host_memory())
+      : gaussians(memory), first_moment(memory), second_moment(memory), compact_codes(memory),
+        tiny_codes(memory), statistics(memory), photometric(memory) {}
   std::size_t count() const { return gaussians.count(); }
   /// Where its arrays lie.
-  ModelMemory memory() const { return {gaussians.memory(), gaussians.sh_rest.memory()}; }
+  Memory& memory() const { return gaussians.memory(); }
   /// Says that parameters and moments have the learned quantities of `like`. Call it before rows are
   /// added.
   void set_learned_arrays(const Gaussians& like) {
@@ -203,7 +185,7 @@ inline void clear_moments(TrainingModel& model, MomentClearing which) {
 }
 
 /// A copy of everything, in another memory.
-inline TrainingModel copy_to(const ModelMemory& memory, const TrainingModel& from) {
+inline TrainingModel copy_to(Memory& memory, const TrainingModel& from) {
   TrainingModel model(memory);
   model.moment_form = from.moment_form;
   model.set_learned_arrays(from.gaussians);
@@ -212,23 +194,11 @@ inline TrainingModel copy_to(const ModelMemory& memory, const TrainingModel& fro
   for_each_row_array(
       [](const RowArray&, auto& to, const auto& array) { to.upload(array.download()); }, model,
       from);
-  model.photometric = copy_to(memory.rows, from.photometric);
+  model.photometric = copy_to(memory, from.photometric);
   model.poses = from.poses;
   model.adam_steps = from.adam_steps;
   model.first_count = from.first_count;
   return model;
-}
-
-/// Bytes that sh_rest and its moments have allocated.
-inline std::size_t sh_rest_bytes(const TrainingModel& model) {
-  std::size_t bytes = 0;
-  for_each_row_array(
-      [&bytes](const RowArray& which, const auto& array) {
-        if (std::string_view(which.name) == "sh_rest")
-          bytes += array.capacity() * sizeof(*array.data());
-      },
-      model);
-  return bytes;
 }
 
 /// Gives the model `count` rows. The first ones stay as they are; new ones are undefined.

@@ -122,11 +122,8 @@ BenchmarkReport measure(const BenchmarkSubject& subject, const BenchCommand& com
   BenchmarkReport report;
   report.device = backend->name();
   {
-    const ModelMemory memory =
-        benchmark_memory(*backend, subject.gaussians, subject.train_views, subject.config);
     TrainingModel model =
-        benchmark_model(*backend, subject.gaussians, memory, subject.config.optimizer.moments);
-    if (memory.offloads_sh()) report.offloaded_bytes = sh_rest_bytes(model);
+        benchmark_model(*backend, subject.gaussians, subject.config.optimizer.moments);
     report.workload = mean_workload(*backend, model, subject.train_views, subject.settings);
     log_info("timing training: {} warm-up steps, then {} steps twice", plan.warmup, plan.steps);
     report.training = time_training(*backend, model, subject.train_views, subject.settings,

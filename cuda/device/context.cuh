@@ -133,24 +133,6 @@ class DeviceMemory : public Memory {
   Context& context_;
 };
 
-/// Page-locked memory of the host, which kernels read and write in place over the bus. A pointer is
-/// the same on both sides. cudaHostAlloc has each page locked, which is slow but rare: Buffers only
-/// grow.
-class MappedMemory : public Memory {
- public:
-  explicit MappedMemory(Context& context) : context_(context) {}
-  void* allocate(std::size_t bytes) override;
-  void deallocate(void* pointer, std::size_t bytes) noexcept override;
-  void copy(void* to, const void* from, std::size_t bytes) override;
-  void fill_zero(void* to, std::size_t bytes) override;
-  void upload(void* to, const void* from_host, std::size_t bytes) override;
-  void download(void* to_host, const void* from, std::size_t bytes) override;
-  std::size_t free_bytes() const override { return host_memory().free_bytes(); }
-
- private:
-  Context& context_;
-};
-
 /// Blocks of `threads` that cover `count` items.
 constexpr std::size_t blocks_for(std::size_t count, int threads) {
   return (count + std::size_t(threads) - 1) / std::size_t(threads);

@@ -70,26 +70,6 @@ TrainingSize size_on_gpu(const Config& config, const SceneSize& scene, double ga
   return training_size(config, pictures, gaussians);
 }
 
-FreeMemory free_memory(const ForecastDevice& device) {
-  return {double(device.free_bytes), double(host_memory().free_bytes())};
-}
-
-/// What train.offload says, or comes to.
-bool is_offloaded(const Config& config, const SceneSize& scene, const ForecastDevice& device) {
-  if (config.train.offload != OffloadMode::automatic)
-    return config.train.offload == OffloadMode::sh;
-  const double certain = certain_gaussians(config, first_gaussians(config, scene.points));
-  return config.train.ranks == 1 && device.free_bytes > 0 &&
-         needs_offload(size_on_gpu(config, scene, certain), free_memory(device));
-}
-
-/// The other remedy, if it is one.
-std::string offload_advice(const TrainingSize& size, const FreeMemory& free) {
-  return !size.offloads_sh && fits_with_offload(size, free)
-             ? ", or keep SH in host memory with --set train.offload=sh"
-             : "";
-}
-
 // Gaussians of a block beyond its share of the scene: its borders, and points outside of them
 constexpr double kOverlapOfBlocks = 1.5;
 
@@ -123,14 +103,11 @@ BlockAdvice advice_on_blocks(const Config& config, const SceneSize& scene,
   if (free == 0 || scene.points == 0) return {};
   const double photos = std::min(scene.photo_bytes, room_for_photos(config, device.is_gpu));
   const double usable = kShareOfFree * free;
-  double fit = device.is_gpu
+  const double fit = device.is_gpu
                    ? std::max(gaussians_that_fit(size_on_gpu(config, scene, 0), usable),
                               gaussians_that_fit(size_on_gpu(config, SceneSize{}, 0), usable / 4))
                    : std::max(usable - photos - picture_bytes_on_cpu(scene), usable / 4) /
                          bytes_on_cpu(config);
-  if (const TrainingSize million = size_on_gpu(config, scene, 1e6); million.offloads_sh)
-    fit = std::min(fit,
-                   kShareOfFree * free_memory(device).on_host / (1e-6 * offloaded_bytes(million)));
   const double wanted = expected_gaussians(without_limits_of_one_run(config, scene), scene.points);
   if (wanted <= fit)
     return {1, fmt::format("one run holds the scene: of about {} Gaussians that fit into memory it "
@@ -158,17 +135,14 @@ Forecast forecast(const Config& config, const SceneSize& scene, const ForecastDe
   const double budget = room_for_photos(config, false);
   const double gaussians = expected_gaussians(config, scene.points);
   const double photos_in_ram = std::min(scene.photo_bytes, budget);
-  TrainingSize size = size_on_gpu(config, scene, gaussians);
-  const bool offloads = device.is_gpu && is_offloaded(config, scene, device);
-  if (offloads) size = with_offload(size);
+  const TrainingSize size = size_on_gpu(config, scene, gaussians);
   const double on_gpu = training_bytes(size);
-  const double on_host = device.is_gpu ? offloaded_bytes(size) : 0;
   const double of_pictures = device.is_gpu ? 0 : picture_bytes_on_cpu(scene);
   const double on_cpu = gaussians * bytes_on_cpu(config) + of_pictures;
   const double free_ram = double(host_memory().free_bytes());
   const double free_on_gpu = double(device.free_bytes);
   const double new_in_ram =
-      std::max(photos_in_ram - scene.loaded_bytes, 0.0) + (device.is_gpu ? on_host : on_cpu);
+      std::max(photos_in_ram - scene.loaded_bytes, 0.0) + (device.is_gpu ? 0 : on_cpu);
 
   Forecast result;
   result.text = fmt::format(
@@ -185,12 +159,10 @@ Forecast forecast(const Config& config, const SceneSize& scene, const ForecastDe
                          steps_of(config) / kFullSteps;
   if (device.is_gpu)
     result.text +=
-        fmt::format("training takes about {} of GPU memory{} and{}; ", size_text(on_gpu),
+        fmt::format("training takes about {} of GPU memory{} and, on an H200, {:.0f} s; ",
+                    size_text(on_gpu),
                     device.free_bytes ? fmt::format(" ({} are free)", size_text(free_on_gpu)) : "",
-                    offloads ? fmt::format(", as train.offload is sh{}, {} of RAM",
-                                           config.train.offload == OffloadMode::sh ? "" : " (auto)",
-                                           size_text(on_host))
-                             : fmt::format(", on an H200, {:.0f} s", seconds));
+                    seconds);
   else
     result.text += fmt::format("training on the CPU takes about {} of RAM ({} are free); ",
                                size_text(on_cpu), size_text(free_ram));
@@ -198,17 +170,16 @@ Forecast forecast(const Config& config, const SceneSize& scene, const ForecastDe
 
   if (device.is_gpu && device.free_bytes && on_gpu > kShareOfFree * free_on_gpu)
     result.warnings.push_back(fmt::format(
-        "the GPU has {} free and the run may need {}; {}{}", size_text(free_on_gpu),
-        size_text(on_gpu), cap_advice(gaussians_that_fit(size, kShareOfFree * free_on_gpu)),
-        offload_advice(size, {free_on_gpu, free_ram})));
+        "the GPU has {} free and the run may need {}; {}", size_text(free_on_gpu),
+        size_text(on_gpu), cap_advice(gaussians_that_fit(size, kShareOfFree * free_on_gpu))));
   if (new_in_ram > kShareOfFree * free_ram)
     result.warnings.push_back(fmt::format(
         "{} of RAM are free and the run may need {}; {}", size_text(free_ram),
         size_text(new_in_ram),
-        photos_in_ram > (device.is_gpu ? on_host : on_cpu)
+        device.is_gpu || photos_in_ram > on_cpu
             ? std::string("let fewer photos stay decoded with --photo-ram GIB")
             : cap_advice((kShareOfFree * free_ram - photos_in_ram - of_pictures) /
-                         (device.is_gpu ? on_host / gaussians : bytes_on_cpu(config)))));
+                         bytes_on_cpu(config))));
   return result;
 }
 

@@ -14,7 +14,6 @@
 #include "gs_core/math/constants.h"
 #include "gs_core/math/view_splat.h"
 #include "gs_core/training_memory.h"
-#include "gs_train/loop/offload.h"
 #include "gs_train/loss.h"
 
 namespace gs {
@@ -173,15 +172,8 @@ TrainingSize benchmark_size(const Gaussians& gaussians, const std::vector<View>&
 
 }  // namespace
 
-ModelMemory benchmark_memory(Backend& backend, const GaussianModel& from,
-                             const std::vector<View>& views, const Config& config) {
-  check_offload(config, backend);
-  return model_memory(config.train.offload, benchmark_size(from.gaussians, views, config), backend);
-}
-
-TrainingModel benchmark_model(Backend& backend, const GaussianModel& from,
-                              const ModelMemory& memory, MomentForm moments) {
-  TrainingModel model = untrained(from, memory, moments);
+TrainingModel benchmark_model(Backend& backend, const GaussianModel& from, MomentForm moments) {
+  TrainingModel model = untrained(from, backend.memory(), moments);
   backend.rows().sort_by_morton(model);
   return model;
 }
@@ -245,7 +237,6 @@ double forecast_gpu_bytes(const TrainingModel& model, const std::vector<View>& v
   constexpr double kPlacesOfInstance = 1.3;
   const double count = double(model.count());
   TrainingSize size = benchmark_size(model.gaussians, views, config);
-  if (model.memory().offloads_sh()) size = with_offload(size);
   size.is_deterministic = settings.deterministic;
   if (count > 0) size.instance_places = kPlacesOfInstance * workload.instances / count;
   return training_bytes(size);

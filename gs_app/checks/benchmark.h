@@ -80,12 +80,7 @@ void check_scales(const std::vector<View>& views, const std::vector<double>& sca
 /// A training model of these Gaussians in memory that the backend trains in: rows in Morton order,
 /// as training keeps them, and zero moments in this form.
 TrainingModel benchmark_model(Backend& backend, const GaussianModel& from,
-                              const ModelMemory& memory, MomentForm moments = MomentForm::floats);
-
-/// Where the model of a benchmark lies, by train.offload. Throws UsageError where the backend has
-/// no host memory to use in place.
-ModelMemory benchmark_memory(Backend& backend, const GaussianModel& from,
-                             const std::vector<View>& views, const Config& config);
+                              MomentForm moments = MomentForm::floats);
 
 /// The workload of one view, averaged over `views`.
 Workload mean_workload(Backend& backend, const TrainingModel& model, const std::vector<View>& views,

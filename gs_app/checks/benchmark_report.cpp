@@ -187,7 +187,6 @@ std::string report_json(const BenchmarkSubject& subject, const BenchmarkPlan& pl
   if (report.peak_gpu_bytes) {
     json["peak_gpu_bytes"] = *report.peak_gpu_bytes;
     json["forecast_gpu_bytes"] = std::llround(report.forecast_gpu_bytes);
-    json["offloaded_bytes"] = report.offloaded_bytes;
   }
   return json.dump(2, ' ', false, Json::error_handler_t::replace) + "\n";
 }
@@ -227,9 +226,6 @@ std::string report_text(const BenchmarkSubject& subject, const BenchmarkPlan& pl
     text += fmt::format("peak GPU memory until the last step: {} MiB; forecast: {} MiB\n",
                         with_commas(*report.peak_gpu_bytes >> 20),
                         with_commas(std::size_t(report.forecast_gpu_bytes) >> 20));
-  if (report.offloaded_bytes)
-    text += fmt::format("SH and its moments in host memory: {} MiB\n",
-                        with_commas(report.offloaded_bytes >> 20));
   return text;
 }
 

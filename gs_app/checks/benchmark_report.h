@@ -37,7 +37,6 @@ struct BenchmarkReport {
   std::optional<double> clock_mhz;  // of a GPU's multiprocessors while they are busy
   std::optional<std::size_t> peak_gpu_bytes;
   double forecast_gpu_bytes = 0;    // of training; only on a GPU
-  std::size_t offloaded_bytes = 0;  // of the model, in host memory (train.offload)
 };
 
 std::string report_json(const BenchmarkSubject& subject, const BenchmarkPlan& plan,

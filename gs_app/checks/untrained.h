@@ -8,7 +8,7 @@
 namespace gs {
 
 /// A training model of these Gaussians in `memory`, with zero moments in this form and statistics.
-inline TrainingModel untrained(const GaussianModel& from, const ModelMemory& memory,
+inline TrainingModel untrained(const GaussianModel& from, Memory& memory,
                                MomentForm moments = MomentForm::floats) {
   TrainingModel model(memory);
   model.moment_form = moments;

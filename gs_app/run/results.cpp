@@ -146,7 +146,6 @@ std::string results_json(const Results& results) {
     json["peak_gpu_bytes"] = *results.peak_gpu_bytes;
     if (results.forecast_gpu_bytes)
       json["forecast_gpu_bytes"] = std::llround(*results.forecast_gpu_bytes);
-    if (results.offloaded_bytes) json["offloaded_bytes"] = results.offloaded_bytes;
     json["driver"] = gpu_driver();
   }
   return text_of(json);

@@ -26,7 +26,6 @@ struct Results {
   std::uint64_t seed = 0;
   std::optional<std::size_t> peak_gpu_bytes;  // of a run on a GPU
   std::optional<double> forecast_gpu_bytes;   // what training_bytes() gives for this run
-  std::size_t offloaded_bytes = 0;            // of the model, in host memory (train.offload)
   std::string scene_hash;
   Vec3d world_offset{0.0, 0.0, 0.0};           // as in Scene
   std::optional<CameraRefinement> refinement;  // where cameras were refined
@@ -46,7 +45,7 @@ std::optional<std::size_t> gpu_bytes(Backend& backend);
 /// with uncommitted changes (their hash); "test" is null where no view was held out, and "ms_ssim"
 /// and "flip" are there where they were measured. So is "lpips", with "lpips_network": {"name",
 /// "file", "hash"} beside "test". On a GPU "peak_gpu_bytes", "forecast_gpu_bytes" and "driver",
-/// too, and with train.offload "offloaded_bytes". Date and peak are those of the call
+/// too. Date and peak are those of the call
 /// (provenance.h). "world_offset" where it is not 0. Where cameras were refined, "refinement" has
 /// the fields of CameraRefinement. Where views have exposures, "test" and "train" also hold each
 /// metric as "psnr_exposure" and so on, and "exposure" is {"samples", "spread_before",

@@ -107,7 +107,6 @@ double forecast_gpu_bytes(Trainer& trainer) {
   const std::size_t count = trainer.gaussian_count();
   TrainingSize size =
       training_size(trainer.config(), picture_sizes(trainer.scene().train_views), double(count));
-  if (trainer.model().memory().offloads_sh()) size = with_offload(size);
   const auto cap = std::size_t(std::max<std::int64_t>(trainer.config().density.max_gaussians, 0));
   if (size.growth == RowGrowth::reserved && trainer.model().gaussians.mean.capacity() >= cap)
     size.gaussians = double(std::max(count, cap));
@@ -135,8 +134,6 @@ Results results_of(Trainer& trainer) {
     results.poses = pose_change(poses, scene.train_views);
   results.peak_gpu_bytes = peak_gpu_bytes(trainer.backend());
   if (results.peak_gpu_bytes) results.forecast_gpu_bytes = forecast_gpu_bytes(trainer);
-  if (const TrainingModel& model = trainer.model(); model.memory().offloads_sh())
-    results.offloaded_bytes = sh_rest_bytes(model);
   return results;
 }
 

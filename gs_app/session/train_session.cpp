@@ -27,7 +27,6 @@
 #include "gs_core/error.h"
 #include "gs_core/log.h"
 #include "gs_core/threads/parallel.h"
-#include "gs_train/loop/offload.h"
 #include "gs_train/ranks/peer_ranks.h"
 
 namespace gs {
@@ -104,7 +103,6 @@ SessionEnd TrainSession::run() {
   if (!is_finished()) lpips_ = make_lpips(config_.eval);  // early, before hours of training
   hooks_.use_threads(config_.train.threads);
   make_backend();
-  check_offload(config_, *backend_);  // before the scene is read
   log_info("training on {} with {} threads", backend_->name(), thread_count());
   get_scene();
   if (is_finished()) return end_finished_run();

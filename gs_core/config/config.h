@@ -223,7 +223,6 @@ struct TrainConfig {
   bool rank_processes = false;  // by a process instead
   float rank_deadline = 30;     // seconds without a sign of life after which a rank ends the run
   float photo_gib = 4;          // GPU memory for photos; others are copied when they are needed
-  OffloadMode offload = OffloadMode::automatic;  // of the model, from the GPU to host memory
   float time_noise = 0;      // on the times of photos, in mean intervals between them
   int extra_steps = 0;       // after the schedule's last step, at its final rates
   int checkpoint_every = 0;  // steps; 0: about a minute; -1: only when the run is stopped

@@ -36,9 +36,6 @@ enum class PhotoTimes { none, frames, names };
 /// Whether all photos were taken through one lens.
 enum class SingleCamera { automatic, yes, no };
 
-/// What of the model a GPU keeps in host memory: nothing, or SH beyond degree 0 with its moments.
-enum class OffloadMode { automatic, none, sh };
-
 /// One row of a table of words.
 template <class E>
 struct Word {
@@ -171,11 +168,6 @@ template <>
 struct Words<MomentForm> {
   static constexpr Word<MomentForm> kTable[] = {
       {"float", MomentForm::floats}, {"compact", MomentForm::compact}, {"tiny", MomentForm::tiny}};
-};
-template <>
-struct Words<OffloadMode> {
-  static constexpr Word<OffloadMode> kTable[] = {
-      {"auto", OffloadMode::automatic}, {"none", OffloadMode::none}, {"sh", OffloadMode::sh}};
 };
 
 /// Lists of words that stay text, since other code gives them their meaning. "cuda:N" stands for

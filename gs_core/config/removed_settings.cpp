@@ -10,6 +10,8 @@ namespace {
 constexpr RemovedSetting kSettings[] = {
     {"optimizer.lazy", R"("offload"|"off"|"auto")",
      "updates of SH are no longer left for later, which saved no time beside optimizer.moments = \"tiny\"; remove the line"},
+    {"train.offload", R"("auto"|"none")",
+     "models are no longer kept in host memory, which took 16 to 24 times as long; train with optimizer.moments = \"tiny\", or in blocks (gemsplat partition)"},
 };
 // clang-format on
 

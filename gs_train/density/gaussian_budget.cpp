@@ -42,15 +42,6 @@ std::int64_t gaussians_on_gpu(const TrainingSize& size, std::size_t free_bytes,
                                  double(kMostGaussians - 1)));
 }
 
-std::int64_t gaussians_offloaded(TrainingSize size, std::size_t free_bytes, std::size_t present) {
-  size.gaussians = 1e6;  // so many that arrays have the reserve of large ones
-  const double of_gaussian = offloaded_bytes(size) / size.gaussians;
-  const double of_present = sizeof(ShRest) * (1 + size.moment_bytes / double(sizeof(float)));
-  const double usable = kShareOfFree * double(free_bytes) + of_present * double(present);
-  return std::int64_t(
-      std::clamp(usable / of_gaussian, std::max(double(present), 1.0), double(kMostGaussians - 1)));
-}
-
 std::int64_t affordable_gaussians(const Scene& scene, const TrainingModel& model,
                                   const Memory& memory, const Config& config) {
   PictureSizes pictures = picture_sizes(scene.train_views);
@@ -66,13 +57,10 @@ std::int64_t affordable_gaussians(const Scene& scene, const TrainingModel& model
     size.has_time = model.gaussians.has_time;
     size.has_slope = model.gaussians.has_slope;
     size.has_filter = model.gaussians.has_filter;
-    if (model.memory().offloads_sh()) size = with_offload(size);
     // Photos that stay on the GPU are there.
     size.photo_bytes =
         std::max(size.photo_bytes - double(config.train.photo_gib) * kBytesPerGib, 0.0);
     count = gaussians_on_gpu(size, free, model.count());
-    if (size.offloads_sh)
-      count = std::min(count, gaussians_offloaded(size, host_memory().free_bytes(), model.count()));
   }
   log_info("there is memory for {:.2f} million Gaussians at most ({:.1f} GiB are free)",
            1e-6 * double(count), double(free) / kBytesPerGib);

@@ -43,10 +43,6 @@ std::int64_t gaussians_for(const RoomForGaussians& room);
 std::int64_t gaussians_on_gpu(const TrainingSize& size, std::size_t free_bytes,
                               std::size_t present);
 
-/// The number whose SH and moments host memory can hold with train.offload = "sh": 85 % of what is
-/// free, and of the `present` Gaussians, whose SH and moments are in use.
-std::int64_t gaussians_offloaded(TrainingSize size, std::size_t free_bytes, std::size_t present);
-
 /// The same for a scene whose photos are loaded, a model of it, the memory of that model, and the
 /// settings of the run, whose density.max_gaussians does not count. Logs the number.
 std::int64_t affordable_gaussians(const Scene& scene, const TrainingModel& model,

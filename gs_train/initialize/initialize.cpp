@@ -114,7 +114,7 @@ void spread_in_time(const Gaussians& start, const Config& config) {
 
 }  // namespace
 
-TrainingModel initial_model(const Scene& scene, const Config& config, const ModelMemory& memory) {
+TrainingModel initial_model(const Scene& scene, const Config& config, Memory& memory) {
   const Sky sky = sky_of(scene, config);
   const std::vector<ScenePoint> points = starting_points(scene, config, sky.points.size());
   std::vector<Vec3f> means(points.size());

@@ -14,6 +14,6 @@ namespace gs {
 /// least one training camera sees. Of more points than model.most_points or density.max_gaussians
 /// allows, a sample is taken (downsample_points.h). With model.dynamic each point gets a random time
 /// (Yang et al. 2024). Throws Error where there are no points.
-TrainingModel initial_model(const Scene& scene, const Config& config, const ModelMemory& memory);
+TrainingModel initial_model(const Scene& scene, const Config& config, Memory& memory);
 
 }  // namespace gs

@@ -224,9 +224,8 @@ void RunRecovery::restore(TrainingState from) {
   begin_photometric(run_.config, run_.scene, from.model);
   begin_poses(run_.config, run_.scene, from.model);
   run_.backend.synchronize(run_.model);
-  const ModelMemory memory = run_.model.memory();
-  const bool is_there = &memory.rows == &host_memory() && !memory.offloads_sh();
-  run_.model = is_there ? std::move(from.model) : copy_to(memory, from.model);
+  Memory& memory = run_.model.memory();
+  run_.model = &memory == &host_memory() ? std::move(from.model) : copy_to(memory, from.model);
   run_.step = progress.step;
   run_.first_step = run_.step + 1;
   run_.settings.sh_degree = progress.sh_degree;

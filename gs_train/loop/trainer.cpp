@@ -16,7 +16,6 @@
 #include "gs_render/render_settings.h"
 #include "gs_train/density/gaussian_budget.h"
 #include "gs_train/initialize/initialize.h"
-#include "gs_train/loop/offload.h"
 #include "gs_train/photometric/photometric_start.h"
 #include "gs_train/poses/poses.h"
 #include "gs_train/row_rules.h"
@@ -30,10 +29,8 @@ constexpr double kShareOfFree = 0.9;  // that a model may take at once
 // step by step nor have anything in reserve. Where there is too little, they grow.
 void reserve_rows(TrainingModel& model, const Config& config, const Memory& memory) {
   const auto count = std::size_t(config.density.max_gaussians);
-  TrainingSize size = training_size(config, {}, double(count));
-  if (model.memory().offloads_sh()) size = with_offload(size);
+  const TrainingSize size = training_size(config, {}, double(count));
   if (state_bytes(size, double(count)) > kShareOfFree * double(memory.free_bytes())) return;
-  if (offloaded_bytes(size) > kShareOfFree * double(host_memory().free_bytes())) return;
   try {
     for_each_row_array([count](const RowArray&, auto& array) { array.reserve(count); }, model);
     if (size.has_sums) model.statistics.sums.reserve(count);  // the first step begins them
@@ -77,13 +74,6 @@ Config with_known_cap(Config config, const RunProgress& progress) {
   if (config.density.max_gaussians == kAutoCount && progress.growth_cap > 0)
     config.density.max_gaussians = progress.growth_cap;
   return config;
-}
-
-// The count is known before the model is made in the right memory.
-TrainingModel first_model(const Scene& scene, const Config& config, Backend& backend) {
-  return initial_model(with_views(scene), config,
-                       model_memory(config, scene, backend,
-                                    std::size_t(first_gaussians(config, scene.points.size()))));
 }
 
 Vec3f random_background(const Config& config, int step) {
@@ -158,12 +148,12 @@ Trainer::Trainer(const Scene& scene, const Config& config, Backend& backend, Tra
 
 Trainer::Trainer(const Scene& scene, const Config& config, Backend& backend)
     : Trainer(scene, settled_for(config, scene), backend,
-              first_model(scene, settled_for(without_file(config), scene), backend)) {}
+              initial_model(with_views(scene), settled_for(without_file(config), scene),
+                            backend.memory())) {}
 
 Trainer::Trainer(const Scene& scene, const Config& config, Backend& backend, TrainingState from)
     : Trainer(scene, with_known_cap(settled_for(config, scene), from.progress), backend,
-              TrainingModel(model_memory(with_known_cap(settled_for(config, scene), from.progress),
-                                         scene, backend, from.model.count()))) {
+              TrainingModel(backend.memory())) {
   recovery_.resume(std::move(from));
 }
 

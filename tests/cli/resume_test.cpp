@@ -358,19 +358,6 @@ TEST_F(Resume, MomentsAsCodesGoOnAsTheyAre) {
   }
 }
 
-TEST_F(Resume, ARunGoesOnWithAnotherOffloadAndACpuRefusesWhatItHasNot) {
-  ASSERT_EQ(run(command("whole", "")).code, 0);
-  ASSERT_EQ(run_and_signal(command("out", ""), checkpoint(path("out"), 12), SIGKILL).code,
-            -SIGKILL);
-  const Outcome refused = run(command("out", "--resume auto --set train.offload=sh"));
-  EXPECT_EQ(refused.code, 2);
-  EXPECT_THAT(refused.err, AllOf(HasSubstr("train.offload=sh is for a run on one GPU"),
-                                 HasSubstr("leave train.offload out")));
-  const Outcome resumed = run(command("out", "--resume auto --set train.offload=none"));
-  ASSERT_EQ(resumed.code, 0) << resumed.err;
-  EXPECT_EQ(models_of(path("out")), models_of(path("whole")));
-}
-
 TEST_F(Resume, WhatCannotBeResumedIsAnErrorThatSaysWhy) {
   EXPECT_EQ(run("train --resume " + text("nowhere")).code, 2);
   write_bytes(path("empty/notes.txt"), "x");

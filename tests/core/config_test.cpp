@@ -18,6 +18,7 @@
 #include "gs_core/config/nearest_word.h"
 #include "gs_core/config/read_toml.h"
 #include "gs_core/error.h"
+#include "tests/support/error_of.h"
 #include "tests/support/temp_folder.h"
 
 namespace gs {
@@ -528,6 +529,7 @@ TEST(Config, KeysOfOlderRunsAreTaken) {
 TEST(Config, SettingsOfOlderVersionsAreReadOverWhereTheyChangedNothing) {
   Config config;
   apply_setting(config, "optimizer.lazy=auto");
+  apply_setting(config, "train.offload=none");
   EXPECT_EQ(to_toml(config), to_toml(Config()));
   EXPECT_THAT(error_of([&] { apply_setting(config, "optimizer.lazy=on"); }),
               HasSubstr("optimizer.lazy = \"on\" cannot be used: updates of SH are no longer left"));

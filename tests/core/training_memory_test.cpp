@@ -77,41 +77,11 @@ TEST(TrainingMemory, AGaussianTakesTheSumOfItsArrays) {
   EXPECT_NEAR(more([](TrainingSize& size) { size.instance_places += 1; }), 12, 0.01);
 }
 
-// 45 numbers of 12 bytes with their moments, or of 8 or 6.
-TEST(TrainingMemory, WithOffloadShIsInHostMemory) {
-  const TrainingSize whole = steady(1e6), rest = with_offload(whole);
-  EXPECT_DOUBLE_EQ(state_bytes(rest, 1), 716 - 540);
-  EXPECT_NEAR(training_bytes(whole) - training_bytes(rest), 1e6 * 540, 1);
-  EXPECT_EQ(offloaded_bytes(whole), 0);
-  EXPECT_DOUBLE_EQ(offloaded_bytes(rest), 1e6 * (540 + 180));
-  TrainingSize compact = rest;
-  compact.moment_bytes = 4;
-  EXPECT_DOUBLE_EQ(offloaded_bytes(compact), 1e6 * (360 + 180));
-  TrainingSize tiny = rest;
-  tiny.moment_bytes = 2;
-  EXPECT_DOUBLE_EQ(offloaded_bytes(tiny), 1e6 * (270 + 180));
-  TrainingSize growing = rest;
-  growing.growth = RowGrowth::by_need;
-  EXPECT_DOUBLE_EQ(offloaded_bytes(growing), 1e6 * (540 * (1 + 1.0 / 64) + 180));
-
+TEST(TrainingMemory, TakesTheBytesOfMomentsFromTheConfig) {
   Config config;
-  EXPECT_FALSE(training_size(config, {}, 1).offloads_sh);
+  EXPECT_EQ(training_size(config, {}, 1).moment_bytes, 8);
   config.optimizer.moments = MomentForm::tiny;
   EXPECT_EQ(training_size(config, {}, 1).moment_bytes, 2);
-  config.train.offload = OffloadMode::sh;
-  EXPECT_TRUE(training_size(config, {}, 1).offloads_sh);
-}
-
-TEST(TrainingMemory, OffloadIsNeededWhereTheRunFitsOnlySo) {
-  const TrainingSize size = steady(40e6);
-  const double whole = training_bytes(size), rest = training_bytes(with_offload(size)),
-               on_host = offloaded_bytes(with_offload(size));
-  EXPECT_FALSE(needs_offload(size, {whole, 1e12}));
-  EXPECT_TRUE(needs_offload(size, {whole - 1, 1e12}));
-  EXPECT_TRUE(needs_offload(size, {rest / 0.9 + 1, 1e12}));
-  EXPECT_FALSE(needs_offload(size, {rest / 0.9 - 1e3, 1e12}));
-  EXPECT_TRUE(needs_offload(size, {whole - 1, on_host / 0.9 + 1}));
-  EXPECT_FALSE(needs_offload(size, {whole - 1, on_host / 0.9 - 1e3}));
 }
 
 TEST(TrainingMemory, ARunHasItsFirstGaussiansForCertainAndACapThatItRisesTo) {

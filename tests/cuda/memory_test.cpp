@@ -74,8 +74,7 @@ class CudaMemory : public CudaTest {
     change(settings, density, size);
     const PeakSince peak;
     const std::unique_ptr<Backend> backend = cuda::make_backend(0);
-    Memory& of_sh = size.offloads_sh ? *backend->offload_memory() : backend->memory();
-    TrainingModel model = copy_to({backend->memory(), of_sh}, model_of(rows_));
+    TrainingModel model = copy_to(backend->memory(), model_of(rows_));
     backend->upload_views(views_, std::size_t(1) << 30);
     std::vector<TrainingPhoto> photos;
     for (const View& view : views_) photos.push_back({&view, settings});
@@ -119,11 +118,6 @@ TEST_F(CudaMemory, BatchesTakeWhatIsForecast) {
         if (has_sums) density.score = GrowthScore::force;
       });
     }
-}
-
-TEST_F(CudaMemory, OffloadedStepsTakeWhatIsForecast) {
-  expect_steps_as_forecast(
-      [](RenderSettings&, DensityStep&, TrainingSize& size) { size = with_offload(size); });
 }
 
 TEST_F(CudaMemory, StepsInSpaceAndTimeTakeWhatIsForecast) {

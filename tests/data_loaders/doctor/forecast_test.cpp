@@ -64,7 +64,6 @@ TEST(Forecast, WarnsOfARunThatDoesNotFit) {
   Config config = adaptive_config();
   config.density.max_gaussians = 10000000;
   config.density.strategy = "mcmc";
-  config.train.offload = OffloadMode::none;
   const SceneSize scene = {1e8, 1e8, 1.0, 30000};
   const Forecast on_gpu = forecast(config, scene, {true, std::size_t(4) << 30});
   ASSERT_EQ(on_gpu.warnings.size(), 1u);
@@ -76,26 +75,6 @@ TEST(Forecast, WarnsOfARunThatDoesNotFit) {
   ASSERT_EQ(on_cpu.warnings.size(), 1u);
   EXPECT_THAT(on_cpu.warnings[0],
               AllOf(HasSubstr("of RAM are free"), HasSubstr("--max-gaussians")));
-}
-
-// Some 0.4 GiB on the GPU and 0.7 GiB of RAM, of which the machine of the test has more.
-TEST(Forecast, CountsOffloadedShAsMemoryOfTheHost) {
-  Config config = adaptive_config();
-  config.density.max_gaussians = 1'000'000;
-  config.density.strategy = "mcmc";
-  const SceneSize scene = {1e6, 1e6, 0.1, 30000};
-  const auto on_gpu = [&](double gib) {
-    return forecast(config, scene, {true, std::size_t(gib * double(std::size_t(1) << 30))});
-  };
-  EXPECT_THAT(on_gpu(8).text, Not(HasSubstr("train.offload")));
-  EXPECT_THAT(on_gpu(0.6).text, HasSubstr("train.offload is sh (auto), 0.7 GiB of RAM"));
-  EXPECT_THAT(on_gpu(0.6).warnings, IsEmpty());
-  config.train.offload = OffloadMode::none;
-  ASSERT_EQ(on_gpu(0.6).warnings.size(), 1u);
-  EXPECT_THAT(on_gpu(0.6).warnings[0], HasSubstr("--set train.offload=sh"));
-  config.train.offload = OffloadMode::sh;
-  EXPECT_THAT(on_gpu(8).text, HasSubstr("train.offload is sh, 0.7 GiB of RAM"));
-  EXPECT_THAT(forecast(config, scene, {}).text, Not(HasSubstr("train.offload")));  // on a CPU
 }
 
 TEST(Blocks, AreAdvisedWhereOneRunDoesNotHoldTheScene) {

@@ -60,17 +60,6 @@ TEST(GaussiansOnGpu, AreNeverLessThanThereAreNorMoreThanCanBeNumbered) {
   EXPECT_EQ(gaussians_on_gpu({}, 100'000 * kGib, 0), std::int64_t(kMostGaussians) - 1);
 }
 
-// 45 numbers with moments, a reserve, and a copy of SH.
-TEST(GaussiansOffloaded, TakeWhatTheHostHasFreeAndTheirOwn) {
-  const TrainingSize size = with_offload({});
-  const double of_gaussian = 540 * (1 + 1.0 / 64) + 180, free = 0.85 * double(10 * kGib);
-  EXPECT_EQ(gaussians_offloaded(size, 10 * kGib, 0), std::int64_t(free / of_gaussian));
-  EXPECT_EQ(gaussians_offloaded(size, 10 * kGib, 1'000'000),
-            std::int64_t((free + 540e6) / of_gaussian));
-  EXPECT_EQ(gaussians_offloaded(size, 0, 100'000), 100'000);
-  EXPECT_EQ(gaussians_offloaded(size, 100'000 * kGib, 0), std::int64_t(kMostGaussians) - 1);
-}
-
 TEST(HostMemory, SaysHowMuchIsFree) {
   EXPECT_GT(host_memory().free_bytes(), std::size_t(1) << 20);
   EXPECT_LT(host_memory().free_bytes(), std::size_t(1) << 50);
