@@ -112,10 +112,8 @@ GS_HD bool make_static(const GaussiansSpan& rows, const MomentsSpan& moments, st
   rows.logit_opacity[i] = float(made.logit_opacity);
   rows.time_mean[i] = 0.5f;
   rows.log_time_scale[i] = kStaticLogTimeScale;
-  if (moments.form == MomentForm::compact) {
-    clear_for_static(moments.compact, i);
-  } else if (moments.form == MomentForm::tiny) {
-    clear_for_static(moments.tiny, i);
+  if (moments.form == MomentForm::tiny) {
+    clear_for_static(moments.codes, i);
   } else {
     clear_for_static(moments.first, i);
     clear_for_static(moments.second, i);

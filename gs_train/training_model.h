@@ -39,12 +39,11 @@ void for_each_statistic(F&& f, First&& first, Rest&&... rest) {
 /// like the others.
 struct TrainingModel {
   Gaussians gaussians;
-  // Adam's moments: as floats, or both as codes (optimizer.moments). The arrays of the other forms
+  // Adam's moments: as floats, or both as codes (optimizer.moments). The arrays of the other form
   // are empty.
   MomentForm moment_form = MomentForm::floats;
   Gaussians first_moment, second_moment;
-  MomentCodes<CompactCode> compact_codes;
-  MomentCodes<TinyCode> tiny_codes;
+  MomentCodes codes;
   DensityStatistics statistics;
   PhotometricState photometric;  // of the photos; empty without photometric.model
   PoseState poses;               // of the photos; empty without poses.refine
@@ -54,8 +53,8 @@ struct TrainingModel {
   std::size_t first_count = 0;
 
   explicit TrainingModel(Memory& memory = host_memory())
-      : gaussians(memory), first_moment(memory), second_moment(memory), compact_codes(memory),
-        tiny_codes(memory), statistics(memory), photometric(memory) {}
+      : gaussians(memory), first_moment(memory), second_moment(memory), codes(memory),
+        statistics(memory), photometric(memory) {}
   std::size_t count() const { return gaussians.count(); }
   /// Where its arrays lie.
   Memory& memory() const { return gaussians.memory(); }
@@ -64,34 +63,14 @@ struct TrainingModel {
   void set_learned_arrays(const Gaussians& like) {
     for (Gaussians* const arrays : {&gaussians, &first_moment, &second_moment})
       take_learned_arrays(*arrays, like);
-    take_learned_arrays(compact_codes, like);
-    take_learned_arrays(tiny_codes, like);
+    take_learned_arrays(codes, like);
   }
 };
-
-/// The codes of the form that a model has; the others are empty.
-template <class Code, class Model>
-auto& codes_in(Model& model) {
-  if constexpr (std::is_same_v<Code, TinyCode>)
-    return model.tiny_codes;
-  else
-    return model.compact_codes;
-}
-/// Calls f(Code()) with the kind of code of a model whose moments are codes.
-template <class F>
-void with_code(MomentForm form, F&& f) {
-  GS_CHECK(are_codes(form));
-  if (form == MomentForm::tiny)
-    f(TinyCode());
-  else
-    f(CompactCode());
-}
 
 /// Calls f(arrays) for each set of arrays that holds moments of the model.
 template <class F, class Model>
 void for_each_moment(F&& f, Model& model) {
-  if (are_codes(model.moment_form))
-    return with_code(model.moment_form, [&]<class Code>(Code) { f(codes_in<Code>(model)); });
+  if (model.moment_form == MomentForm::tiny) return f(model.codes);
   f(model.first_moment);
   f(model.second_moment);
 }
@@ -123,11 +102,8 @@ void for_each_row_array(F&& f, First&& first, Rest&&... rest) {
     };
   };
   for_each_stored_array(visit(RowRole::parameter, "gaussians"), first.gaussians, rest.gaussians...);
-  if (are_codes(first.moment_form)) {
-    with_code(first.moment_form, [&]<class Code>(Code) {
-      for_each_array(visit(RowRole::moment, "moments"), codes_in<Code>(first),
-                     codes_in<Code>(rest)...);
-    });
+  if (first.moment_form == MomentForm::tiny) {
+    for_each_array(visit(RowRole::moment, "moments"), first.codes, rest.codes...);
   } else {
     for_each_array(visit(RowRole::moment, "first_moment"), first.first_moment,
                    rest.first_moment...);
@@ -156,7 +132,7 @@ inline void clear_history(TrainingModel& model) {
 /// Adam's moments of all rows.
 inline MomentsSpan moments_of(const TrainingModel& model) {
   return {model.moment_form, model.first_moment.span(), model.second_moment.span(),
-          model.compact_codes.span(), model.tiny_codes.span()};
+          model.codes.span()};
 }
 
 /// Gives the statistics sums over fragments, zeros, where they have none yet.

@@ -16,8 +16,8 @@ __global__ void adam_kernel(Span<float> parameters, Span<float> m, Span<float> v
 }
 
 // The same with moments that are codes. `place` is that of the quantity (NumberPlaces).
-template <int kInRow, class Code>
-__global__ void adam_codes_kernel(Span<float> parameters, Span<Code> moments,
+template <int kInRow>
+__global__ void adam_codes_kernel(Span<float> parameters, Span<TinyCode> moments,
                                   Span<const float> gradient, AdamStep step, AdamRule rule,
                                   MomentRounding rounding, int place) {
   const std::size_t i = std::size_t(blockIdx.x) * kThreads + threadIdx.x;
@@ -74,10 +74,9 @@ __global__ void update_by_sums_kernel(SummedArray array, int in_use, AdamStep st
 }
 
 // The same for an array whose moments are codes.
-template <class Code>
 struct SummedCodes {
   float* parameters;
-  Code* moments;
+  TinyCode* moments;
   float* sums;
   std::size_t size;              // numbers
   const std::uint32_t* touched;  // BatchSums
@@ -86,10 +85,9 @@ struct SummedCodes {
   Shard shard;
 };
 
-template <int kInRow, class Code>
-__global__ void update_codes_by_sums_kernel(SummedCodes<Code> array, int in_use, AdamStep step,
+template <int kInRow>
+__global__ void update_codes_by_sums_kernel(SummedCodes array, int in_use, AdamStep step,
                                             AdamRule rule, const std::uint32_t* halted) {
-  using FourCodes = std::conditional_t<sizeof(Code) == sizeof(float), uint4, ushort4>;
   const std::size_t first = 4 * (std::size_t(blockIdx.x) * kThreads + threadIdx.x);
   if (first >= array.size || *halted) return;
   std::size_t row = first / kInRow;
@@ -97,7 +95,7 @@ __global__ void update_codes_by_sums_kernel(SummedCodes<Code> array, int in_use,
     return array.rounding.of_row(array.shard.row_of_all(i));
   };
   std::uint32_t of_row = random_of(row);
-  const auto update = [&](std::size_t at, float& p, Code& moments, float gradient) {
+  const auto update = [&](std::size_t at, float& p, TinyCode& moments, float gradient) {
     if (at / kInRow != row) of_row = random_of(row = at / kInRow);
     const int number = int(at - row * kInRow);
     if (number < in_use)
@@ -106,12 +104,13 @@ __global__ void update_codes_by_sums_kernel(SummedCodes<Code> array, int in_use,
   if (first + 4 <= array.size) {
     const bool is_touched = has_gradients(array.touched, first / kInRow, (first + 3) / kInRow);
     float4 p = *reinterpret_cast<float4*>(array.parameters + first);
-    FourCodes codes = *reinterpret_cast<FourCodes*>(array.moments + first);
+    ushort4 codes = *reinterpret_cast<ushort4*>(array.moments + first);
     float4& sums = *reinterpret_cast<float4*>(array.sums + first);
     float4 gradient{0, 0, 0, 0};
     if (is_touched) gradient = sums;
-    const auto update_code = [&](std::size_t at, float& of_p, auto& code, float of_gradient) {
-      Code moments{code};
+    const auto update_code = [&](std::size_t at, float& of_p, unsigned short& code,
+                                 float of_gradient) {
+      TinyCode moments{code};
       update(at, of_p, moments, of_gradient);
       code = moments.bits;
     };
@@ -120,7 +119,7 @@ __global__ void update_codes_by_sums_kernel(SummedCodes<Code> array, int in_use,
     update_code(first + 2, p.z, codes.z, gradient.z);
     update_code(first + 3, p.w, codes.w, gradient.w);
     *reinterpret_cast<float4*>(array.parameters + first) = p;
-    *reinterpret_cast<FourCodes*>(array.moments + first) = codes;
+    *reinterpret_cast<ushort4*>(array.moments + first) = codes;
     if (is_touched) sums = float4{0, 0, 0, 0};
   } else {
     for (std::size_t i = first; i < array.size; ++i) {
@@ -165,10 +164,8 @@ class CudaOptimizer final : public Optimizer {
     const AdamRule& rule = update.rule;
     const int t = model.adam_steps += rule.steps;
     const AdamSteps steps = adam_steps(t, update.rates, rule);
-    if (are_codes(model.moment_form))
-      with_code(model.moment_form, [&]<class Code>(Code) {
-        update_codes<Code>(model, gradients, steps, rule, {update.rounding_seed, t});
-      });
+    if (model.moment_form == MomentForm::tiny)
+      update_codes(model, gradients, steps, rule, {update.rounding_seed, t});
     else
       update_floats(model, gradients, steps, rule);
   }
@@ -185,7 +182,6 @@ class CudaOptimizer final : public Optimizer {
         },
         model.gaussians, model.first_moment, model.second_moment, gradients, steps);
   }
-  template <class Code>
   void update_codes(const TrainingModel& model, const Gaussians& gradients, const AdamSteps& steps,
                     const AdamRule& rule, const MomentRounding& rounding) {
     for_each_array(
@@ -193,11 +189,11 @@ class CudaOptimizer final : public Optimizer {
             const AdamStep& step, int place) {
           constexpr int kInRow = int(sizeof(parameters[0]) / sizeof(float));
           const Span<float> numbers = numbers_of(parameters);
-          context_.launch("adam", adam_codes_kernel<kInRow, Code>,
-                          blocks_for(numbers.size, kThreads), kThreads, numbers, codes_of(moments),
-                          numbers_of(gradient), step, rule, rounding, place);
+          context_.launch("adam", adam_codes_kernel<kInRow>, blocks_for(numbers.size, kThreads),
+                          kThreads, numbers, codes_of(moments), numbers_of(gradient), step, rule,
+                          rounding, place);
         },
-        model.gaussians, codes_in<Code>(model), gradients, steps, number_places());
+        model.gaussians, model.codes, gradients, steps, number_places());
   }
 
   Context& context_;
@@ -220,32 +216,23 @@ void update_by_sums(Context& context, TrainingModel& model, const AdamSteps& ste
   // One array with its moments, which are floats in m and v, or codes.
   const std::uint32_t* const touched = all_have_gradients ? nullptr : sums.touched.data();
   const auto update = [&]<class Row>(const char*, const Buffer<Row>& rows, const Buffer<Row>& m,
-                                     const Buffer<Row>& v,
-                                     const Buffer<CodedRow<CompactCode, Row>>& compact,
-                                     const Buffer<CodedRow<TinyCode, Row>>& tiny,
+                                     const Buffer<Row>& v, const Buffer<CodedRow<Row>>& codes,
                                      const Buffer<Row>& sum, const AdamStep& step, int place) {
     constexpr int kInRow = int(sizeof(Row) / sizeof(float));
     const Span<float> numbers = numbers_of(rows);
-    const auto update_codes = [&]<class Code>(Span<Code> codes) {
-      launch(update_codes_by_sums_kernel<kInRow, Code>,
-             SummedCodes<Code>{numbers.data, codes.data, numbers_of(sum).data, numbers.size,
-                               touched, rounding, place, shard},
+    if (model.moment_form == MomentForm::tiny)
+      launch(update_codes_by_sums_kernel<kInRow>,
+             SummedCodes{numbers.data, codes_of(codes).data, numbers_of(sum).data, numbers.size,
+                         touched, rounding, place, shard},
              rows, step);
-    };
-    switch (model.moment_form) {
-      case MomentForm::compact: return update_codes(codes_of(compact));
-      case MomentForm::tiny: return update_codes(codes_of(tiny));
-      case MomentForm::floats:
-        launch(update_by_sums_kernel<kInRow>,
-               SummedArray{numbers.data, numbers_of(m).data, numbers_of(v).data,
-                           numbers_of(sum).data, numbers.size, touched},
-               rows, step);
-    }
+    else
+      launch(update_by_sums_kernel<kInRow>,
+             SummedArray{numbers.data, numbers_of(m).data, numbers_of(v).data, numbers_of(sum).data,
+                         numbers.size, touched},
+             rows, step);
   };
-  for_each_array(
-      update,
-      model.gaussians, model.first_moment, model.second_moment, model.compact_codes,
-      model.tiny_codes, sums.gradients, steps, number_places());
+  for_each_array(update, model.gaussians, model.first_moment, model.second_moment, model.codes,
+                 sums.gradients, steps, number_places());
   context.launch("adam", add_statistics_kernel, blocks_for(model.count(), kThreads), kThreads,
                  model.statistics.visits.span(), model.statistics.gradient_norm.data(),
                  sums.statistics.visits.data(), sums.statistics.gradient_norm.data(),

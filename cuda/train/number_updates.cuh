@@ -11,28 +11,23 @@
 
 namespace gs::cuda {
 
-/// What codes of so many bytes need of a warp in shared memory: the random words of its rows, by
-/// which they are rounded, and for tiny codes those of its SH rows, which are no floats. Nothing
-/// for moments that are floats.
-template <int code_bytes>
+/// Shared memory of a warp for moments that are codes: a random word of each row, by which they are
+/// rounded, and the codes of its SH rows. Empty for moments that are floats.
+template <bool has_codes>
 struct CodeRows {
-  std::uint32_t random[kWarp];
-};
-template <>
-struct CodeRows<0> {};
-template <>
-struct CodeRows<sizeof(TinyCode)> {
   std::uint32_t random[kWarp];
   alignas(16) std::uint16_t sh_codes[kWarp * kShRowNumbers];  // bits of TinyCode
 };
+template <>
+struct CodeRows<false> {};
 /// The arrays of a quantity whose SH rows lie in shared memory as floats.
 template <class Numbers>
-inline constexpr int kFloatArrays = Numbers::kArrays - (Numbers::kCodeBytes == sizeof(TinyCode));
+inline constexpr int kFloatArrays = Numbers::kArrays - Numbers::kHasCodes;
 
 /// Array `a` of the SH rows of a warp, for vector_at().
 template <class Numbers, class Shared>
 __device__ const float* sh_rows_of(const Shared& shared, int a) {
-  if constexpr (kFloatArrays<Numbers> < Numbers::kArrays)
+  if constexpr (Numbers::kHasCodes)
     if (a == kFloatArrays<Numbers>) return reinterpret_cast<const float*>(shared.sh_codes);
   return shared.sh_rows[a];
 }
@@ -46,11 +41,10 @@ struct NumberPlace {
 };
 
 /// Vector `at` of array `a` of a quantity, or of a copy of that array. Vector is float or float4.
-/// The last array of codes of two bytes has half of the length; its codes become floats of the same
-/// bits.
+/// The array of codes has half of the length; its codes become floats of the same bits.
 template <class Numbers, class Vector = float>
 __device__ Vector vector_at(const float* array, int a, std::size_t at) {
-  if constexpr (Numbers::kCodeBytes == sizeof(std::uint16_t)) {
+  if constexpr (Numbers::kHasCodes) {
     if (a == Numbers::kArrays - 1) {
       if constexpr (std::is_same_v<Vector, float>) {
         return __uint_as_float(reinterpret_cast<const std::uint16_t*>(array)[at]);
@@ -76,7 +70,7 @@ __device__ void load_sh(const Shared& shared, const Numbers&, int at,
 /// Vector is float or float4.
 struct GradientNumbers {
   static constexpr int kArrays = 1;
-  static constexpr int kCodeBytes = 0;  // no codes
+  static constexpr bool kHasCodes = false;
   float* arrays[kArrays];
   float* gradients;
 
@@ -90,8 +84,8 @@ struct GradientNumbers {
 /// The numbers of one quantity, for AddGradients: finish() adds the gradient to a sum.
 struct SumNumbers {
   static constexpr int kArrays = 2;
-  static constexpr int kCodeBytes = 0;  // no codes
-  float* arrays[kArrays];               // parameters and sums
+  static constexpr bool kHasCodes = false;
+  float* arrays[kArrays];  // parameters and sums
   float weight;
 
   template <class Vector, class Place>
@@ -117,8 +111,8 @@ __device__ void update_by_adam(float* const (&arrays)[3], std::size_t at, Vector
 /// The numbers of one quantity, for UpdateByAdam: finish() updates the parameter and its moments.
 struct AdamNumbers {
   static constexpr int kArrays = 3;
-  static constexpr int kCodeBytes = 0;  // no codes
-  float* arrays[kArrays];               // parameters, first and second moments
+  static constexpr bool kHasCodes = false;
+  float* arrays[kArrays];  // parameters, first and second moments
   AdamStep step;
 
   template <class Vector, class Place>
@@ -131,8 +125,8 @@ struct AdamNumbers {
 /// The same by a rule that is not the usual one.
 struct AdamNumbersByRule {
   static constexpr int kArrays = 3;
-  static constexpr int kCodeBytes = 0;  // no codes
-  float* arrays[kArrays];               // parameters, first and second moments
+  static constexpr bool kHasCodes = false;
+  float* arrays[kArrays];  // parameters, first and second moments
   AdamStep step;
   AdamRule rule;
 

@@ -41,17 +41,17 @@ void preprocess_backward_and_add(Context& context, const GaussiansSpan& gaussian
     return SumNumbers{{numbers_of(rows), numbers_of(sum)}, weight};
   };
   const AddGradients sink{gather_into(sums.statistics, density, settings, pass, workspace, shard),
-                            numbers(gaussians.mean, to.mean),
-                            numbers(gaussians.log_scale, to.log_scale),
-                            numbers(gaussians.rotation, to.rotation),
-                            numbers(gaussians.logit_opacity, to.logit_opacity),
-                            numbers(gaussians.sh0, to.sh0),
-                            numbers(gaussians.sh_rest, to.sh_rest),
-                            numbers(gaussians.right_rotation, to.right_rotation),
-                            numbers(gaussians.time_mean, to.time_mean),
-                            numbers(gaussians.log_time_scale, to.log_time_scale),
-                            settings.absolute_gradient,
-                            sums.touched.data()};
+                          numbers(gaussians.mean, to.mean),
+                          numbers(gaussians.log_scale, to.log_scale),
+                          numbers(gaussians.rotation, to.rotation),
+                          numbers(gaussians.logit_opacity, to.logit_opacity),
+                          numbers(gaussians.sh0, to.sh0),
+                          numbers(gaussians.sh_rest, to.sh_rest),
+                          numbers(gaussians.right_rotation, to.right_rotation),
+                          numbers(gaussians.time_mean, to.time_mean),
+                          numbers(gaussians.log_time_scale, to.log_time_scale),
+                          settings.absolute_gradient,
+                          sums.touched.data()};
   with_camera(camera, pose, [&](const auto& source) {
     launch(context, gaussians, source, settings, workspace, pass, sink,
            numbers(gaussians.sh0_slope, to.sh0_slope), shard);
@@ -70,25 +70,22 @@ void preprocess_backward_and_update(Context& context, TrainingModel& model, cons
   const bool is_absolute = density.gather_statistics && settings.absolute_gradient;
   const Regularizers of_each = density.regularizers.of_each(shard.count_of_all(model.count()));
   const auto launch_sink = [&](const auto& source, const auto& sink, const auto& of) {
-    launch(context, rows, source, settings, workspace, pass, sink,
-           slope_of<std::remove_cvref_t<decltype(sink)>>(model, steps, of), shard);
+    launch(context, rows, source, settings, workspace, pass, sink, slope_of(model, steps, of),
+           shard);
   };
-  if (are_codes(model.moment_form))
-    return with_code(model.moment_form, [&]<class Code>(Code) {
-      const auto by_codes = codes_by<Code>(rule, rounding);
-      const auto sink =
-          update_of<UpdateAll<AdamCodes<Code>>>(model, steps, gather, by_codes);
-      if (!pose && !is_absolute && !density.regularizers.any())
-        return launch_sink(camera, sink, by_codes);
-      const UpdateAsAsked<AdamCodes<Code>> as_asked{sink, is_absolute, of_each};
-      with_camera(camera, pose,
-                  [&](const auto& source) { launch_sink(source, as_asked, by_codes); });
-    });
+  if (model.moment_form == MomentForm::tiny) {
+    const auto by_codes = codes_by(rule, rounding);
+    const auto sink = update_of<UpdateAll<AdamCodes>>(model, steps, gather, by_codes);
+    if (!pose && !is_absolute && !density.regularizers.any())
+      return launch_sink(camera, sink, by_codes);
+    const UpdateAsAsked<AdamCodes> as_asked{sink, is_absolute, of_each};
+    with_camera(camera, pose, [&](const auto& source) { launch_sink(source, as_asked, by_codes); });
+    return;
+  }
   if (pose || rule.beta2 != AdamRule().beta2) {
     // Runs that refine poses have this variant alone, so that their cameras do not double all.
     const auto by_rule = floats_by(rule);
-    const auto sink =
-        update_of<UpdateAll<AdamNumbersByRule>>(model, steps, gather, by_rule);
+    const auto sink = update_of<UpdateAll<AdamNumbersByRule>>(model, steps, gather, by_rule);
     const UpdateAsAsked<AdamNumbersByRule> as_asked{sink, is_absolute, of_each};
     with_camera(camera, pose, [&](const auto& source) { launch_sink(source, as_asked, by_rule); });
     return;

@@ -23,7 +23,7 @@ inline constexpr int kBasisStride =
     kShBasisCount + 1;  // odd, so that 32 rows begin in different banks
 
 template <class Numbers, class Rows>
-struct GradientShared : CodeRows<Numbers::kCodeBytes> {
+struct GradientShared : CodeRows<Numbers::kHasCodes> {
   // of the parameters, and what goes along; aligned for copies of 16 bytes
   alignas(16) float sh_rows[kFloatArrays<Numbers>][kWarp * kShRowNumbers];
   union {
@@ -49,7 +49,7 @@ __device__ void start_sh_rows(Shared& shared, const Numbers& numbers, std::size_
   for (int a = 0; a < kFloatArrays<Numbers>; ++a)
     start_sh_copy<degree>(shared.sh_rows[a], numbers.arrays[a] + first * kShRowNumbers, rows,
                           which);
-  if constexpr (degree > 0 && kFloatArrays<Numbers> < Numbers::kArrays)
+  if constexpr (degree > 0 && Numbers::kHasCodes)
     start_copy_of_codes<degree>(
         shared.sh_codes,
         reinterpret_cast<const std::uint16_t*>(numbers.arrays[1]) + first * kShRowNumbers, rows,
@@ -189,7 +189,7 @@ __device__ void pull_back_rows(SharedOf<Sink>& shared, const Input<Source>& in, 
   if constexpr (Sink::kSkipsInvisible)
     if (lane_of_thread() == 0) sink.touched[first / kWarp] |= which.bits;
 
-  if constexpr (Sink::Numbers::kCodeBytes > 0)  // the lanes wait for each other in row()
+  if constexpr (Sink::Numbers::kHasCodes)  // the lanes wait for each other in row()
     shared.random[lane_of_thread()] = sink.mean.rounding.of_row(projected);
   const Shape shape = shares.row(shared.numbers, rows, which);
   SplatGradient dL_dsplat{};
@@ -329,22 +329,12 @@ inline auto floats_by(const AdamRule& rule) {
         return AdamNumbersByRule{{numbers_of(p), numbers_of(m), numbers_of(v)}, step, rule};
       };
 }
-template <class Code>
-auto codes_by(const AdamRule& rule, const MomentRounding& rounding) {
+inline auto codes_by(const AdamRule& rule, const MomentRounding& rounding) {
   return [rule, rounding](const auto& p, const auto&, const auto&, const auto& codes,
                           const AdamStep& step, int place) {
-    return AdamCodes<Code>{{numbers_of(p), numbers_of(codes)}, step, rule, rounding, place};
+    return AdamCodes{{numbers_of(p), numbers_of(codes)}, step, rule, rounding, place};
   };
 }
-// The codes that such numbers take; those that are empty for floats.
-template <class Numbers>
-const auto& codes_for(const TrainingModel& model) {
-  if constexpr (Numbers::kCodeBytes > 0)
-    return codes_in<typename Numbers::Code>(model);
-  else
-    return model.compact_codes;
-}
-
 // A sink that updates the model: of(parameters, first and second moments, codes of both, step,
 // place) of each quantity.
 template <class Sink, class Numbers>
@@ -352,7 +342,7 @@ Sink update_of(const TrainingModel& model, const AdamSteps& steps, const GatherS
                Numbers&& of) {
   const GaussiansSpan rows = model.gaussians.span(), m = model.first_moment.span(),
                       v = model.second_moment.span();
-  const auto codes = codes_for<typename Sink::Numbers>(model).span();
+  const MomentCodesSpan codes = model.codes.span();
   const NumberPlaces places = number_places();
   return {
       gather,
@@ -373,12 +363,11 @@ Sink update_of(const TrainingModel& model, const AdamSteps& steps, const GatherS
 }
 
 // The same of the changes of color, of the numbers that such a sink takes.
-template <class Sink, class Numbers>
+template <class Numbers>
 auto slope_of(const TrainingModel& model, const AdamSteps& steps, Numbers&& of) {
   return of(model.gaussians.sh0_slope.span(), model.first_moment.sh0_slope.span(),
-                  model.second_moment.sh0_slope.span(),
-                  codes_for<typename Sink::Numbers>(model).sh0_slope.span(), steps.sh0_slope,
-                  number_places().sh0_slope);
+            model.second_moment.sh0_slope.span(), model.codes.sh0_slope.span(), steps.sh0_slope,
+            number_places().sh0_slope);
 }
 
 }  // namespace gs::cuda

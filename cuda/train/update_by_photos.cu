@@ -33,7 +33,7 @@ struct BatchInput {
 };
 
 template <class Numbers>
-struct BatchShared : CodeRows<Numbers::kCodeBytes> {
+struct BatchShared : CodeRows<Numbers::kHasCodes> {
   // of the parameters, and what goes along; aligned for copies of 16 bytes
   alignas(16) float sh_rows[kFloatArrays<Numbers>][kWarp * kShRowNumbers];
   RowNumbers numbers;  // parameters at first, gradients in the end
@@ -184,7 +184,7 @@ __global__ void __launch_bounds__(kWarp, kBlocks)
     if (is_visible[p]) color[p] = in.of[p].splats[projected].color;
   }
   __pipeline_commit();
-  if constexpr (Sink::Numbers::kCodeBytes > 0)  // the lanes wait for each other in row()
+  if constexpr (Sink::Numbers::kHasCodes)  // the lanes wait for each other in row()
     shared.random[lane] = sink.mean.rounding.of_row(projected);
   const Shape shape = shares.row(shared.numbers, rows, EveryRow());
   __pipeline_wait_prior(0);
@@ -254,18 +254,15 @@ void update_by_photos(Context& context, TrainingModel& model, Span<const PhotoRo
                   launch_with(update_by_photos_kernel<degree(), Sink>, sink);
               });
   };
-  if (are_codes(model.moment_form)) {
-    with_code(model.moment_form, [&]<class Code>(Code) {
-      const auto by_codes = codes_by<Code>(rule, rounding);
-      launch_sink(UpdateAsAsked<AdamCodes<Code>>{
-          update_of<UpdateAll<AdamCodes<Code>>>(model, steps, gather, by_codes),
-          is_absolute, of_each});
-    });
+  if (model.moment_form == MomentForm::tiny) {
+    const auto by_codes = codes_by(rule, rounding);
+    launch_sink(UpdateAsAsked<AdamCodes>{
+        update_of<UpdateAll<AdamCodes>>(model, steps, gather, by_codes), is_absolute, of_each});
   } else {
     const auto by_rule = floats_by(rule);
     launch_sink(UpdateAsAsked<AdamNumbersByRule>{
-        update_of<UpdateAll<AdamNumbersByRule>>(model, steps, gather, by_rule),
-        is_absolute, of_each});
+        update_of<UpdateAll<AdamNumbersByRule>>(model, steps, gather, by_rule), is_absolute,
+        of_each});
   }
 }
 

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Updates of rows whose moments are codes (optimizer.moments): how a warp moves codes of both
-// sizes, and rounds them by the random words of its rows.
+// Updates of rows whose moments are codes (optimizer.moments): how a warp moves codes, and rounds
+// them by the random words of its rows.
 #pragma once
 
 #include <cuda_pipeline.h>
@@ -24,25 +24,20 @@ __device__ void load_random(const NumberPlace<RandomSource>& place, int begin,
 }
 
 /// A code that was moved as a float of the same bits (vector_at).
-template <class Code>
-__device__ Code code_of(float number) {
-  return {decltype(Code::bits)(__float_as_uint(number))};
+__device__ inline TinyCode code_of(float number) {
+  return {std::uint16_t(__float_as_uint(number))};
 }
 /// Writes a vector of such codes.
-template <class Code, class Vector>
-__device__ void store_codes(float* array, std::size_t at, const Vector& codes) {
-  if constexpr (sizeof(Code) == sizeof(float)) {
-    reinterpret_cast<Vector*>(array)[at] = codes;
-  } else if constexpr (std::is_same_v<Vector, float>) {
-    reinterpret_cast<Code*>(array)[at] = code_of<Code>(codes);
-  } else {
-    const auto bits = [](float number) { return code_of<Code>(number).bits; };
-    reinterpret_cast<ushort4*>(array)[at] = {bits(codes.x), bits(codes.y), bits(codes.z),
-                                             bits(codes.w)};
-  }
+__device__ inline void store_codes(float* array, std::size_t at, float code) {
+  reinterpret_cast<TinyCode*>(array)[at] = code_of(code);
+}
+__device__ inline void store_codes(float* array, std::size_t at, const float4& codes) {
+  const auto bits = [](float number) { return code_of(number).bits; };
+  reinterpret_cast<ushort4*>(array)[at] = {bits(codes.x), bits(codes.y), bits(codes.z),
+                                           bits(codes.w)};
 }
 
-/// The whole warp: starts to copy the tiny codes of its SH rows into shared memory: those that
+/// The whole warp: starts to copy the codes of its SH rows into shared memory: those that
 /// `degree` uses, in whole vectors, with their neighbors.
 template <int degree, class Which>
 __device__ void start_copy_of_codes(std::uint16_t* to, const std::uint16_t* from, int rows,
@@ -64,14 +59,12 @@ __device__ void start_copy_of_codes(std::uint16_t* to, const std::uint16_t* from
 }
 
 /// The numbers of one quantity, for UpdateAll, with moments that are codes. A number of a parameter
-/// and its moments are 16 or 12 bytes to read and write instead of 24, so that an update of all 59
-/// numbers of a Gaussian moves 944 or 708 bytes instead of 1,416.
-template <class CodeOfMoments>
+/// and its moments are 12 bytes to read and write instead of 24, so that an update of all 59 numbers
+/// of a Gaussian moves 708 bytes instead of 1,416.
 struct AdamCodes {
-  using Code = CodeOfMoments;
   static constexpr int kArrays = 2;
-  static constexpr int kCodeBytes = sizeof(Code);
-  float* arrays[kArrays];  // parameters, and codes, of whatever size
+  static constexpr bool kHasCodes = true;
+  float* arrays[kArrays];  // parameters and codes
   AdamStep step;
   AdamRule rule;
   MomentRounding rounding;  // all quantities have the same
@@ -85,13 +78,13 @@ struct AdamCodes {
     load_random(of_numbers, place, random);
     for (int k = 0; k < kCount; ++k) {
       float& code = reinterpret_cast<float*>(&numbers[1])[k];
-      Code moments = code_of<Code>(code);
+      TinyCode moments = code_of(code);
       adam_update(reinterpret_cast<float*>(&numbers[0])[k], moments,
                   reinterpret_cast<const float*>(&gradient)[k], step, rule, random[k]);
       code = __uint_as_float(moments.bits);
     }
     reinterpret_cast<Vector*>(arrays[0])[at] = numbers[0];
-    store_codes<Code>(arrays[1], at, numbers[1]);
+    store_codes(arrays[1], at, numbers[1]);
   }
 };
 

@@ -68,8 +68,7 @@ constexpr std::uint64_t kHasFilter = 4;        // that of the 3D filter
 constexpr std::uint64_t kHasSlope = 8;         // colors that change; only with kHasTime
 constexpr std::uint64_t kHasPhotometric = 16;  // those of a photometric model, which are no rows
 constexpr std::uint64_t kHasPoses = 32;        // those of poses, which are no rows either
-constexpr std::uint64_t kIsCompact = 64;       // moments as codes, in place of those as floats
-constexpr std::uint64_t kIsTiny = 256;         // moments as tiny codes; not with kIsCompact
+constexpr std::uint64_t kIsTiny = 256;         // moments as codes, in place of those as floats
 
 // Kinds that older versions wrote.
 struct RemovedKind {
@@ -77,6 +76,7 @@ struct RemovedKind {
   const char* what;
 };
 constexpr RemovedKind kRemovedKinds[] = {
+    {64, "moments as codes of 32 bits (optimizer.moments = \"compact\")"},
     {128, "updates of SH that were left for later (optimizer.lazy)"},
 };
 
@@ -85,16 +85,13 @@ std::uint64_t kind_of(const TrainingModel& model) {
          (model.gaussians.has_filter ? kHasFilter : 0) |
          (model.gaussians.has_slope ? kHasSlope : 0) |
          (model.photometric.empty() ? 0 : kHasPhotometric) | (model.poses.empty() ? 0 : kHasPoses) |
-         (model.moment_form == MomentForm::compact ? kIsCompact : 0) |
          (model.moment_form == MomentForm::tiny ? kIsTiny : 0);
 }
 
 void set_kind(TrainingModel& model, std::uint64_t kind) {
   model.gaussians.has_time = kind & kHasTime;
   model.gaussians.has_slope = kind & kHasSlope;
-  model.moment_form = kind & kIsCompact ? MomentForm::compact
-                      : kind & kIsTiny  ? MomentForm::tiny
-                                        : MomentForm::floats;
+  model.moment_form = kind & kIsTiny ? MomentForm::tiny : MomentForm::floats;
   model.set_learned_arrays(model.gaussians);
   model.statistics.has_sums = kind & kHasSums;
   model.gaussians.has_filter = kind & kHasFilter;
@@ -102,8 +99,8 @@ void set_kind(TrainingModel& model, std::uint64_t kind) {
 
 bool is_kind(std::uint64_t kind) {
   return kind <= (kHasTime | kHasSums | kHasFilter | kHasSlope | kHasPhotometric | kHasPoses |
-                  kIsCompact | kIsTiny) &&
-         (!(kind & kHasSlope) || (kind & kHasTime)) && !((kind & kIsCompact) && (kind & kIsTiny));
+                  kIsTiny) &&
+         (!(kind & kHasSlope) || (kind & kHasTime));
 }
 
 struct ViewNumbers {
@@ -442,9 +439,10 @@ Checkpoint read_checkpoint(const std::filesystem::path& path) {
   const std::uint64_t kind = count.size() == 2 ? count[1] : 0;
   for (const RemovedKind& removed : kRemovedKinds)
     if (kind & removed.bit)
-      cannot_read(path, fmt::format("it has {}, which this version does not have any more; go on with "
-                                    "the version that wrote it, or start from its model with --from",
-                                    removed.what));
+      cannot_read(path,
+                  fmt::format("it has {}, which this version does not have any more; go on with "
+                              "the version that wrote it, or start from its model with --from",
+                              removed.what));
   if (!(count.size() == 1 || (kind > 0 && is_kind(kind)))) file.damaged();
   set_kind(checkpoint.state.model, kind);
   if (kind & kHasTime) read_times(file, checkpoint.scene.views);

@@ -15,10 +15,9 @@ bool has_nonzero(float number) { return number != 0; }
 bool has_nonzero(const Vec3f& v) {
   return has_nonzero(v.x) || has_nonzero(v.y) || has_nonzero(v.z);
 }
-template <class Code>
-bool has_nonzero(const CodedRow<Code, Vec3f>& row) {
+bool has_nonzero(const CodedRow<Vec3f>& row) {
   return std::any_of(std::begin(row.number), std::end(row.number),
-                     [](Code code) { return code.bits != 0; });
+                     [](TinyCode code) { return code.bits != 0; });
 }
 template <class T>
 bool has_nonzero(const Buffer<T>& rows) {

@@ -140,7 +140,7 @@ void visit_fields(AnyConfig& config, Visitor&& visit) {
   field("optimizer.cooldown_from",      optimizer.cooldown_from,      "steps",       steps_from(0),           retrain, "the cooldown, in which all learning rates fall, begins after this step of a 30,000-step run", "Hägele et al. 2024");
   field("optimizer.cooldown_share",     optimizer.cooldown_share,     "",            above(0),                retrain, "share of each learning rate that is left at the last step; during the cooldown the rates fall exponentially; 1: no cooldown", "docs/schedule.md");
   field("optimizer.beta2",              optimizer.beta2,              "",            between(0.5, 0.99999),   retrain, "share of its second moments that Adam keeps at each photo; it remembers some 1 / (1 - beta2) photos", "Kingma & Ba 2015");
-  field("optimizer.moments",            optimizer.moments,            "",            one_of<MomentForm>(),    retrain, "how Adam keeps the two moments of each parameter: as floats (8 bytes), or as compact (4 bytes) or tiny (2 bytes) codes, which are rounded at random (docs/moments.md)", "Gupta et al. 2015");
+  field("optimizer.moments",            optimizer.moments,            "",            one_of<MomentForm>(),    retrain, "how Adam keeps the two moments of each parameter: as floats (8 bytes), or as codes (tiny: 2 bytes), which are rounded at random (docs/moments.md)", "Gupta et al. 2015");
 
   auto& density = config.density;
   field("density.strategy",             density.strategy,             "",            one_of(kStrategyWords),  retrain, "how Gaussians are added and removed: adaptive clones, splits and prunes them; budgeted does so by a score and up to a number (docs/density.md); mcmc moves them and adds samples (needs max_gaussians)");

@@ -166,8 +166,8 @@ struct Words<MomentClearing> {
 };
 template <>
 struct Words<MomentForm> {
-  static constexpr Word<MomentForm> kTable[] = {
-      {"float", MomentForm::floats}, {"compact", MomentForm::compact}, {"tiny", MomentForm::tiny}};
+  static constexpr Word<MomentForm> kTable[] = {{"float", MomentForm::floats},
+                                                {"tiny", MomentForm::tiny}};
 };
 
 /// Lists of words that stay text, since other code gives them their meaning. "cuda:N" stands for

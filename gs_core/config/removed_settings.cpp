@@ -18,13 +18,18 @@ constexpr RemovedSetting kSettings[] = {
 struct RemovedWord {
   std::string_view key, word, why;
 };
-constexpr RemovedWord kWords[] = {{"", "", ""}};
+// clang-format off
+constexpr RemovedWord kWords[] = {
+    {"optimizer.moments", "compact", "codes of 32 bits are larger and slower than those of \"tiny\", and no better; train with \"tiny\""},
+};
+// clang-format on
 
 }  // namespace
 
 const RemovedSetting* find_removed_setting(std::string_view key) {
-  const auto found = std::find_if(std::begin(kSettings), std::end(kSettings),
-                                  [&](const RemovedSetting& setting) { return setting.key == key; });
+  const auto found =
+      std::find_if(std::begin(kSettings), std::end(kSettings),
+                   [&](const RemovedSetting& setting) { return setting.key == key; });
   return found == std::end(kSettings) ? nullptr : found;
 }
 

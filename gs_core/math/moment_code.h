@@ -1,18 +1,17 @@
 // SPDX-License-Identifier: Apache-2.0
 // Stage 8: Adam with moments that are codes, which are rounded at random; and the moments of rows
-// in each of their forms.
+// in both of their forms.
 #pragma once
 
 #include "gs_core/gaussians.h"
 #include "gs_core/math/adam.h"
-#include "gs_core/math/compact_code.h"
 #include "gs_core/math/moment_form.h"
 #include "gs_core/math/tiny_code.h"
 #include "gs_core/random.h"
 
 namespace gs {
 
-// A Code holds both moments of one number. Code::of(m, v, random) rounds each to one of its two
+// A TinyCode holds both moments of one number. TinyCode::of(m, v, random) rounds each to one of its two
 // neighbors among the codes:
 //
 //   to the one away from zero with the probability (|x| - low) / (high - low)
@@ -23,12 +22,11 @@ namespace gs {
 
 /// One update by Adam whose moments are codes. The parameter moves by the moments before they are
 /// rounded.
-template <class Code>
-GS_HD void adam_update(float& parameter, Code& moments, float gradient, const AdamStep& step,
+GS_HD void adam_update(float& parameter, TinyCode& moments, float gradient, const AdamStep& step,
                        const AdamRule& rule, std::uint32_t random) {
   float m = first_moment(moments), v = second_moment(moments);
   adam_update(parameter, m, v, gradient, step, rule);
-  moments = Code::of(m, v, random);
+  moments = TinyCode::of(m, v, random);
 }
 
 /// The random numbers of one update. They depend on seed, t and the row of the whole model alone,
@@ -67,52 +65,43 @@ inline NumberPlaces number_places() {
 }
 
 /// The codes of the moments of a row of a quantity.
-template <class Code, class T>
+template <class T>
 struct CodedRow {
-  Code number[sizeof(T) / sizeof(float)];
+  TinyCode number[sizeof(T) / sizeof(float)];
 };
 
 /// The codes one after another, whatever the rows are.
-template <class Code, class T>
-Span<Code> codes_of(const Buffer<CodedRow<Code, T>>& rows) {
-  return {reinterpret_cast<Code*>(rows.data()), rows.size() * (sizeof(T) / sizeof(float))};
+template <class T>
+Span<TinyCode> codes_of(const Buffer<CodedRow<T>>& rows) {
+  return {reinterpret_cast<TinyCode*>(rows.data()), rows.size() * (sizeof(T) / sizeof(float))};
 }
 
-/// The arrays of codes of one kind.
-template <class Code>
-struct CodeArrays {
-  template <class T>
-  using RowBuffer = Buffer<CodedRow<Code, T>>;
-  template <class T>
-  using RowSpan = Span<CodedRow<Code, T>>;
-};
-template <class Code>
-using MomentCodesSpan = GaussianArrays<CodeArrays<Code>::template RowSpan>;
+template <class T>
+using CodedSpan = Span<CodedRow<T>>;
+template <class T>
+using CodedBuffer = Buffer<CodedRow<T>>;
+using MomentCodesSpan = GaussianArrays<CodedSpan>;
 
 /// Owns the codes of the moments of N Gaussians, in the place of two `Gaussians`.
-template <class Code>
-struct MomentCodes : GaussianArrays<CodeArrays<Code>::template RowBuffer> {
-  template <class T>
-  using Rows = Buffer<CodedRow<Code, T>>;
-
+struct MomentCodes : GaussianArrays<CodedBuffer> {
   explicit MomentCodes(Memory& memory = host_memory())
-      : GaussianArrays<CodeArrays<Code>::template RowBuffer>{Rows<Vec3f>(memory),
-                                                             Rows<Vec3f>(memory),
-                                                             Rows<Quatf>(memory),
-                                                             Rows<float>(memory),
-                                                             Rows<Vec3f>(memory),
-                                                             Rows<ShRest>(memory),
-                                                             false,
-                                                             Rows<Quatf>(memory),
-                                                             Rows<float>(memory),
-                                                             Rows<float>(memory),
-                                                             false,
-                                                             Rows<Vec3f>(memory),
-                                                             false,
-                                                             Rows<float>(memory)} {}
+      : GaussianArrays<CodedBuffer>{CodedBuffer<Vec3f>(memory),
+                                    CodedBuffer<Vec3f>(memory),
+                                    CodedBuffer<Quatf>(memory),
+                                    CodedBuffer<float>(memory),
+                                    CodedBuffer<Vec3f>(memory),
+                                    CodedBuffer<ShRest>(memory),
+                                    false,
+                                    CodedBuffer<Quatf>(memory),
+                                    CodedBuffer<float>(memory),
+                                    CodedBuffer<float>(memory),
+                                    false,
+                                    CodedBuffer<Vec3f>(memory),
+                                    false,
+                                    CodedBuffer<float>(memory)} {}
 
-  MomentCodesSpan<Code> span() const {
-    MomentCodesSpan<Code> result;
+  MomentCodesSpan span() const {
+    MomentCodesSpan result;
     take_learned_arrays(result, *this);
     for_each_array([](const char*, auto& to, const auto& from) { to = from.span(); }, result,
                    *this);
@@ -120,61 +109,11 @@ struct MomentCodes : GaussianArrays<CodeArrays<Code>::template RowBuffer> {
   }
 };
 
-/// Adam's moments of rows, in the form that they have; the arrays of the other forms are empty.
+/// Adam's moments of rows, in the form that they have; the arrays of the other form are empty.
 struct MomentsSpan {
   MomentForm form = MomentForm::floats;
   GaussiansSpan first, second;
-  MomentCodesSpan<CompactCode> compact;
-  MomentCodesSpan<TinyCode> tiny;
+  MomentCodesSpan codes;
 };
-
-/// The moments of the numbers of one quantity, in the form that they have; the other pointers are
-/// null.
-struct MomentNumbers {
-  float *m, *v;
-  CompactCode* compact;
-  TinyCode* tiny;
-
-  GS_HD bool are_codes() const { return compact || tiny; }
-  GS_HD void load(std::size_t at, float& of_m, float& of_v) const {
-    if (compact) {
-      of_m = first_moment(compact[at]);
-      of_v = second_moment(compact[at]);
-    } else if (tiny) {
-      of_m = first_moment(tiny[at]);
-      of_v = second_moment(tiny[at]);
-    } else {
-      of_m = m[at];
-      of_v = v[at];
-    }
-  }
-  /// `random` rounds codes; floats do not need it.
-  GS_HD void store(std::size_t at, float of_m, float of_v, std::uint32_t random) const {
-    if (compact) {
-      compact[at] = CompactCode::of(of_m, of_v, random);
-    } else if (tiny) {
-      tiny[at] = TinyCode::of(of_m, of_v, random);
-    } else {
-      m[at] = of_m;
-      v[at] = of_v;
-    }
-  }
-};
-/// Of the arrays of one quantity, of which those of `form` are taken.
-template <class T>
-MomentNumbers moment_numbers(MomentForm form, const Span<T>& m, const Span<T>& v,
-                             const Span<CodedRow<CompactCode, T>>& compact,
-                             const Span<CodedRow<TinyCode, T>>& tiny) {
-  MomentNumbers numbers{};
-  if (form == MomentForm::compact) {
-    numbers.compact = reinterpret_cast<CompactCode*>(compact.data);
-  } else if (form == MomentForm::tiny) {
-    numbers.tiny = reinterpret_cast<TinyCode*>(tiny.data);
-  } else {
-    numbers.m = reinterpret_cast<float*>(m.data);
-    numbers.v = reinterpret_cast<float*>(v.data);
-  }
-  return numbers;
-}
 
 }  // namespace gs

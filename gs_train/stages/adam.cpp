@@ -48,7 +48,6 @@ void update_floats(TrainingModel& model, const Gaussians& gradients, const AdamS
 }
 
 // Row i, whose moments are codes.
-template <class Code>
 void update_row(TrainingModel& model, std::size_t i, const Gaussians& gradients,
                 const AdamSteps& steps, const AdamRule& rule, std::uint32_t random) {
   static const NumberPlaces kPlaces = number_places();
@@ -62,7 +61,7 @@ void update_row(TrainingModel& model, std::size_t i, const Gaussians& gradients,
           adam_update(parameters[k], moments[i].number[k], gradient[k], step, rule,
                       random_of_number(random, place + k));
       },
-      model.gaussians, codes_in<Code>(model), gradients, steps, kPlaces);
+      model.gaussians, model.codes, gradients, steps, kPlaces);
 }
 
 }  // namespace
@@ -74,11 +73,9 @@ void update_by_adam(TrainingModel& model, const Gaussians& gradients, const Upda
   const int t = model.adam_steps += rule.steps;
   const AdamSteps steps = adam_steps(t, update.rates, rule);
   const MomentRounding rounding{update.rounding_seed, t};
-  if (are_codes(model.moment_form))
-    with_code(model.moment_form, [&]<class Code>(Code) {
-      parallel_for(model.count(), 512, [&](std::size_t i) {
-        update_row<Code>(model, i, gradients, steps, rule, rounding.of_row(row_of_model(i)));
-      });
+  if (model.moment_form == MomentForm::tiny)
+    parallel_for(model.count(), 512, [&](std::size_t i) {
+      update_row(model, i, gradients, steps, rule, rounding.of_row(row_of_model(i)));
     });
   else
     update_floats(model, gradients, steps, rule);

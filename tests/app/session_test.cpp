@@ -188,12 +188,10 @@ TEST_F(Session, ARunThatSeesNothingInItsFirst100StepsSaysSo) {
   };
   const std::string warning = "step 100: no view has shown any Gaussian";
   EXPECT_THAT(warnings_of("seeing", MomentForm::floats), Not(HasSubstr(warning)));
-  EXPECT_THAT(warnings_of("seeing_compact", MomentForm::compact), Not(HasSubstr(warning)));
   EXPECT_THAT(warnings_of("seeing_tiny", MomentForm::tiny), Not(HasSubstr(warning)));
   // The points are between the planes, and far beside the pictures.
   for (View& view : scene_.train_views) view.camera.cam_from_world_translation.y += 1000;
   EXPECT_THAT(warnings_of("blind", MomentForm::floats), HasSubstr(warning));
-  EXPECT_THAT(warnings_of("blind_compact", MomentForm::compact), HasSubstr(warning));
   EXPECT_THAT(warnings_of("blind_tiny", MomentForm::tiny), HasSubstr(warning));
 }
 

@@ -41,7 +41,6 @@ TEST(StageTraffic, AnUpdateMovesTheBytesOfTheMoments) {
     return stage_bytes("preprocess backward, Adam", work);
   };
   EXPECT_EQ(bytes_with(MomentForm::floats), 3 * (1416 + 4) + of_visible);
-  EXPECT_EQ(bytes_with(MomentForm::compact), 3 * (944 + 4) + of_visible);
   EXPECT_EQ(bytes_with(MomentForm::tiny), 3 * (708 + 4) + of_visible);
 }
 

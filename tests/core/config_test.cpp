@@ -531,8 +531,11 @@ TEST(Config, SettingsOfOlderVersionsAreReadOverWhereTheyChangedNothing) {
   apply_setting(config, "optimizer.lazy=auto");
   apply_setting(config, "train.offload=none");
   EXPECT_EQ(to_toml(config), to_toml(Config()));
-  EXPECT_THAT(error_of([&] { apply_setting(config, "optimizer.lazy=on"); }),
-              HasSubstr("optimizer.lazy = \"on\" cannot be used: updates of SH are no longer left"));
+  EXPECT_THAT(error_of([&] { apply_setting(config, "optimizer.moments=compact"); }),
+              HasSubstr("optimizer.moments = \"compact\" cannot be used: codes of 32 bits"));
+  EXPECT_THAT(
+      error_of([&] { apply_setting(config, "optimizer.lazy=on"); }),
+      HasSubstr("optimizer.lazy = \"on\" cannot be used: updates of SH are no longer left"));
 }
 
 }  // namespace

@@ -370,7 +370,7 @@ TEST_F(CudaStep, SelectingTheVisibleRowsChangesNothing) {
 
 TEST_F(CudaStep, SteadyStepsNeitherWaitNorAllocate) {
   const std::vector<View> views = some_views(200, 150, 5);
-  for (const MomentForm form : {MomentForm::floats, MomentForm::compact, MomentForm::tiny}) {
+  for (const MomentForm form : kMomentForms) {
     TrainingModel model =
         on_gpu(model_of(random_gaussians(kTypical, 20000, views[0].camera, 7), form));
     RenderSettings settings;

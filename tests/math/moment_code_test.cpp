@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Adam's moments as codes of 32 and of 16 bits: what is exact, what is right on average, and how far
+// Adam's moments as codes of 16 bits: what is exact, what is right on average, and how far
 // rounding leads.
 #include "gs_core/math/moment_code.h"
 
@@ -22,21 +22,7 @@ constexpr float kFloatMin = std::numeric_limits<float>::min();
 
 std::uint32_t random_bits(Draws& draws) { return draws.below(0xffffffffu); }
 
-/// What is expected of a kind of code.
-template <class Code>
-struct Expected;
-template <>
-struct Expected<CompactCode> {
-  static constexpr double kStepOfM = 0x1p-7, kStepOfV = 0x1p-8;  // largest distance of two codes
-  static constexpr double kFinestStep = 0;                       // of m, in sqrt(v)
-  static constexpr float kLeastV = kFloatMin, kMostV = 1e37f;
-  static constexpr int kRandomBitsOfM = 16, kRandomBitsOfV = 15;
-  static constexpr double kErrorOfMean = 1e-9;
-  static constexpr float kLargestQuotient = 7.7f;
-  static constexpr double kErrorOfStep = 0.015, kErrorOfWay = 0.03, kErrorOfV = 0.04;
-};
-template <>
-struct Expected<TinyCode> {
+struct Expected {
   static constexpr double kStepOfM = 0x1p-3, kStepOfV = 0x1p-2;
   static constexpr double kFinestStep = 0x1p-6;
   static constexpr float kLeastV = 1.25f * 0x1p-100f, kMostV = 1.75f * 0x1p27f;
@@ -46,33 +32,16 @@ struct Expected<TinyCode> {
   static constexpr double kErrorOfStep = 0.19, kErrorOfWay = 0.3, kErrorOfV = 0.4;
 };
 
-template <class Code>
-class MomentCode : public testing::Test {};
-using Codes = testing::Types<CompactCode, TinyCode>;
-TYPED_TEST_SUITE(MomentCode, Codes);
-
-TYPED_TEST(MomentCode, KeepsZeroWhateverTheRandomNumberIs) {
+TEST(TinyCode, KeepsZeroWhateverTheRandomNumberIs) {
   for (const std::uint32_t random :
        {0u, 1u, 0x7fffu, 0x3ffffu, 0xffffu, 0xffff0000u, 0xffffffffu}) {
-    EXPECT_EQ(TypeParam::of(0, 0, random).bits, 0u);
-    EXPECT_EQ(first_moment(TypeParam::of(-0.0f, 0, random)), 0);
-    EXPECT_EQ(first_moment(TypeParam::of(0, 0.3f, random)), 0);
-    EXPECT_EQ(second_moment(TypeParam::of(0.3f, 0, random)), 0);
+    EXPECT_EQ(TinyCode::of(0, 0, random).bits, 0u);
+    EXPECT_EQ(first_moment(TinyCode::of(-0.0f, 0, random)), 0);
+    EXPECT_EQ(first_moment(TinyCode::of(0, 0.3f, random)), 0);
+    EXPECT_EQ(second_moment(TinyCode::of(0.3f, 0, random)), 0);
   }
 }
 
-// Also denormal numbers: they are not flushed.
-TEST(CompactCode, ComesBackFromItsNumbers) {
-  constexpr std::uint32_t kFinite = 0xff00;  // exponents below that of infinity
-  for (std::uint32_t v = 0; v < kFinite; ++v) {
-    const std::uint32_t m = v % 0x7f80;
-    for (const std::uint32_t sign : {0u, 0x80000000u}) {
-      const CompactCode code{sign | m << 16 | v};
-      for (const std::uint32_t random : {0u, 0xffffffffu})
-        ASSERT_EQ(CompactCode::of(first_moment(code), second_moment(code), random).bits, code.bits);
-    }
-  }
-}
 TEST(TinyCode, ComesBackFromItsNumbers) {
   for (std::uint32_t bits = 0; bits <= 0xffff; ++bits) {
     const TinyCode code{std::uint16_t(bits)};
@@ -104,8 +73,8 @@ TEST(TinyCode, HasNoFirstMomentWithoutASecondOne) {
     EXPECT_EQ(second_moment(code) > 0, v > 0);
     if (v == 0) {
       ASSERT_EQ(code.bits, 0);
-    } else if (v < Expected<TinyCode>::kLeastV) {
-      ASSERT_EQ(second_moment(code), Expected<TinyCode>::kLeastV);
+    } else if (v < Expected::kLeastV) {
+      ASSERT_EQ(second_moment(code), Expected::kLeastV);
     }
   }
 }
@@ -114,62 +83,61 @@ TEST(TinyCode, HasItsLargestNumbersForWhatIsLarger) {
   constexpr float kInfinity = std::numeric_limits<float>::infinity();
   for (const float large : {4e8f, 1e38f, kInfinity}) {
     const TinyCode code = TinyCode::of(-large, large, 0xffffffffu);
-    EXPECT_EQ(second_moment(code), Expected<TinyCode>::kMostV);
+    EXPECT_EQ(second_moment(code), Expected::kMostV);
     EXPECT_EQ(first_moment(TinyCode::of(-large, 1, 0)), -15);
   }
 }
 
-TYPED_TEST(MomentCode, IsWithinOneStepOfTheNumber) {
-  using E = Expected<TypeParam>;
+TEST(TinyCode, IsWithinOneStepOfTheNumber) {
   Draws draws(1);
   for (int i = 0; i < 100'000; ++i) {
-    const float v = draws.log_uniform(E::kLeastV, E::kMostV);
+    const float v = draws.log_uniform(Expected::kLeastV, Expected::kMostV);
     const float m = draws.uniform(-7, 7) * std::sqrt(v) * (i % 2 ? 1 : draws.log_uniform(1e-6f, 1));
-    const TypeParam code = TypeParam::of(m, v, random_bits(draws));
-    const double step = std::max(E::kStepOfM * std::abs(m),
-                                 E::kFinestStep * std::sqrt(double(second_moment(code))));
+    const TinyCode code = TinyCode::of(m, v, random_bits(draws));
+    const double step = std::max(Expected::kStepOfM * std::abs(m),
+                                 Expected::kFinestStep * std::sqrt(double(second_moment(code))));
     ASSERT_LE(std::abs(double(first_moment(code)) - m), step) << m << " of " << v;
-    ASSERT_LT(std::abs(double(second_moment(code)) / v - 1), E::kStepOfV) << v;
+    ASSERT_LT(std::abs(double(second_moment(code)) / v - 1), Expected::kStepOfV) << v;
   }
 }
 
 // Over all values of the random bits that a number uses.
-TYPED_TEST(MomentCode, IsTheNumberOnAverage) {
-  using E = Expected<TypeParam>;
-  constexpr std::uint32_t kWaysOfM = 1u << E::kRandomBitsOfM, kWaysOfV = 1u << E::kRandomBitsOfV;
+TEST(TinyCode, IsTheNumberOnAverage) {
+  constexpr std::uint32_t kWaysOfM = 1u << Expected::kRandomBitsOfM,
+                          kWaysOfV = 1u << Expected::kRandomBitsOfV;
   Draws draws(2);
   for (int i = 0; i < 20; ++i) {
     const float v = draws.log_uniform(1e-24f, 1e6f);
     const float m = draws.normal() * std::sqrt(v);
-    const float code_of_v = second_moment(TypeParam::of(0, v, 0));  // steps of m depend on it
+    const float code_of_v = second_moment(TinyCode::of(0, v, 0));  // steps of m depend on it
     double sum_of_m = 0, sum_of_v = 0;
     for (std::uint32_t random = 0; random < kWaysOfM; ++random)
-      sum_of_m += first_moment(TypeParam::of(m, code_of_v, random << (32 - E::kRandomBitsOfM)));
+      sum_of_m +=
+          first_moment(TinyCode::of(m, code_of_v, random << (32 - Expected::kRandomBitsOfM)));
     for (std::uint32_t random = 0; random < kWaysOfV; ++random)
-      sum_of_v += second_moment(TypeParam::of(m, v, random));
-    const double size = std::max(double(std::abs(m)), E::kFinestStep / E::kStepOfM * std::sqrt(v));
-    EXPECT_NEAR(sum_of_m / kWaysOfM / size, m / size, E::kErrorOfMean);
-    EXPECT_NEAR(sum_of_v / kWaysOfV / v, 1, E::kErrorOfMean);
+      sum_of_v += second_moment(TinyCode::of(m, v, random));
+    const double size =
+        std::max(double(std::abs(m)), Expected::kFinestStep / Expected::kStepOfM * std::sqrt(v));
+    EXPECT_NEAR(sum_of_m / kWaysOfM / size, m / size, Expected::kErrorOfMean);
+    EXPECT_NEAR(sum_of_v / kWaysOfV / v, 1, Expected::kErrorOfMean);
   }
 }
 
 // The right rotation of a static Gaussian stays the mirror of the left one.
-TYPED_TEST(MomentCode, RoundsNumbersOfOppositeSignAlike) {
+TEST(TinyCode, RoundsNumbersOfOppositeSignAlike) {
   Draws draws(3);
   for (int i = 0; i < 1000; ++i) {
     const float m = draws.normal();
     const std::uint32_t random = random_bits(draws);
-    EXPECT_EQ(first_moment(TypeParam::of(-m, 1, random)),
-              -first_moment(TypeParam::of(m, 1, random)));
+    EXPECT_EQ(first_moment(TinyCode::of(-m, 1, random)), -first_moment(TinyCode::of(m, 1, random)));
   }
 }
 
 // The mean and the standard deviation of v after some updates without gradients, as shares of what
 // it is as a float.
-template <class Code>
 std::pair<double, double> decayed(int rows, int steps) {
   const AdamStep step = adam_step(1, 0);
-  std::vector<Code> codes(std::size_t(rows), Code::of(0, 1, 0));
+  std::vector<TinyCode> codes(std::size_t(rows), TinyCode::of(0, 1, 0));
   for (int t = 1; t <= steps; ++t) {
     const MomentRounding rounding{7, t};
     for (std::size_t i = 0; i < codes.size(); ++i) {
@@ -178,7 +146,7 @@ std::pair<double, double> decayed(int rows, int steps) {
     }
   }
   double mean = 0, squares = 0;
-  for (const Code code : codes) {
+  for (const TinyCode code : codes) {
     const double ratio = second_moment(code) / std::pow(kAdamBeta2, steps);
     mean += ratio / rows;
     squares += ratio * ratio / rows;
@@ -187,15 +155,8 @@ std::pair<double, double> decayed(int rows, int steps) {
 }
 
 // Rounded to nearest, v would not fall at all: a thousandth is less than half of its steps.
-TEST(CompactCode, LetsVDecayOverTenThousandStepsAsAFloat) {
-  const auto [mean, scatter] = decayed<CompactCode>(2000, 10'000);
-  // One step adds a variance of (0.47 of a step of 0.28 %)^2 at most: 13 % after 10,000. The mean
-  // of 2,000 has 0.3 %.
-  EXPECT_NEAR(mean, 1, 0.015);
-  EXPECT_LT(scatter, 0.16);
-}
 TEST(TinyCode, LetsVDecayOverAThousandStepsAsAFloat) {
-  const auto [mean, scatter] = decayed<TinyCode>(4000, 1000);
+  const auto [mean, scatter] = decayed(4000, 1000);
   // One step of a fifth is taken with a probability of 1/200: a variance of 0.0002, and 0.2 after
   // 1,000. The mean of 4,000 has 0.7 %.
   EXPECT_NEAR(mean, 1, 0.03);
@@ -203,13 +164,13 @@ TEST(TinyCode, LetsVDecayOverAThousandStepsAsAFloat) {
   EXPECT_GT(scatter, 0.3);
 }
 
-TYPED_TEST(MomentCode, LetsMDecayToZero) {
+TEST(TinyCode, LetsMDecayToZero) {
   const AdamStep step = adam_step(1000, 1e-3f);
   double mean = 0;
   constexpr int kRows = 4000;
   for (std::size_t i = 0; i < kRows; ++i) {
     float parameter = 0;
-    TypeParam code = TypeParam::of(1e-3f, 1e-6f, 0);
+    TinyCode code = TinyCode::of(1e-3f, 1e-6f, 0);
     for (int t = 1; t <= 20; ++t)
       adam_update(parameter, code, 0, step, AdamRule(), MomentRounding{1, t}.of_row(i));
     mean += first_moment(code) / (1e-3 * std::pow(kAdamBeta1, 20)) / kRows;
@@ -217,40 +178,38 @@ TYPED_TEST(MomentCode, LetsMDecayToZero) {
       adam_update(parameter, code, 0, step, AdamRule(), MomentRounding{1, t}.of_row(i));
     ASSERT_LT(std::abs(first_moment(code)), 1e-38f);
   }
-  // 20 roundings of 0.3 % each, over 4,000 rows: 0.02 %; of tiny codes, of 5 %: 0.3 %
-  EXPECT_NEAR(mean, 1, 0.25 * Expected<TypeParam>::kStepOfM);
+  // 20 roundings of 5 % each, over 4,000 rows: 0.3 %
+  EXPECT_NEAR(mean, 1, 0.25 * Expected::kStepOfM);
 }
 
 // For floats the bound is sqrt(((1 - b1)^2 / (1 - b2)) / (1 - b1^2 / b2)) = 7.27, and gradients
-// that grow by b2 / b1 a step come to it. One rounding of compact codes changes the quotient by less
-// than (1 + 2^-7) / sqrt(1 - 2^-8), so that the bound becomes 7.7. Tiny codes have none above 15.
-TYPED_TEST(MomentCode, KeepsTheQuotientThatMovesParametersBounded) {
+// that grow by b2 / b1 a step come to it. Codes have none above 15.
+TEST(TinyCode, KeepsTheQuotientThatMovesParametersBounded) {
   float largest = 0;
   Draws draws(4);
   const AdamStep step = adam_step(1'000'000, 1e-3f);
   for (int history = 0; history < 200; ++history) {
     const float growth = history % 2 ? 1.11f : draws.uniform(1.0f, 1.2f);
     float parameter = 0, gradient = 1e-12f;
-    TypeParam code;
+    TinyCode code;
     for (int t = 1; t <= 300; ++t, gradient *= growth) {
       adam_update(parameter, code, gradient, step, AdamRule(), random_bits(draws));
       largest = std::max(largest, first_moment(code) / std::sqrt(second_moment(code)));
     }
   }
-  EXPECT_LE(largest, Expected<TypeParam>::kLargestQuotient);
+  EXPECT_LE(largest, Expected::kLargestQuotient);
   EXPECT_GT(largest, 7.2f);
 }
 
 // A parameter with noisy gradients, some of which are zero: with codes it goes where it goes with
 // floats, but for a noise that is small beside its way.
-TYPED_TEST(MomentCode, MovesParametersAsFloatsDo) {
+TEST(TinyCode, MovesParametersAsFloatsDo) {
   constexpr int kRows = 500, kSteps = 3000;
-  using E = Expected<TypeParam>;
   Draws draws(5);
   double way = 0, difference = 0, error_of_v = 0, steps = 0, step_errors = 0, along = 0;
   for (std::size_t i = 0; i < kRows; ++i) {
     float p = 0, m = 0, v = 0, by_codes = 0;
-    TypeParam code;
+    TinyCode code;
     const float size = draws.log_uniform(1e-9f, 1e-2f);
     for (int t = 1; t <= kSteps; ++t) {
       const float gradient = draws.chance(0.5f) ? 0 : size * draws.normal();
@@ -272,11 +231,11 @@ TYPED_TEST(MomentCode, MovesParametersAsFloatsDo) {
   this->RecordProperty("mean_step", std::to_string(along / steps));
   this->RecordProperty("error_of_way", std::to_string(std::sqrt(difference / way)));
   this->RecordProperty("error_of_v", std::to_string(std::sqrt(error_of_v)));
-  EXPECT_LT(std::sqrt(step_errors / steps), 1.1 * E::kErrorOfStep);
-  EXPECT_GT(std::sqrt(step_errors / steps), 0.7 * E::kErrorOfStep);
-  EXPECT_NEAR(along / steps, 1, E::kErrorOfV / 8);  // 1 / sqrt(v) is larger on average
-  EXPECT_LT(std::sqrt(difference / way), E::kErrorOfWay);
-  EXPECT_LT(std::sqrt(error_of_v), E::kErrorOfV);
+  EXPECT_LT(std::sqrt(step_errors / steps), 1.1 * Expected::kErrorOfStep);
+  EXPECT_GT(std::sqrt(step_errors / steps), 0.7 * Expected::kErrorOfStep);
+  EXPECT_NEAR(along / steps, 1, Expected::kErrorOfV / 8);  // 1 / sqrt(v) is larger on average
+  EXPECT_LT(std::sqrt(difference / way), Expected::kErrorOfWay);
+  EXPECT_LT(std::sqrt(error_of_v), Expected::kErrorOfV);
 }
 
 TEST(MomentRounding, DependsOnSeedStepAndRow) {

@@ -21,8 +21,7 @@ inline bool same_bits(const PoseState& a, const PoseState& b) {
   for_each_pose_array([&](const char*, const auto& x, const auto& y) { same &= x == y; }, a, b);
   return same;
 }
-template <class Code>
-bool same_bits(const MomentCodes<Code>& a, const MomentCodes<Code>& b) {
+inline bool same_bits(const MomentCodes& a, const MomentCodes& b) {
   bool same = true;
   for_each_array([&](const char*, const auto& x, const auto& y) { same &= same_bits(x, y); }, a, b);
   return same;
@@ -32,8 +31,7 @@ inline bool same_bits(const TrainingModel& a, const TrainingModel& b) {
   return same_bits(a.photometric, b.photometric) && same_bits(a.poses, b.poses) &&
          same_bits(a.gaussians, b.gaussians) && same_bits(a.first_moment, b.first_moment) &&
          same_bits(a.second_moment, b.second_moment) && a.moment_form == b.moment_form &&
-         same_bits(a.compact_codes, b.compact_codes) && same_bits(a.tiny_codes, b.tiny_codes) &&
-         a.adam_steps == b.adam_steps;
+         same_bits(a.codes, b.codes) && a.adam_steps == b.adam_steps;
 }
 
 /// The arrays of rows that differ, by name and with the first row that does; empty if there are
@@ -69,9 +67,7 @@ inline Gaussians random_gradients(std::size_t count, std::uint64_t seed, float z
   return gradients;
 }
 
-inline constexpr MomentForm kMomentForms[] = {MomentForm::floats, MomentForm::compact,
-                                              MomentForm::tiny};
-inline constexpr MomentForm kCodeForms[] = {MomentForm::compact, MomentForm::tiny};
+inline constexpr MomentForm kMomentForms[] = {MomentForm::floats, MomentForm::tiny};
 
 /// A model of these Gaussians with zero moments of this form, and zero statistics.
 inline TrainingModel model_of(const Gaussians& gaussians, MomentForm form = MomentForm::floats) {
@@ -91,22 +87,20 @@ void number_rows(const Buffer<T>& rows, float first) {
 }
 
 /// Fills codes with first, first + 1, ... over their rows, or what is left of these in their bits.
-template <class Code, class T>
-void number_codes(const Buffer<CodedRow<Code, T>>& rows, std::uint32_t first) {
-  const Span<Code> codes = codes_of(rows);
+template <class T>
+void number_codes(const Buffer<CodedRow<T>>& rows, std::uint32_t first) {
+  const Span<TinyCode> codes = codes_of(rows);
   for (std::size_t i = 0; i < codes.size; ++i)
-    codes[i].bits = decltype(Code::bits)(first + i / (sizeof(T) / sizeof(float)));
+    codes[i].bits = std::uint16_t(first + i / (sizeof(T) / sizeof(float)));
 }
 /// The same for all codes of a model; the codes of each quantity begin `next` after those before.
 inline void number_codes(TrainingModel& model, std::uint32_t first, std::uint32_t next = 0) {
-  with_code(model.moment_form, [&]<class Code>(Code) {
-    for_each_array(
-        [&](const char*, const auto& array) {
-          number_codes(array, first);
-          first += next;
-        },
-        codes_in<Code>(model));
-  });
+  for_each_array(
+      [&](const char*, const auto& array) {
+        number_codes(array, first);
+        first += next;
+      },
+      model.codes);
 }
 
 /// True where each number of row i is `value`.
@@ -118,17 +112,15 @@ bool row_is(const Buffer<T>& rows, std::size_t i, float value) {
                      [&](float number) { return number == value; });
 }
 /// True where each code of row i is `value`.
-template <class Code, class T>
-bool codes_are(const Buffer<CodedRow<Code, T>>& rows, std::size_t i, std::uint32_t value) {
+template <class T>
+bool codes_are(const Buffer<CodedRow<T>>& rows, std::size_t i, std::uint32_t value) {
   return std::all_of(std::begin(rows[i].number), std::end(rows[i].number),
-                     [&](Code code) { return code.bits == value; });
+                     [&](TinyCode code) { return code.bits == value; });
 }
 inline bool codes_are(const TrainingModel& model, std::size_t i, std::uint32_t value) {
   bool same = true;
-  with_code(model.moment_form, [&]<class Code>(Code) {
-    for_each_array([&](const char*, const auto& array) { same &= codes_are(array, i, value); },
-                   codes_in<Code>(model));
-  });
+  for_each_array([&](const char*, const auto& array) { same &= codes_are(array, i, value); },
+                 model.codes);
   return same;
 }
 

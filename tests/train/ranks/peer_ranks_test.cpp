@@ -81,12 +81,10 @@ TEST_F(PeerRun, HasTheBytesAndTheLossOfOneRank) {
 }
 
 TEST_F(PeerRun, WithABudgetAndMomentsAsCodesHasTheBytesOfOneRank) {
-  for (const MomentForm form : kCodeForms) {
-    Config config = busy_run();
-    config.train.batch = 3;
-    config.optimizer.moments = form;
-    expect_same(config);
-  }
+  Config config = busy_run();
+  config.train.batch = 3;
+  config.optimizer.moments = MomentForm::tiny;
+  expect_same(config);
 }
 
 TEST_F(PeerRun, WithLightAndPosesHasTheBytesOfOneRank) {

@@ -91,11 +91,10 @@ TEST_F(RankedRun, WithMcmcHasTheBytesOfOneRank) {
 }
 
 TEST_F(RankedRun, WithMomentsAsCodesHasTheBytesOfOneRank) {
-  for (Config config : {run_in_batches(4), mcmc_run(1)})
-    for (const MomentForm form : kCodeForms) {
-      config.optimizer.moments = form;
-      expect_same_for_any_number(config);
-    }
+  for (Config config : {run_in_batches(4), mcmc_run(1)}) {
+    config.optimizer.moments = MomentForm::tiny;
+    expect_same_for_any_number(config);
+  }
 }
 
 TEST_F(RankedRun, WithABudgetHasTheBytesOfOneRank) {

@@ -39,8 +39,8 @@ TEST(CodedMoments, TakeFourOrTwoBytesOfANumber) {
     for_each_row_array(
         [&](const RowArray&, const auto& array) { bytes += array.size() * sizeof(array[0]); },
         model);
-    EXPECT_EQ(bytes / 10, form == MomentForm::tiny ? 362u : are_codes(form) ? 480u : 716u);
-    EXPECT_EQ(model.first_moment.count(), are_codes(form) ? 0u : 10u);
+    EXPECT_EQ(bytes / 10, form == MomentForm::tiny ? 362u : 716u);
+    EXPECT_EQ(model.first_moment.count(), form == MomentForm::tiny ? 0u : 10u);
   }
 }
 
@@ -73,7 +73,7 @@ void expect_updates_by_random_numbers(MomentForm form) {
           ASSERT_EQ(codes_of(codes)[i].bits, expected.bits) << name << " " << i;
         }
       },
-      start, model.gaussians, codes_in<Code>(model), first, second, kRates, number_places());
+      start, model.gaussians, model.codes, first, second, kRates, number_places());
 }
 TEST(CodedMoments, AreUpdatedNumberByNumberWithTheRandomNumbersOfTheirRows) {
   expect_updates_by_random_numbers<CompactCode>(MomentForm::compact);
@@ -83,51 +83,42 @@ TEST(CodedMoments, AreUpdatedNumberByNumberWithTheRandomNumbersOfTheirRows) {
 // ---- rows --------------------------------------------------------------------------------------
 
 TEST(CodedMoments, FollowTheirRowsAndStartAtZeroInNewOnes) {
-  for (const MomentForm form : kCodeForms) {
-    TrainingModel model = numbered_model(form, 6);
-    const std::uint32_t source[] = {4, 1, 1, 5};
-    gather_rows(model, {source, 4});
-    ASSERT_EQ(model.count(), 4u);
-    for (std::size_t i = 0; i < 4; ++i) EXPECT_TRUE(codes_are(model, i, source[i] + 1)) << i;
-    start_new_rows(model, 2);
-    for (std::size_t i = 0; i < 4; ++i)
-      EXPECT_TRUE(codes_are(model, i, i < 2 ? source[i] + 1 : 0)) << i;
-  }
+  TrainingModel model = numbered_model(MomentForm::tiny, 6);
+  const std::uint32_t source[] = {4, 1, 1, 5};
+  gather_rows(model, {source, 4});
+  ASSERT_EQ(model.count(), 4u);
+  for (std::size_t i = 0; i < 4; ++i) EXPECT_TRUE(codes_are(model, i, source[i] + 1)) << i;
+  start_new_rows(model, 2);
+  for (std::size_t i = 0; i < 4; ++i)
+    EXPECT_TRUE(codes_are(model, i, i < 2 ? source[i] + 1 : 0)) << i;
 }
 
 TEST(CodedMoments, OfRowsThatAreRelocatedBecomeZero) {
-  for (const MomentForm form : kCodeForms) {
-    TrainingModel model = numbered_model(form, 3);
-    for (std::size_t i = 0; i < 3; ++i)
-      model.gaussians.logit_opacity[i] = i == 1 ? logit(0.5f) : logit(0.001f);
-    make_scalar_row_ops()->relocate(model, {0.005f, 0}, 1, 600);
-    for (std::size_t i = 0; i < 3; ++i) EXPECT_TRUE(codes_are(model, i, 0)) << i;
-  }
+  TrainingModel model = numbered_model(MomentForm::tiny, 3);
+  for (std::size_t i = 0; i < 3; ++i)
+    model.gaussians.logit_opacity[i] = i == 1 ? logit(0.5f) : logit(0.001f);
+  make_scalar_row_ops()->relocate(model, {0.005f, 0}, 1, 600);
+  for (std::size_t i = 0; i < 3; ++i) EXPECT_TRUE(codes_are(model, i, 0)) << i;
 }
 
 TEST(CodedMoments, AreClearedAsTheOpacityRuleSays) {
-  for (const MomentForm form : kCodeForms)
-    for (const MomentClearing which :
-         {MomentClearing::none, MomentClearing::opacity, MomentClearing::all}) {
-      TrainingModel model = numbered_model(form, 3);
-      make_scalar_row_ops()->lower_opacity(model, {OpacityPolicy::reset, 0.01f, which});
-      with_code(form, [&]<class Code>(Code) {
-        const MomentCodes<Code>& codes = codes_in<Code>(model);
-        EXPECT_EQ(codes_are(codes.logit_opacity, 2, 0), which != MomentClearing::none);
-        EXPECT_EQ(codes_are(codes.logit_opacity, 2, 3), which == MomentClearing::none);
-        EXPECT_EQ(codes_are(codes.sh_rest, 2, 0), which == MomentClearing::all);
-        EXPECT_EQ(codes_are(codes.mean, 2, 3), which != MomentClearing::all);
-      });
-    }
+  for (const MomentClearing which :
+       {MomentClearing::none, MomentClearing::opacity, MomentClearing::all}) {
+    TrainingModel model = numbered_model(MomentForm::tiny, 3);
+    make_scalar_row_ops()->lower_opacity(model, {OpacityPolicy::reset, 0.01f, which});
+    const MomentCodes& codes = model.codes;
+    EXPECT_EQ(codes_are(codes.logit_opacity, 2, 0), which != MomentClearing::none);
+    EXPECT_EQ(codes_are(codes.logit_opacity, 2, 3), which == MomentClearing::none);
+    EXPECT_EQ(codes_are(codes.sh_rest, 2, 0), which == MomentClearing::all);
+    EXPECT_EQ(codes_are(codes.mean, 2, 3), which != MomentClearing::all);
+  }
 }
 
 TEST(CodedMoments, AreCopiedBetweenMemories) {
-  for (const MomentForm form : kCodeForms) {
-    const TrainingModel model = numbered_model(form, 9);
-    const TrainingModel copy = copy_to(host_memory(), model);
-    EXPECT_EQ(copy.moment_form, form);
-    EXPECT_TRUE(same_bits(copy, model));
-  }
+  const TrainingModel model = numbered_model(MomentForm::tiny, 9);
+  const TrainingModel copy = copy_to(host_memory(), model);
+  EXPECT_EQ(copy.moment_form, MomentForm::tiny);
+  EXPECT_TRUE(same_bits(copy, model));
 }
 
 // ---- runs --------------------------------------------------------------------------------------
@@ -160,44 +151,36 @@ class CodedRun : public SceneRun {
 TEST_F(CodedRun, EndsAsGoodAsWithFloats) {
   for (const Config& config : {short_run(), short_mcmc_run()}) {
     const double floats = mean_psnr(config);
-    for (const MomentForm form : kCodeForms) {
-      const double codes = mean_psnr(with(form, config));
-      RecordProperty(config.density.strategy + "_" + std::string(word_of(form)),
-                     std::to_string(codes - floats));
-      EXPECT_NEAR(codes, floats, 0.3) << config.density.strategy << " " << word_of(form);
-    }
+    const double codes = mean_psnr(with(MomentForm::tiny, config));
+    RecordProperty(config.density.strategy + "_" + std::string(word_of(MomentForm::tiny)),
+                   std::to_string(codes - floats));
+    EXPECT_NEAR(codes, floats, 0.3) << config.density.strategy;
   }
 }
 
 TEST_F(CodedRun, KeepsNoMomentsAsFloats) {
-  for (const MomentForm form : kCodeForms) {
-    Config config = with(form, short_run());
-    config.train.iterations = 20;
-    const TrainingModel model = trained(config);
-    EXPECT_EQ(model.moment_form, form);
-    EXPECT_TRUE(model.first_moment.mean.empty() && model.second_moment.sh_rest.empty());
-    const bool is_tiny = form == MomentForm::tiny;
-    EXPECT_EQ(model.compact_codes.sh_rest.size(), is_tiny ? 0 : model.count());
-    EXPECT_EQ(model.tiny_codes.sh_rest.size(), is_tiny ? model.count() : 0);
-  }
+  Config config = with(MomentForm::tiny, short_run());
+  config.train.iterations = 20;
+  const TrainingModel model = trained(config);
+  EXPECT_EQ(model.moment_form, MomentForm::tiny);
+  EXPECT_TRUE(model.first_moment.mean.empty() && model.second_moment.sh_rest.empty());
+  EXPECT_EQ(model.codes.sh_rest.size(), model.count());
 }
 
 TEST_F(CodedRun, GivesTheSameBitsForAnyNumberOfThreads) {
-  for (const MomentForm form : kCodeForms)
-    for (const Config& config : {with(form, busy_run()), with(form, busy_batches())}) {
-      set_thread_count(1);
-      const TrainingModel one = trained(config);
-      set_thread_count(0);
-      EXPECT_TRUE(same_bits(trained(config), one));
-    }
+  for (const Config& config :
+       {with(MomentForm::tiny, busy_run()), with(MomentForm::tiny, busy_batches())}) {
+    set_thread_count(1);
+    const TrainingModel one = trained(config);
+    set_thread_count(0);
+    EXPECT_TRUE(same_bits(trained(config), one));
+  }
 }
 
 TEST_F(CodedRun, StoppedAndResumedEndsWithTheSameBits) {
-  for (const MomentForm form : kCodeForms) {
-    expect_goes_on_after({1, 43, 97}, with(form, busy_run()));
-    expect_goes_on_after({43}, with(form, short_mcmc_run()));
-    expect_goes_on_after({43}, with(form, busy_batches()));
-  }
+  expect_goes_on_after({1, 43, 97}, with(MomentForm::tiny, busy_run()));
+  expect_goes_on_after({43}, with(MomentForm::tiny, short_mcmc_run()));
+  expect_goes_on_after({43}, with(MomentForm::tiny, busy_batches()));
 }
 
 TEST_F(CodedRun, RefusesAStateWithMomentsOfAnotherForm) {
