@@ -31,9 +31,6 @@ struct GaussianArrays {
   Array<Quatf> right_rotation{};  // (N, 4)   w x y z, any length > 0; `rotation` is the left one
   Array<float> time_mean{};       // (N)      in units of the scene's time (PinholeCamera::time)
   Array<float> log_time_scale{};  // (N)      log of such units
-  // Some of these have colors that change during their lives (math/spacetime_color.h).
-  bool has_slope = false;
-  Array<Vec3f> sh0_slope{};  // (N, 3)   change of sh0 in one standard deviation of their time
   // With the 3D filter (math/filter_3d.h) each Gaussian has one number that is not learned.
   bool has_filter = false;
   Array<float> filter_scale{};  // (N)        standard deviation of its filter, world units
@@ -53,7 +50,6 @@ void for_each_array(F&& f, First&& first, Rest&&... rest) {
   f("right_rotation", first.right_rotation, rest.right_rotation...);
   f("time_mean", first.time_mean, rest.time_mean...);
   f("log_time_scale", first.log_time_scale, rest.log_time_scale...);
-  if (first.has_slope) f("sh0_slope", first.sh0_slope, rest.sh0_slope...);
 }
 
 /// The same for every array that `first` has, learned or not. Gather, prune, files and checkpoints
@@ -68,7 +64,6 @@ void for_each_stored_array(F&& f, First&& first, Rest&&... rest) {
 template <class To, class Like>
 void take_learned_arrays(To& to, const Like& like) {
   to.has_time = like.has_time;
-  to.has_slope = like.has_slope;
 }
 
 using GaussiansSpan = GaussianArrays<Span>;
@@ -86,8 +81,6 @@ struct Gaussians : GaussianArrays<Buffer> {
                                Buffer<Quatf>(memory),
                                Buffer<float>(memory),
                                Buffer<float>(memory),
-                               false,
-                               Buffer<Vec3f>(memory),
                                false,
                                Buffer<float>(memory)} {}
   Gaussians(std::size_t count, Memory& memory, bool with_time = false) : Gaussians(memory) {

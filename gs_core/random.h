@@ -19,8 +19,7 @@ enum class RandomStream : std::uint32_t {
   grow,
   position_noise,
   initial_time,
-  time_shift,
-  growth,
+  growth = 10,  // 9 was that of noise on times
   alignment,
   moment_rounding
 };

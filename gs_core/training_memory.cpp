@@ -47,7 +47,6 @@ class Rows {
 Gaussians arrays_of(const TrainingSize& size) {
   Gaussians arrays;
   arrays.has_time = size.has_time;
-  arrays.has_slope = size.has_slope;
   arrays.has_filter = size.has_filter;
   return arrays;
 }
@@ -182,7 +181,6 @@ TrainingSize training_size(const Config& config, const PictureSizes& pictures, d
   size.batch = config.train.batch;
   size.moment_bytes = moment_bytes(config.optimizer.moments);
   size.has_time = config.model.dynamic;
-  size.has_slope = config.model.dynamic && config.model.time_colors;
   size.has_filter = config.model.filter_3d;
   size.has_sums = is_budgeted && needs_fragment_sums(score);
   size.has_pixel_values = size.has_sums && score != GrowthScore::force;

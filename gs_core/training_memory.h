@@ -53,13 +53,13 @@ struct TrainingSize {
   double depth_pixels = 0;  // of depth maps, all of which stay on the GPU
   double instance_places = kInstancePlaces;  // for each Gaussian
   RowGrowth growth = RowGrowth::by_need;
-  bool relocates = false;    // mcmc's row operations, in place of those that clone and split
-  int batch = 1;             // photos of an update
-  int moment_bytes = 8;      // of both of Adam's moments of one parameter
-  bool has_time = false, has_slope = false, has_filter = false;  // as in Gaussians
-  bool has_sums = false;          // the score sums over fragments ...
-  bool has_pixel_values = false;  // ... and over values of pixels
-  bool is_absolute = false;       // gradients of means are also summed as absolute values
+  bool relocates = false;  // mcmc's row operations, in place of those that clone and split
+  int batch = 1;           // photos of an update
+  int moment_bytes = 8;    // of both of Adam's moments of one parameter
+  bool has_time = false, has_filter = false;  // as in Gaussians
+  bool has_sums = false;                      // the score sums over fragments ...
+  bool has_pixel_values = false;              // ... and over values of pixels
+  bool is_absolute = false;  // gradients of means are also summed as absolute values
   bool has_depth_maps = false;
   bool recolors = false;  // the photometric model makes a picture of its own
   bool is_deterministic = false;

@@ -30,12 +30,6 @@ void write_row(const GaussiansSpan& gradients, std::size_t i,
   gradients.log_time_scale[i] = shape.log_time_scale;
 }
 
-void write_row(const GaussiansSpan& gradients, std::size_t i,
-               const TimeColorGradient<float>& gradient) {
-  write_row(gradients, i, gradient.without);
-  gradients.sh0_slope[i] = gradient.sh0_slope;
-}
-
 }  // namespace
 
 Vec2f absolute_gradient_of(const RenderPass& pass, std::size_t i) {
@@ -85,15 +79,10 @@ void preprocess_backward(const GaussiansSpan& gaussians, const Camera& camera,
     const SplatGradient dL_dsplat = splat_gradient_of(pass, i);
     gradients.sh_rest[i] = {};  // degrees that are not in use have gradient 0
     Vec3f* const dL_dsh_rest = gradients.sh_rest[i].coefficient;
-    if (gaussians.has_slope)
+    if (gaussians.has_time)
       write_row(gradients, i,
-                project_gaussian_vjp(camera, spacetime_parameters_of(gaussians, i),
-                                     gaussians.sh0_slope[i], time_of(camera, settings), settings,
-                                     dL_dsplat, dL_dsh_rest));
-    else if (gaussians.has_time)
-      write_row(gradients, i,
-                project_gaussian_vjp(camera, spacetime_parameters_of(gaussians, i),
-                                     time_of(camera, settings), settings, dL_dsplat, dL_dsh_rest));
+                project_gaussian_vjp(camera, spacetime_parameters_of(gaussians, i), camera.time,
+                                     settings, dL_dsplat, dL_dsh_rest));
     else if (gaussians.has_filter)
       write_row(gradients, i,
                 project_gaussian_vjp(camera, parameters_of(gaussians, i), gaussians.filter_scale[i],

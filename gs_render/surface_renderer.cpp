@@ -51,7 +51,6 @@ SurfaceRenderer::SurfaceRenderer(Renderer& renderer, const GaussiansSpan& gaussi
     : renderer_(renderer), gaussians_(gaussians), settings_(settings), means_(host.mean.download()),
       sh0_(gaussians.mean.size, renderer.memory()), pass_(renderer.memory()) {
   gaussians_.sh0 = sh0_.span();
-  gaussians_.has_slope = false;
   settings_.sh_degree = 0;
   settings_.background = Vec3f(0);
   settings_.use_tensor_cores = settings_.fast_blending = false;

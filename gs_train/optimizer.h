@@ -21,7 +21,7 @@ using AdamStepOf = AdamStep;
 using AdamSteps = GaussianArrays<AdamStepOf>;
 inline AdamSteps adam_steps(int t, const LearningRates& rates, const AdamRule& rule) {
   AdamSteps steps;
-  steps.has_time = steps.has_slope = true;
+  steps.has_time = true;
   for_each_array(
       [&](const char*, AdamStep& step, float rate) { step = adam_step(t, rate, rule.photo_beta2); },
       steps, rates);

@@ -16,8 +16,7 @@ namespace gs {
 /// How many rows a refinement touched.
 struct RefineReport {
   std::size_t cloned = 0, split = 0, pruned = 0;
-  std::size_t moved = 0;        // dead rows that became copies of live ones
-  std::size_t made_static = 0;  // rows in space and time that became 3D Gaussians
+  std::size_t moved = 0;  // dead rows that became copies of live ones
 };
 
 /// The rules of one relocation (MCMC).
@@ -47,10 +46,6 @@ class RowOps {
   /// not finite are dead. Clears the statistics. Without a live row it does nothing.
   virtual RefineReport relocate(TrainingModel& model, const RelocationRules& rules,
                                 std::uint64_t seed, int step) = 0;
-  /// Makes rows that hardly change during the scene static, by the rule of static_rows.h, and clears
-  /// their moments of shape and time. `least_time_scale` is in durations of the scene, above 0.
-  /// Returns how many; rows without time stay as they are.
-  virtual std::size_t make_static(TrainingModel& model, double least_time_scale) = 0;
   /// Gives each row the 3D filter (math/filter_3d.h) of the camera that samples it most densely, and
   /// rows that no camera sees the largest filter of the others, or 0 if there are none. The rows
   /// have filters from then on.

@@ -8,7 +8,6 @@
 #include "gs_core/math/growth.h"
 #include "gs_core/math/mcmc.h"
 #include "gs_core/math/race.h"
-#include "gs_core/math/spacetime_color.h"
 #include "gs_core/math/spacetime_density.h"
 #include "gs_core/math/spacetime_regularizer.h"
 #include "gs_train/optimizer.h"
@@ -84,13 +83,6 @@ GS_HD HalfRow half_of(const GaussiansSpan& rows, std::size_t i, std::uint32_t nu
         split_mean(rows.mean[i], log_scale, rows.rotation[i], {normal.x, normal.y, normal.z});
     return half;
   }
-  if (is_static(rows.log_time_scale[i])) {
-    half.mean = split_mean(rows.mean[i], log_scale, static_rotation(rows.rotation[i]),
-                           {normal.x, normal.y, normal.z});
-    half.time_mean = rows.time_mean[i];
-    half.log_time_scale = rows.log_time_scale[i];
-    return half;
-  }
   const QuatPair<float> rotations{rows.rotation[i], rows.right_rotation[i]};
   const float log_time_scale = rows.log_time_scale[i];
   const Vec4f moved = within_the_scene(split_move(rotations, log_scale, log_time_scale, normal),
@@ -115,35 +107,13 @@ GS_HD SpacetimeShape<float> spacetime_shape_of(const GaussiansSpan& rows, std::s
           rows.logit_opacity[i], rows.time_mean[i], rows.log_time_scale[i]};
 }
 
-/// Before a row that has its parent's values takes the half's: changes the coefficients of a color
-/// that changes, so that the color at any one time stays what it is.
-GS_HD void keep_time_color(const GaussiansSpan& rows, std::size_t i, const HalfRow& half) {
-  if (!rows.has_slope) return;
-  const SpacetimeShape<float> before = spacetime_shape_of(rows, i);
-  SpacetimeShape<float> after = before;
-  after.log_scale = half.log_scale;
-  after.time_mean = half.time_mean;
-  after.log_time_scale = half.log_time_scale;
-  const TimeColor color = color_in_phases_of({rows.sh0[i], rows.sh0_slope[i]}, before, after);
-  rows.sh0[i] = color.sh0;
-  rows.sh0_slope[i] = color.sh0_slope;
-}
-
 /// Gives a row that has its parent's values those of the half.
 GS_HD void write_half(const GaussiansSpan& rows, std::size_t i, const HalfRow& half) {
-  keep_time_color(rows, i, half);
   rows.mean[i] = half.mean;
   rows.log_scale[i] = half.log_scale;
   if (!rows.has_time) return;
   rows.time_mean[i] = half.time_mean;
   rows.log_time_scale[i] = half.log_time_scale;
-}
-
-/// Gives a row other scales in space; its color at any one time stays what it is.
-GS_HD void write_log_scale(const GaussiansSpan& rows, std::size_t i, const Vec3f& log_scale) {
-  if (rows.has_slope)
-    keep_time_color(rows, i, {rows.mean[i], log_scale, rows.time_mean[i], rows.log_time_scale[i]});
-  rows.log_scale[i] = log_scale;
 }
 
 // ---- the strategy "budgeted": growth.h -----------------------------------------------------------

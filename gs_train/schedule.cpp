@@ -114,8 +114,6 @@ LearningRates Schedule::learning_rates(int step) const {
   rates.has_time = true;  // whether or not the model has
   rates.time_mean = cooled(rates_.time_mean_lr);
   rates.log_time_scale = cooled(rates_.log_time_scale_lr);
-  rates.has_slope = true;
-  rates.sh0_slope = cooled(rates_.time_color_lr);
   return rates;
 }
 

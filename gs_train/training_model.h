@@ -129,12 +129,6 @@ inline void clear_history(TrainingModel& model) {
   model.first_count = count;
 }
 
-/// Adam's moments of all rows.
-inline MomentsSpan moments_of(const TrainingModel& model) {
-  return {model.moment_form, model.first_moment.span(), model.second_moment.span(),
-          model.codes.span()};
-}
-
 /// Gives the statistics sums over fragments, zeros, where they have none yet.
 inline void begin_sums(TrainingModel& model) {
   DensityStatistics& statistics = model.statistics;

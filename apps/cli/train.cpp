@@ -97,18 +97,13 @@ class TerminalHooks final : public SessionHooks {
   std::string part_;
 };
 
-std::string static_part(const Results& results) {
-  if (results.num_static.value_or(0) == 0) return "";
-  return fmt::format(" ({} static)", with_commas(*results.num_static));
-}
-
 void print_summary(const Results& results, const RunFolder& folder) {
   const bool has_test = !results.test.views.empty();
   std::cout << fmt::format("{} views: {}\n", has_test ? "test" : "training",
                            summary(has_test ? results.test : results.train))
-            << fmt::format("{} Gaussians{}, {} steps in {:.1f} s on {}\n",
-                           with_commas(results.num_gaussians), static_part(results),
-                           results.iterations, results.train_seconds, results.device)
+            << fmt::format("{} Gaussians, {} steps in {:.1f} s on {}\n",
+                           with_commas(results.num_gaussians), results.iterations,
+                           results.train_seconds, results.device)
             << fmt::format("model:      {}\n", folder.ply(results.iterations).string())
             << fmt::format("comparison: {}\n", folder.comparison().string())
             << fmt::format("figures:    {}, {}\n", folder.results().string(),

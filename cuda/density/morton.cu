@@ -110,8 +110,7 @@ Span<const std::uint32_t> morton_order(Context& context, RowOrderWorkspace& work
   });
   context.launch("morton", morton_kernel, blocks_for(means.size, kThreads), kThreads, means,
                  time_means, log_time_scales, workspace.bounds.data(), keys);
-  return workspace.sort(context, "morton",
-                        time_means.empty() ? 3 * kMortonBits : kSpacetimeCodeBits);
+  return workspace.sort(context, "morton", 3 * kMortonBits);
 }
 
 }  // namespace gs::cuda

@@ -66,7 +66,7 @@ __global__ void share_kernel(GaussiansSpan rows, Span<const std::uint32_t> drawn
   const SharedGaussian shared =
       shared_gaussian(rows.logit_opacity[i], rows.log_scale[i], copies, least_opacity);
   rows.logit_opacity[i] = shared.logit_opacity;
-  write_log_scale(rows, i, shared.log_scale);
+  rows.log_scale[i] = shared.log_scale;
 }
 
 // Rows of kWords words: row to[k], or first + k where `to` is null, becomes row source[k].

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Stage 9: operations on whole rows: clone, split, prune, make static, opacity reset; with the same
+// Stage 9: operations on whole rows: clone, split, prune, opacity reset; with the same
 // results as the scalar twin. The host waits where it must know how many rows there will be: twice
 // in a refinement, once in a pruning.
 #include "cuda/density/rows.cuh"
@@ -16,7 +16,6 @@
 #include "cuda/stages.cuh"
 #include "gs_core/training_memory.h"
 #include "gs_train/row_rules.h"
-#include "gs_train/static_rows.h"
 
 namespace gs::cuda {
 namespace {
@@ -43,7 +42,6 @@ struct HasRowAction {
 struct Counts {
   std::uint32_t survivors, clones, parents, halves;
   std::uint32_t pruned;  // before the cap
-  std::uint32_t made_static;
 };
 
 __device__ std::size_t thread_number() { return std::size_t(blockIdx.x) * kThreads + threadIdx.x; }
@@ -132,15 +130,6 @@ __global__ void visible_row_actions_kernel(GaussiansSpan rows, float min_opacity
   action[i] = is_invisible(rows, i, min_opacity) ? RowAction::prune : RowAction::keep;
 }
 
-// Makes rows static. Each block counts its own.
-__global__ void make_static_kernel(GaussiansSpan rows, MomentsSpan moments, double least_time_scale,
-                                   Counts* counts) {
-  const std::size_t i = thread_number();
-  const int made =
-      __syncthreads_count(i < rows.mean.size && make_static(rows, moments, i, least_time_scale));
-  if (threadIdx.x == 0) atomicAdd(&counts->made_static, unsigned(made));
-}
-
 __global__ void prune_keys_kernel(GaussiansSpan rows, StatisticsSpan statistics, PruneOrder order,
                                   Span<std::uint64_t> keys) {
   const std::size_t i = thread_number();
@@ -226,15 +215,6 @@ class CudaRowOps final : public RowOps {
                         int step) override {
     StageScope scope(context_, "relocate");
     return relocation_.run(model, rules, seed, step);
-  }
-
-  std::size_t make_static(TrainingModel& model, double least_time_scale) override {
-    StageScope scope(context_, "make_static");
-    if (!model.gaussians.has_time || model.count() == 0) return 0;
-    counts_.fill_zero();
-    launch(make_static_kernel, model.count(), model.gaussians.span(), moments_of(model),
-           least_time_scale, counts_.data());
-    return counts_.download()[0].made_static;
   }
 
   void measure_filter(TrainingModel& model, const std::vector<Camera>& cameras,

@@ -75,9 +75,9 @@ class RowOrderWorkspace {
 };
 
 /// 10  morton.cu: the numbers of all rows along the Morton curve of the means, in their bounding
-/// cube, equal codes by row number. Rows in space and time are ordered by their bin of time first,
-/// with static ones last; both other arrays are empty where rows have no time. The result lies in
-/// `workspace` like that of its sort().
+/// cube, equal codes by row number. Rows in space and time are ordered by their bin of time first;
+/// both other arrays are empty where rows have no time. The result lies in `workspace` like that of
+/// its sort().
 Span<const std::uint32_t> morton_order(Context& context, RowOrderWorkspace& workspace,
                                        Span<const Vec3f> means, Span<const float> time_means,
                                        Span<const float> log_time_scales);

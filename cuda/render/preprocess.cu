@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Stage 1: one splat per Gaussian; see gs_core/math/splat.h for the formulas, spacetime_splat.h for
-// those of Gaussians in space and time, spacetime_color.h for those whose colors change, and
-// filtered_splat.h for those with a 3D filter. A thread projects one Gaussian. The threads of a
+// those of Gaussians in space and time, and filtered_splat.h for those with a 3D filter. A thread projects one Gaussian. The threads of a
 // warp read the parameters of their 32 Gaussians together, in whole cache lines. They also share
 // the tile rows of the 32 splats evenly when they count tiles.
 // Faster-GS, fused activations, exact and balanced tile culling
@@ -12,7 +11,7 @@
 #include "cuda/render/sh_rows.cuh"
 #include "cuda/train/photo_rows.cuh"
 #include "gs_core/math/filtered_splat.h"
-#include "gs_core/math/spacetime_color.h"
+#include "gs_core/math/spacetime_splat.h"
 
 namespace gs::cuda {
 namespace {
@@ -23,7 +22,6 @@ struct Parameters {
       logit_opacity[kWarp];
   // of Gaussians in space and time
   float right_rotation[4 * kWarp], time_mean[kWarp], log_time_scale[kWarp];
-  float sh0_slope[3 * kWarp];  // of those whose colors change
 };
 
 struct WarpShared {
@@ -38,8 +36,8 @@ struct WarpShared {
   std::uint32_t hits[kWarp];  // tiles that each lane's splat hits
 };
 
-// One Gaussian's parameters without SH. Those of time, the filter and changes of color are
-// undefined where it has none.
+// One Gaussian's parameters without SH. Those of time and the filter are undefined where it has
+// none.
 struct Gaussian {
   Vec3f mean, log_scale, sh0;
   Quatf rotation;
@@ -47,7 +45,6 @@ struct Gaussian {
   Quatf right_rotation;
   float time_mean, log_time_scale;
   float filter_scale;
-  Vec3f sh0_slope;
 };
 
 __device__ Quatf quaternion_of(const float* rows, int lane) {
@@ -56,7 +53,7 @@ __device__ Quatf quaternion_of(const float* rows, int lane) {
 }
 
 // The whole warp: loads its Gaussians, all numbers at once, so that it waits for memory only once.
-template <bool has_time, bool has_filter, bool has_slope>
+template <bool has_time, bool has_filter>
 __device__ Gaussian load_gaussian(Parameters& shared, const GaussiansSpan& gaussians,
                                   std::size_t first, int rows) {
   start_copy<3>(shared.mean, numbers_from(gaussians.mean, first), rows);
@@ -69,8 +66,6 @@ __device__ Gaussian load_gaussian(Parameters& shared, const GaussiansSpan& gauss
     start_copy<1>(shared.time_mean, numbers_from(gaussians.time_mean, first), rows);
     start_copy<1>(shared.log_time_scale, numbers_from(gaussians.log_time_scale, first), rows);
   }
-  if constexpr (has_slope)
-    start_copy<3>(shared.sh0_slope, numbers_from(gaussians.sh0_slope, first), rows);
   Gaussian gaussian;
   const int lane = lane_of_thread();
   if constexpr (has_filter)
@@ -89,7 +84,6 @@ __device__ Gaussian load_gaussian(Parameters& shared, const GaussiansSpan& gauss
     gaussian.time_mean = shared.time_mean[lane];
     gaussian.log_time_scale = shared.log_time_scale[lane];
   }
-  if constexpr (has_slope) gaussian.sh0_slope = vector(shared.sh0_slope);
   __syncwarp();
   return gaussian;
 }
@@ -100,23 +94,16 @@ __device__ bool is_row_far_in_time(const GaussiansSpan& gaussians, std::size_t i
                         time);
 }
 
-__device__ SpacetimeShape<float> shape_of(const Gaussian& gaussian) {
-  return {gaussian.mean,          gaussian.log_scale, {gaussian.rotation, gaussian.right_rotation},
-          gaussian.logit_opacity, gaussian.time_mean, gaussian.log_time_scale};
-}
-
-// One Gaussian in the view. Where it is visible and has a time, its mean and color become those of
-// the moment.
-template <bool has_time, bool has_filter, bool has_slope>
+// One Gaussian in the view. Where it is visible and has a time, its mean becomes that of the
+// moment.
+template <bool has_time, bool has_filter>
 __device__ ProjectedGaussian<float> project(const Camera& camera, Gaussian& gaussian,
                                             const SplatSettings& settings) {
   if constexpr (has_time) {
-    const SpacetimeShape<float> shape = shape_of(gaussian);
-    const float time = time_of(camera, settings);
-    const ProjectedMoment<float> moment = project_shape(camera, shape, time, settings);
-    if constexpr (has_slope)
-      if (moment.projected.is_visible)
-        gaussian.sh0 = sh0_at(gaussian.sh0, gaussian.sh0_slope, phase_at(shape, time));
+    const SpacetimeShape<float> shape{
+        gaussian.mean,          gaussian.log_scale, {gaussian.rotation, gaussian.right_rotation},
+        gaussian.logit_opacity, gaussian.time_mean, gaussian.log_time_scale};
+    const ProjectedMoment<float> moment = project_shape(camera, shape, camera.time, settings);
     gaussian.mean = moment.mean;
     return moment.projected;
   } else if constexpr (has_filter) {
@@ -149,7 +136,7 @@ __device__ void store_in_lines(Splat* shared, Splat* first, const Splat& splat, 
 }
 
 // `Source` is a Camera, or a RefinedCamera.
-template <int degree, bool has_time, bool has_filter, bool has_slope, class Source>
+template <int degree, bool has_time, bool has_filter, class Source>
 __global__ void __launch_bounds__(kPreprocessThreads)
     preprocess_kernel(GaussiansSpan gaussians, Source source, SplatSettings settings, int tiles_x,
                       int tiles_y, Output out, Shard shard) {
@@ -163,20 +150,19 @@ __global__ void __launch_bounds__(kPreprocessThreads)
   const std::size_t to = shard.row_of_all(i);  // the row of what is written
   if constexpr (has_time) {
     // The Gaussians of a warp are neighbors in time: where one is far away, most are.
-    const float time = time_of(camera, settings);
-    const bool is_near = i < count && !is_row_far_in_time(gaussians, i, time);
+    const bool is_near = i < count && !is_row_far_in_time(gaussians, i, camera.time);
     if (!__any_sync(kAllLanes, is_near)) {
       if (i < count) cull(out.rows, to);
       return;
     }
   }
   Gaussian gaussian =
-      load_gaussian<has_time, has_filter, has_slope>(shared.parameters, gaussians, first, rows);
+      load_gaussian<has_time, has_filter>(shared.parameters, gaussians, first, rows);
 
   ProjectedGaussian<float> projected;
   Rect pixels{0, 0, 0, 0};
   if (i < count) {
-    projected = project<has_time, has_filter, has_slope>(camera, gaussian, settings);
+    projected = project<has_time, has_filter>(camera, gaussian, settings);
     if (projected.is_visible)
       pixels = pixels_of(settings.bounds, projected.splat.mean2d, projected.cov2d,
                          projected.splat.cutoff, tiles_x, tiles_y);
@@ -234,8 +220,7 @@ __global__ void __launch_bounds__(kPreprocessThreads)
   if (first >= count) return;  // the whole warp
   const int rows = int(min(count - first, std::size_t(kWarp)));
   const std::size_t to = shard.row_of_all(i);
-  Gaussian gaussian =
-      load_gaussian<false, has_filter, false>(shared.parameters, gaussians, first, rows);
+  Gaussian gaussian = load_gaussian<false, has_filter>(shared.parameters, gaussians, first, rows);
   bool has_sh = false;  // in shared memory
 #pragma unroll 1
   for (int p = 0; p < in.photos; ++p) {
@@ -243,7 +228,7 @@ __global__ void __launch_bounds__(kPreprocessThreads)
     ProjectedGaussian<float> projected;
     Rect pixels{0, 0, 0, 0};
     if (i < count) {
-      projected = project<false, has_filter, false>(photo.camera, gaussian, photo.settings);
+      projected = project<false, has_filter>(photo.camera, gaussian, photo.settings);
       if (projected.is_visible)
         pixels = pixels_of(photo.settings.bounds, projected.splat.mean2d, projected.cov2d,
                            projected.splat.cutoff, photo.tiles_x, photo.tiles_y);
@@ -301,7 +286,7 @@ void preprocess_batch(Context& context, const GaussiansSpan& gaussians,
                   depth_keys(settings.near_plane, settings.far_plane)}}};
   }
   with_form(photos[photos.size - 1].settings.sh_degree, gaussians,
-            [&](auto degree, auto, auto filter, auto) {
+            [&](auto degree, auto, auto filter) {
               context.launch("preprocess", preprocess_batch_kernel<degree(), filter()>,
                              blocks_for(count, kPreprocessThreads), kPreprocessThreads, gaussians,
                              in, shard);
@@ -319,9 +304,8 @@ void preprocess(Context& context, const GaussiansSpan& gaussians, const Camera& 
   const Output out{pass.splats.data(), settings.with_depths ? pass.depths.data() : nullptr,
                    projected_rows(settings, workspace, pass)};
   with_camera(camera, pose, [&]<class Source>(const Source& source) {
-    with_form(settings.sh_degree, gaussians, [&](auto degree, auto time, auto filter, auto slope) {
-      context.launch("preprocess",
-                     preprocess_kernel<degree(), time(), filter(), slope(), Source>,
+    with_form(settings.sh_degree, gaussians, [&](auto degree, auto time, auto filter) {
+      context.launch("preprocess", preprocess_kernel<degree(), time(), filter(), Source>,
                      blocks_for(count, kPreprocessThreads), kPreprocessThreads, gaussians, source,
                      settings, pass.tiles_x, pass.tiles_y, out, shard);
     });

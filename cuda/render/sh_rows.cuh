@@ -78,21 +78,19 @@ void with_sh_degree(int degree, F&& f) {
 }
 
 /// The same with std::true_type for Gaussians in space and time, else std::false_type; then for
-/// those with a 3D filter, which have no time; and then for those in time whose colors change.
+/// those with a 3D filter, which have no time.
 template <class F>
 void with_form(int degree, const GaussiansSpan& gaussians, F&& f) {
   GS_CHECK(!(gaussians.has_time && gaussians.has_filter));
   with_sh_degree(degree, [&](auto sh_degree) {
     constexpr std::true_type yes;
     constexpr std::false_type no;
-    if (gaussians.has_slope)
-      f(sh_degree, yes, no, yes);
-    else if (gaussians.has_time)
-      f(sh_degree, yes, no, no);
+    if (gaussians.has_time)
+      f(sh_degree, yes, no);
     else if (gaussians.has_filter)
-      f(sh_degree, no, yes, no);
+      f(sh_degree, no, yes);
     else
-      f(sh_degree, no, no, no);
+      f(sh_degree, no, no);
   });
 }
 

@@ -21,8 +21,7 @@ struct BatchSums {
     const bool has_sums = model.statistics.has_sums;
     // `touched` has its rows if all others have theirs.
     if (touched.size() == marks && gradients.count() == count &&
-        gradients.has_time == model.gaussians.has_time &&
-        gradients.has_slope == model.gaussians.has_slope && statistics.has_sums == has_sums)
+        gradients.has_time == model.gaussians.has_time && statistics.has_sums == has_sums)
       return;
     touched.resize_discard(0);
     take_learned_arrays(gradients, model.gaussians);

@@ -26,8 +26,7 @@ void preprocess_backward(Context& context, const GaussiansSpan& gaussians, const
                             numbers(gaussians.log_time_scale, gradients.log_time_scale),
                             dL_dmean2d.data,
                             settings.absolute_gradient};
-  launch(context, gaussians, camera, settings, workspace, pass, sink,
-         numbers(gaussians.sh0_slope, gradients.sh0_slope));
+  launch(context, gaussians, camera, settings, workspace, pass, sink);
 }
 
 void preprocess_backward_and_add(Context& context, const GaussiansSpan& gaussians,
@@ -53,8 +52,7 @@ void preprocess_backward_and_add(Context& context, const GaussiansSpan& gaussian
                           settings.absolute_gradient,
                           sums.touched.data()};
   with_camera(camera, pose, [&](const auto& source) {
-    launch(context, gaussians, source, settings, workspace, pass, sink,
-           numbers(gaussians.sh0_slope, to.sh0_slope), shard);
+    launch(context, gaussians, source, settings, workspace, pass, sink, shard);
   });
 }
 
@@ -69,17 +67,15 @@ void preprocess_backward_and_update(Context& context, TrainingModel& model, cons
       gather_into(model.statistics, density, settings, pass, workspace, shard);
   const bool is_absolute = density.gather_statistics && settings.absolute_gradient;
   const Regularizers of_each = density.regularizers.of_each(shard.count_of_all(model.count()));
-  const auto launch_sink = [&](const auto& source, const auto& sink, const auto& of) {
-    launch(context, rows, source, settings, workspace, pass, sink, slope_of(model, steps, of),
-           shard);
+  const auto launch_sink = [&](const auto& source, const auto& sink) {
+    launch(context, rows, source, settings, workspace, pass, sink, shard);
   };
   if (model.moment_form == MomentForm::tiny) {
     const auto by_codes = codes_by(rule, rounding);
     const auto sink = update_of<UpdateAll<AdamCodes>>(model, steps, gather, by_codes);
-    if (!pose && !is_absolute && !density.regularizers.any())
-      return launch_sink(camera, sink, by_codes);
+    if (!pose && !is_absolute && !density.regularizers.any()) return launch_sink(camera, sink);
     const UpdateAsAsked<AdamCodes> as_asked{sink, is_absolute, of_each};
-    with_camera(camera, pose, [&](const auto& source) { launch_sink(source, as_asked, by_codes); });
+    with_camera(camera, pose, [&](const auto& source) { launch_sink(source, as_asked); });
     return;
   }
   if (pose || rule.beta2 != AdamRule().beta2) {
@@ -87,7 +83,7 @@ void preprocess_backward_and_update(Context& context, TrainingModel& model, cons
     const auto by_rule = floats_by(rule);
     const auto sink = update_of<UpdateAll<AdamNumbersByRule>>(model, steps, gather, by_rule);
     const UpdateAsAsked<AdamNumbersByRule> as_asked{sink, is_absolute, of_each};
-    with_camera(camera, pose, [&](const auto& source) { launch_sink(source, as_asked, by_rule); });
+    with_camera(camera, pose, [&](const auto& source) { launch_sink(source, as_asked); });
     return;
   }
   const auto as_usual = [](const auto& p, const auto& m, const auto& v, const auto&,
@@ -96,9 +92,9 @@ void preprocess_backward_and_update(Context& context, TrainingModel& model, cons
   };
   const auto sink = update_of<UpdateByAdam>(model, steps, gather, as_usual);
   if (is_absolute || density.regularizers.any())
-    launch_sink(camera, UpdateAsAsked<AdamNumbers>{sink, is_absolute, of_each}, as_usual);
+    launch_sink(camera, UpdateAsAsked<AdamNumbers>{sink, is_absolute, of_each});
   else
-    launch_sink(camera, sink, as_usual);
+    launch_sink(camera, sink);
 }
 
 }  // namespace gs::cuda

@@ -13,7 +13,7 @@
 #include "cuda/train/row_updates.cuh"
 #include "cuda/train/updates_of_codes.cuh"
 #include "gs_core/math/filtered_splat.h"
-#include "gs_core/math/spacetime_color.h"
+#include "gs_core/math/spacetime_splat.h"
 
 namespace gs::cuda {
 
@@ -22,12 +22,12 @@ inline constexpr int kGradientThreads = kWarp;
 inline constexpr int kBasisStride =
     kShBasisCount + 1;  // odd, so that 32 rows begin in different banks
 
-template <class Numbers, class Rows>
+template <class Numbers>
 struct GradientShared : CodeRows<Numbers::kHasCodes> {
   // of the parameters, and what goes along; aligned for copies of 16 bytes
   alignas(16) float sh_rows[kFloatArrays<Numbers>][kWarp * kShRowNumbers];
   union {
-    Rows numbers;                         // parameters at first, gradients in the end
+    RowNumbers numbers;                   // parameters at first, gradients in the end
     struct {                              // between
       float basis[kWarp * kBasisStride];  // of the viewing direction of each Gaussian
       float dL_dcolor[kWarp * 3];         // zero where a Gaussian is not visible
@@ -136,16 +136,14 @@ __device__ inline RowGradient pull_back_filtered(const Camera& camera, const Sha
   return {project_shape_vjp(camera, shape.mean, shape.log_scale, shape.rotation,
                             shape.logit_opacity, filter_scale, settings, dL_dsplat)};
 }
-// The same in space and time. `by_color` is the color's part of dL/d(mean at the moment), and
-// `by_phase` is dL/dphase, or NoPhase where colors do not change.
-template <class PhaseGradient>
-__device__ RowGradient pull_back_in_time(const Camera& camera, const Shape& shape,
-                                         const SplatSettings& settings,
-                                         const SplatGradient& dL_dsplat, const Vec3f& by_color,
-                                         const PhaseGradient& by_phase) {
+// The same in space and time. `by_color` is the color's part of dL/d(mean at the moment).
+__device__ inline RowGradient pull_back_in_time(const Camera& camera, const Shape& shape,
+                                                const SplatSettings& settings,
+                                                const SplatGradient& dL_dsplat,
+                                                const Vec3f& by_color) {
   RowGradient gradient{};
-  gradient.take(project_shape_vjp(camera, shape.in_spacetime(), time_of(camera, settings), settings,
-                                  dL_dsplat, by_color, by_phase));
+  gradient.take(
+      project_shape_vjp(camera, shape.in_spacetime(), camera.time, settings, dL_dsplat, by_color));
   return gradient;
 }
 
@@ -162,7 +160,7 @@ struct Input {
 };
 
 template <class Sink>
-using SharedOf = GradientShared<typename Sink::Numbers, RowNumbersOf<Sink>>;
+using SharedOf = GradientShared<typename Sink::Numbers>;
 
 // The whole warp: those of rows first .. first + 31 that `which` has.
 template <int degree, bool has_time, class Sink, class Source, class Which>
@@ -194,7 +192,6 @@ __device__ void pull_back_rows(SharedOf<Sink>& shared, const Input<Source>& in, 
   const Shape shape = shares.row(shared.numbers, rows, which);
   SplatGradient dL_dsplat{};
   RowGradient gradient{};
-  Vec3f by_slope(0.0f);
   Vec2f by_mean2d(0.0f);
   if (is_visible) {
     dL_dsplat = masked(sum, color);
@@ -203,21 +200,10 @@ __device__ void pull_back_rows(SharedOf<Sink>& shared, const Input<Source>& in, 
   }
   if constexpr (has_time) {
     // The color's part of the mean reaches the time, too, so that it comes first.
-    const Vec3f mean =
-        is_visible ? mean_at(shape.in_spacetime(), time_of(camera, in.settings)) : Vec3f(0.0f);
+    const Vec3f mean = is_visible ? mean_at(shape.in_spacetime(), camera.time) : Vec3f(0.0f);
     const Vec3f by_color = color_backward<degree>(shared, mean, camera, first, rows, is_visible,
                                                   dL_dsplat.color, sink.sh_rest, which);
-    if constexpr (kHasSlope<Sink>) {
-      const float by_phase = float(kSh0) * inner(shape.sh0_slope, dL_dsplat.color);
-      if (is_visible) {
-        gradient = pull_back_in_time(camera, shape, in.settings, dL_dsplat, by_color, by_phase);
-        by_slope = dL_dsplat.color *
-                   (float(kSh0) * phase_at(shape.in_spacetime(), time_of(camera, in.settings)));
-      }
-    } else {
-      if (is_visible)
-        gradient = pull_back_in_time(camera, shape, in.settings, dL_dsplat, by_color, NoPhase());
-    }
+    if (is_visible) gradient = pull_back_in_time(camera, shape, in.settings, dL_dsplat, by_color);
   } else {
     if constexpr (kHasFilter<Sink>) {
       if (is_visible)
@@ -233,7 +219,6 @@ __device__ void pull_back_rows(SharedOf<Sink>& shared, const Input<Source>& in, 
   if (is_row) sink.note(i, statistics, by_mean2d, is_visible);
   __syncwarp();
   stage<has_time>(shared.numbers, gradient);
-  if constexpr (kHasSlope<Sink>) stage_slope(shared.numbers, by_slope);
   __syncwarp();
   shares.finish(sink, first, rows, which, shared.numbers, shared);
 }
@@ -273,11 +258,10 @@ __global__ void __launch_bounds__(kGradientThreads, Sink::kSkipsInvisible ? 10 :
   }
 }
 
-// `sh0_slope` is null where colors do not change.
 template <class Sink, class Source>
 void launch(Context& context, const GaussiansSpan& gaussians, const Source& camera,
             const RenderSettings& settings, Workspace& workspace, RenderPass& pass,
-            const Sink& sink, const typename Sink::Numbers& sh0_slope, const Shard& shard = {}) {
+            const Sink& sink, const Shard& shard = {}) {
   const Input<Source> in{gaussians.mean.size,
                          camera,
                          settings,
@@ -290,13 +274,10 @@ void launch(Context& context, const GaussiansSpan& gaussians, const Source& came
     context.launch("preprocess backward", kernel, blocks_for(in.count, kRows), kGradientThreads, in,
                    to);
   };
-  with_form(settings.sh_degree, gaussians, [&](auto degree, auto time, auto filter, auto slope) {
+  with_form(settings.sh_degree, gaussians, [&](auto degree, auto time, auto filter) {
     if constexpr (filter())
       launch_with(preprocess_backward_kernel<degree(), false, WithFilter<Sink>, Source>,
                   WithFilter<Sink>{sink, gaussians.filter_scale.data});
-    else if constexpr (slope())
-      launch_with(preprocess_backward_kernel<degree(), true, WithSlope<Sink>, Source>,
-                  WithSlope<Sink>{sink, sh0_slope});
     else
       launch_with(preprocess_backward_kernel<degree(), time(), Sink, Source>, sink);
   });
@@ -360,14 +341,6 @@ Sink update_of(const TrainingModel& model, const AdamSteps& steps, const GatherS
          places.time_mean),
       of(rows.log_time_scale, m.log_time_scale, v.log_time_scale, codes.log_time_scale,
          steps.log_time_scale, places.log_time_scale)};
-}
-
-// The same of the changes of color, of the numbers that such a sink takes.
-template <class Numbers>
-auto slope_of(const TrainingModel& model, const AdamSteps& steps, Numbers&& of) {
-  return of(model.gaussians.sh0_slope.span(), model.first_moment.sh0_slope.span(),
-            model.second_moment.sh0_slope.span(), model.codes.sh0_slope.span(), steps.sh0_slope,
-            number_places().sh0_slope);
 }
 
 }  // namespace gs::cuda

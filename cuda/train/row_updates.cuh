@@ -21,20 +21,14 @@ struct RowNumbers {
   // of Gaussians in space and time
   float right_rotation[4 * kWarp], time_mean[kWarp], log_time_scale[kWarp];
 };
-/// The same with colors that change.
-struct SlopeRowNumbers : RowNumbers {
-  float sh0_slope[3 * kWarp];
-};
 
-/// The parameters of one Gaussian without color. Those of time and the change of color are
-/// undefined where it has none.
+/// The parameters of one Gaussian without color. Those of time are undefined where it has none.
 struct Shape {
   Vec3f mean, log_scale;
   Quatf rotation;
   float logit_opacity;
   Quatf right_rotation;
   float time_mean, log_time_scale;
-  Vec3f sh0_slope;
 
   __device__ SpacetimeShape<float> in_spacetime() const {
     return {mean, log_scale, {rotation, right_rotation}, logit_opacity, time_mean, log_time_scale};
@@ -189,20 +183,6 @@ inline constexpr bool kHasFilter = false;
 template <class Sink>
 inline constexpr bool kHasFilter<WithFilter<Sink>> = true;
 
-/// The same for Gaussians in space and time whose colors change.
-template <class Sink>
-struct WithSlope : Sink {
-  typename Sink::Numbers sh0_slope;
-};
-template <class Sink>
-inline constexpr bool kHasSlope = false;
-template <class Sink>
-inline constexpr bool kHasSlope<WithSlope<Sink>> = true;
-
-/// The numbers of a warp's rows that a sink takes.
-template <class Sink>
-using RowNumbersOf = std::conditional_t<kHasSlope<Sink>, SlopeRowNumbers, RowNumbers>;
-
 /// This lane's share of one quantity of a warp's rows, which have kInRow numbers each. `which` is
 /// EveryRow or SomeRows; numbers of other rows are neither read nor written.
 template <int kInRow, class Numbers>
@@ -284,41 +264,6 @@ struct TimeShares<Sink, false> {
                          const RandomSource&) {}
 };
 
-/// This lane's share of the changes of color; none where colors do not change.
-template <class Sink>
-struct SlopeShares {
-  template <class Which>
-  __device__ SlopeShares(const Sink&, std::size_t, int, Which) {}
-  template <class Which>
-  __device__ void lay_out(int, Which, RowNumbers&) const {}
-  __device__ void read(const RowNumbers&, int, Shape&) const {}
-  template <class Which, class RandomSource>
-  __device__ void finish(const Sink&, std::size_t, int, Which, const RowNumbers&,
-                         const RandomSource&) {}
-};
-template <class Base>
-struct SlopeShares<WithSlope<Base>> {
-  using Sink = WithSlope<Base>;
-  Share<3, typename Sink::Numbers> sh0_slope;
-
-  template <class Which>
-  __device__ SlopeShares(const Sink& sink, std::size_t first, int rows, Which which)
-      : sh0_slope(sink.sh0_slope, first, rows, which) {}
-  template <class Which>
-  __device__ void lay_out(int rows, Which which, SlopeRowNumbers& shared) const {
-    sh0_slope.lay_out(rows, which, shared.sh0_slope);
-  }
-  __device__ void read(const SlopeRowNumbers& shared, int lane, Shape& shape) const {
-    const float* const slope = shared.sh0_slope + 3 * lane;
-    shape.sh0_slope = {slope[0], slope[1], slope[2]};
-  }
-  template <class Which, class RandomSource>
-  __device__ void finish(const Sink& sink, std::size_t first, int rows, Which which,
-                         const SlopeRowNumbers& gradients, const RandomSource& random) {
-    sh0_slope.finish(sink.sh0_slope, first, rows, which, gradients.sh0_slope, random);
-  }
-};
-
 /// This lane's shares of all quantities without SH.
 template <class Sink, bool has_time>
 struct Shares {
@@ -327,24 +272,21 @@ struct Shares {
   Share<4, Numbers> rotation;
   Share<1, Numbers> logit_opacity;
   TimeShares<Sink, has_time> time;
-  SlopeShares<Sink> slope;
 
   template <class Which>
   __device__ Shares(const Sink& sink, std::size_t first, int rows, Which which)
       : mean(sink.mean, first, rows, which), log_scale(sink.log_scale, first, rows, which),
         sh0(sink.sh0, first, rows, which), rotation(sink.rotation, first, rows, which),
-        logit_opacity(sink.logit_opacity, first, rows, which), time(sink, first, rows, which),
-        slope(sink, first, rows, which) {}
+        logit_opacity(sink.logit_opacity, first, rows, which), time(sink, first, rows, which) {}
   /// The whole warp: returns this lane's row of parameters; the lanes exchange them through shared
   /// memory.
   template <class Which>
-  __device__ Shape row(RowNumbersOf<Sink>& shared, int rows, Which which) const {
+  __device__ Shape row(RowNumbers& shared, int rows, Which which) const {
     mean.lay_out(rows, which, shared.mean);
     log_scale.lay_out(rows, which, shared.log_scale);
     rotation.lay_out(rows, which, shared.rotation);
     logit_opacity.lay_out(rows, which, shared.logit_opacity);
     time.lay_out(rows, which, shared);
-    slope.lay_out(rows, which, shared);
     __syncwarp();
     const int lane = lane_of_thread();
     const auto vector = [&](const float* of) {
@@ -357,20 +299,18 @@ struct Shares {
     shape.rotation = {q[0], q[1], q[2], q[3]};
     shape.logit_opacity = shared.logit_opacity[lane];
     time.read(shared, lane, shape);
-    slope.read(shared, lane, shape);
     __syncwarp();
     return shape;
   }
   template <class Which, class RandomSource>
   __device__ void finish(const Sink& sink, std::size_t first, int rows, Which which,
-                         const RowNumbersOf<Sink>& gradients, const RandomSource& random) {
+                         const RowNumbers& gradients, const RandomSource& random) {
     mean.finish(sink.mean, first, rows, which, gradients.mean, random);
     log_scale.finish(sink.log_scale, first, rows, which, gradients.log_scale, random);
     sh0.finish(sink.sh0, first, rows, which, gradients.sh0, random);
     rotation.finish(sink.rotation, first, rows, which, gradients.rotation, random);
     logit_opacity.finish(sink.logit_opacity, first, rows, which, gradients.logit_opacity, random);
     time.finish(sink, first, rows, which, gradients, random);
-    slope.finish(sink, first, rows, which, gradients, random);
   }
 };
 
@@ -396,11 +336,6 @@ __device__ void stage(RowNumbers& to, const RowGradient& gradient) {
     to.time_mean[lane] = gradient.time_mean;
     to.log_time_scale[lane] = gradient.log_time_scale;
   }
-}
-
-/// The same for the gradient of a color that changes.
-__device__ inline void stage_slope(SlopeRowNumbers& to, const Vec3f& gradient) {
-  for (int c = 0; c < 3; ++c) to.sh0_slope[3 * lane_of_thread() + c] = gradient[c];
 }
 
 /// An array as plain numbers, or codes as floats of the same bits.

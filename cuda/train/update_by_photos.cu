@@ -245,14 +245,13 @@ void update_by_photos(Context& context, TrainingModel& model, Span<const PhotoRo
     context.launch("update by photos", kernel, blocks_for(in.count, kWarp), kWarp, in, sink);
   };
   const auto launch_sink = [&]<class Sink>(const Sink& sink) {
-    with_form(settings.sh_degree, model.gaussians.span(),
-              [&](auto degree, auto, auto filter, auto) {
-                if constexpr (filter())
-                  launch_with(update_by_photos_kernel<degree(), WithFilter<Sink>>,
-                              WithFilter<Sink>{sink, model.gaussians.filter_scale.data()});
-                else
-                  launch_with(update_by_photos_kernel<degree(), Sink>, sink);
-              });
+    with_form(settings.sh_degree, model.gaussians.span(), [&](auto degree, auto, auto filter) {
+      if constexpr (filter())
+        launch_with(update_by_photos_kernel<degree(), WithFilter<Sink>>,
+                    WithFilter<Sink>{sink, model.gaussians.filter_scale.data()});
+      else
+        launch_with(update_by_photos_kernel<degree(), Sink>, sink);
+    });
   };
   if (model.moment_form == MomentForm::tiny) {
     const auto by_codes = codes_by(rule, rounding);

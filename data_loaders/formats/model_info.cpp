@@ -98,19 +98,8 @@ void measure(const Gaussians& gaussians, const std::vector<std::size_t>& rows, M
   info.has_time = gaussians.has_time;
   if (info.has_time) {
     gather([&](std::size_t i) { return gaussians.log_time_scale[i]; });
-    info.static_count = std::size_t(
-        std::count_if(values.begin(), values.end(), [](float value) { return is_static(value); }));
     info.median_time_scale = std::exp(percentile(values, 0.5));
   }
-  info.has_slope = gaussians.has_slope;
-  if (info.has_slope) {
-    gather([&](std::size_t i) {
-      const Vec3f& slope = gaussians.sh0_slope[i];
-      return float(kSh0) * std::max({std::abs(slope.x), std::abs(slope.y), std::abs(slope.z)});
-    });
-    info.median_color_change = percentile(values, 0.5);
-  }
-
   const auto share_of = [&](auto&& holds) {
     const auto count = std::count_if(
         rows.begin(), rows.end(), [&](std::size_t i) { return holds(gaussians.logit_opacity[i]); });

@@ -33,9 +33,6 @@ struct ModelInfo {
   float solid_share = 0;             // opacity above 0.9
   bool has_time = false;             // Gaussians in space and time
   float median_time_scale = 0;       // of those, in durations of the scene
-  std::size_t static_count = 0;      // of those, the static ones (math/spacetime.h)
-  bool has_slope = false;            // their colors change
-  float median_color_change = 0;     // of those, the largest channel's in one standard deviation
   std::vector<Suspicion> suspicions;
 };
 

@@ -32,12 +32,8 @@ std::string describe(const ModelInfo& info) {
       fmt::format("opacity:       {:.1f} % below 1/255, {:.1f} % below 0.05, {:.1f} % above 0.9\n",
                   100 * info.faint_share, 100 * info.thin_share, 100 * info.solid_share);
   if (info.has_time)
-    text += fmt::format(
-        "in time:       yes; median scale {:.3g} of the scene's duration; {} are static\n",
-        info.median_time_scale, info.static_count);
-  if (info.has_slope)
-    text += fmt::format("colors:        change; by {:.3g} in a scale in time (median)\n",
-                        info.median_color_change);
+    text += fmt::format("in time:       yes; median scale {:.3g} of the scene's duration\n",
+                        info.median_time_scale);
   for (const Suspicion& suspicion : info.suspicions) {
     text += fmt::format("suspicious:    {}\n", suspicion.sentence);
   }
@@ -60,11 +56,7 @@ std::string to_json_text(const ModelInfo& info) {
   json["opacity_below_1_255"] = info.faint_share;
   json["opacity_below_0_05"] = info.thin_share;
   json["opacity_above_0_9"] = info.solid_share;
-  if (info.has_time) {
-    json["median_time_scale"] = info.median_time_scale;
-    json["static_count"] = info.static_count;
-  }
-  if (info.has_slope) json["median_color_change"] = info.median_color_change;
+  if (info.has_time) json["median_time_scale"] = info.median_time_scale;
   json["suspicions"] = Json::object();
   for (const Suspicion& suspicion : info.suspicions)
     json["suspicions"][suspicion.key] = suspicion.count;

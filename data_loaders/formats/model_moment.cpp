@@ -6,7 +6,7 @@
 
 #include "gs_core/geometry/symmetric_eigen.h"
 #include "gs_core/math/quaternion.h"
-#include "gs_core/math/spacetime_color.h"
+#include "gs_core/math/spacetime_splat.h"
 #include "gs_core/threads/parallel.h"
 
 namespace gs {
@@ -50,8 +50,6 @@ void write_moment(const Gaussians& from, std::size_t from_row, double time, cons
   to.rotation[i] = {float(q.w), float(q.x), float(q.y), float(q.z)};
   to.logit_opacity[i] = float(logit(sigmoid(shape.logit_opacity) * moment.marginal));
   to.sh0[i] = from.sh0[from_row];
-  if (from.has_slope)
-    to.sh0[i] = sh0_at(to.sh0[i], from.sh0_slope[from_row], float(phase_at(shape, time)));
   to.sh_rest[i] = from.sh_rest[from_row];
 }
 

@@ -65,7 +65,6 @@ nlohmann::ordered_json about(const RunProgress& progress, const TrainingModel& m
 constexpr std::uint64_t kHasTime = 1;          // those of space and time
 constexpr std::uint64_t kHasSums = 2;          // sums over fragments, of density control
 constexpr std::uint64_t kHasFilter = 4;        // that of the 3D filter
-constexpr std::uint64_t kHasSlope = 8;         // colors that change; only with kHasTime
 constexpr std::uint64_t kHasPhotometric = 16;  // those of a photometric model, which are no rows
 constexpr std::uint64_t kHasPoses = 32;        // those of poses, which are no rows either
 constexpr std::uint64_t kIsTiny = 256;         // moments as codes, in place of those as floats
@@ -76,6 +75,7 @@ struct RemovedKind {
   const char* what;
 };
 constexpr RemovedKind kRemovedKinds[] = {
+    {8, "colors that change in time (model.time_colors)"},
     {64, "moments as codes of 32 bits (optimizer.moments = \"compact\")"},
     {128, "updates of SH that were left for later (optimizer.lazy)"},
 };
@@ -83,14 +83,12 @@ constexpr RemovedKind kRemovedKinds[] = {
 std::uint64_t kind_of(const TrainingModel& model) {
   return (model.gaussians.has_time ? kHasTime : 0) | (model.statistics.has_sums ? kHasSums : 0) |
          (model.gaussians.has_filter ? kHasFilter : 0) |
-         (model.gaussians.has_slope ? kHasSlope : 0) |
          (model.photometric.empty() ? 0 : kHasPhotometric) | (model.poses.empty() ? 0 : kHasPoses) |
          (model.moment_form == MomentForm::tiny ? kIsTiny : 0);
 }
 
 void set_kind(TrainingModel& model, std::uint64_t kind) {
   model.gaussians.has_time = kind & kHasTime;
-  model.gaussians.has_slope = kind & kHasSlope;
   model.moment_form = kind & kIsTiny ? MomentForm::tiny : MomentForm::floats;
   model.set_learned_arrays(model.gaussians);
   model.statistics.has_sums = kind & kHasSums;
@@ -98,9 +96,9 @@ void set_kind(TrainingModel& model, std::uint64_t kind) {
 }
 
 bool is_kind(std::uint64_t kind) {
-  return kind <= (kHasTime | kHasSums | kHasFilter | kHasSlope | kHasPhotometric | kHasPoses |
-                  kIsTiny) &&
-         (!(kind & kHasSlope) || (kind & kHasTime));
+  constexpr std::uint64_t kKnown =
+      kHasTime | kHasSums | kHasFilter | kHasPhotometric | kHasPoses | kIsTiny;
+  return (kind & ~kKnown) == 0;
 }
 
 struct ViewNumbers {

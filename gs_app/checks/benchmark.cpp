@@ -165,7 +165,6 @@ TrainingSize benchmark_size(const Gaussians& gaussians, const std::vector<View>&
   size.has_sums = size.has_pixel_values = size.has_depth_maps = size.recolors = false;
   size.depth_pixels = 0;
   size.has_time = gaussians.has_time;
-  size.has_slope = gaussians.has_slope;
   size.has_filter = gaussians.has_filter;
   return size;
 }

@@ -60,7 +60,6 @@ void draw_motion(const Random& random, const Gaussians& to, std::size_t i) {
                           r.z + kTilt * tilt.w};
   to.time_mean[i] = 0.2f + 0.6f * u.x;
   to.log_time_scale[i] = -u.y;
-  to.sh0_slope[i] = xyz(random.uniform4(i, kTimeDraws + 2)) - Vec3f(0.5f);
 }
 
 /// Camera `index` of the ring, a little above or below its plane, looking at the center.
@@ -100,7 +99,7 @@ Image8 random_photo(const SceneRecipe& recipe, int index) {
 GeneratedScene generated_scene(const SceneRecipe& recipe) {
   GeneratedScene scene;
   const Random random{recipe.seed, RandomStream::test};
-  scene.model.gaussians.has_time = scene.model.gaussians.has_slope = recipe.moves;
+  scene.model.gaussians.has_time = recipe.moves;
   scene.model.gaussians.resize(recipe.gaussians);
   parallel_for(recipe.gaussians, 1024,
                [&](std::size_t i) { draw_gaussian(recipe, random, scene.model.gaussians, i); });

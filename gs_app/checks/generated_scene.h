@@ -23,7 +23,7 @@ struct SceneRecipe {
   float sigma_low = 0.5f, sigma_high = 7;
   float opacity_low = 0.05f, opacity_high = 0.95f;
   std::uint64_t seed = 1;
-  bool moves = false;  // Gaussians in space and time whose colors change
+  bool moves = false;  // Gaussians in space and time
 };
 
 struct GeneratedScene {

@@ -36,9 +36,7 @@ constexpr GaussianArrays<SlopeStepOf> kSteps{{0.004f, kMovingTolerance},
                                              true,
                                              {0.02f, kMovingTolerance},
                                              {0.01f, kMovingTolerance},
-                                             {0.01f, kMovingTolerance},
-                                             true,
-                                             {0.02f, kFixedTolerance}};
+                                             {0.01f, kMovingTolerance}};
 
 struct SmallScene {
   std::string name;

@@ -84,7 +84,6 @@ Gaussians joined(const std::vector<NamedModel>& models) {
     const Gaussians& part = named.model.model.gaussians;
     all.has_time = part.has_time;
     all.has_filter = part.has_filter;
-    all.has_slope |= part.has_slope;  // zeros where colors do not change
     count += part.count();
   }
   all.resize(count);

@@ -119,7 +119,6 @@ std::string results_json(const Results& results) {
                {"peak_host_bytes", peak_host_bytes()}};
   if (const auto& changes = uncommitted_changes()) json["uncommitted"] = changes->hash;
   if (const CudaBuild cuda = built_cuda(); !cuda.toolkit.empty()) json["cuda"] = cuda.toolkit;
-  if (results.num_static) json["num_static"] = *results.num_static;
   add_network(results.test.lpips_source ? results.test.lpips_source : results.train.lpips_source,
               json);
   if (const Vec3d& offset = results.world_offset; offset != Vec3d(0.0))

@@ -18,8 +18,7 @@ inline constexpr std::size_t kTrainViewsShown = 8;  // training views in results
 struct Results {
   int iterations = 0;
   std::size_t num_gaussians = 0;
-  std::optional<std::size_t> num_static;  // of those in space and time, the static ones
-  std::size_t removed_floaters = 0;       // at the end (gs_train/density/floaters.h)
+  std::size_t removed_floaters = 0;  // at the end (gs_train/density/floaters.h)
   double train_seconds = 0;
   Evaluation test, train;  // train: of a few views, evenly chosen
   std::string device;
@@ -52,8 +51,7 @@ std::optional<std::size_t> gpu_bytes(Backend& backend);
 /// "spread_after"}. With a photometric model "test" and "train" hold PSNR and SSIM as "psnr_photometric" (the picture as the photo shows it: predicted in
 /// "test", learned in "train") and "psnr_cc" (the picture with colors fitted to the photo), and
 /// "photometric" is {"model", "rule", "spreads"}. Where poses were refined while training, "poses"
-/// has the fields of PoseChange, and "train" is measured at the refined poses. Of Gaussians in
-/// space and time "num_static" says how many are static (math/spacetime.h). Where views have depth
+/// has the fields of PoseChange, and "train" is measured at the refined poses. Where views have depth
 /// maps, "test" and "train" hold "depth_error", the mean relative error of the rendered depth
 /// (metrics/depth_error.h).
 std::string results_json(const Results& results);

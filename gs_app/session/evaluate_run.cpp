@@ -10,7 +10,6 @@
 #include "gs_core/training_memory.h"
 #include "gs_train/metrics/depth_error.h"
 #include "gs_train/poses/poses.h"
-#include "gs_train/static_rows.h"
 
 namespace gs {
 namespace {
@@ -121,8 +120,6 @@ Results results_of(Trainer& trainer) {
   results.iterations = trainer.step();
   results.num_gaussians = trainer.gaussian_count();
   results.removed_floaters = trainer.removed_floaters();
-  if (trainer.model().gaussians.has_time)
-    results.num_static = static_count(trainer.model().gaussians);
   results.train_seconds = trainer.train_seconds();
   results.device = trainer.backend().name();
   results.seed = trainer.config().train.seed;

@@ -56,19 +56,6 @@ void check_kind(const std::filesystem::path& file, const GaussianModel& model,
              "or start from one moment of it that `gemsplat export --time T` has written"));
 }
 
-// Gives the Gaussians of a run whose colors change slopes, zeros, where they have none. Throws
-// UsageError for slopes that the run would lose.
-void check_colors(const std::filesystem::path& file, Gaussians& gaussians, const Config& config) {
-  if (gaussians.has_slope == config.model.time_colors) return;
-  if (gaussians.has_slope)
-    throw UsageError(file.string() +
-                     " holds Gaussians whose colors change with time; add --set "
-                     "model.time_colors=true");
-  gaussians.has_slope = true;
-  gaussians.sh0_slope.resize(gaussians.count());
-  gaussians.sh0_slope.fill_zero();
-}
-
 // If the run trains with a 3D filter and the start has one, takes the scales and opacities before
 // it. The trainer measures the filter again.
 void take_raw_model(const Config& config, OpenedModel& opened) {
@@ -165,7 +152,6 @@ TrainingState state_from_model(const Config& config, const Scene& scene) {
   GaussianModel model = read_start(config, scene);
   const int degree = std::min(model.sh_degree, config.model.sh_degree);
   zero_above_degree(model.gaussians, degree);
-  check_colors(config.model.start_from, model.gaussians, config);
   log_info("training starts from the {} Gaussians in {}, SH degree {}",
            with_commas(model.gaussians.count()), config.model.start_from, degree);
   TrainingState state;

@@ -64,7 +64,6 @@ struct ModelConfig {
   float random_box = 0;              // half the edge of the box of random points; 0: by cameras
   int most_points = 2000000;         // to start from; denser clouds are downsampled
   bool dynamic = false;              // Gaussians in space and time, for scenes that move
-  bool time_colors = false;          // their colors change during their lives
   float initial_time_scale = 0.45f;  // standard deviation, as a fraction of the scene's duration
   bool filter_3d = false;  // no Gaussian is smaller than the photos can show (Mip-Splatting)
   SkyModel sky = SkyModel::none;
@@ -121,10 +120,9 @@ struct OptimizerConfig {
   float sh_rest_lr = 2.5e-4f;
   float time_mean_lr = 8e-4f;
   float log_time_scale_lr = 5e-3f;
-  float time_color_lr = 2.5e-3f;  // of the changes of sh0
-  int cooldown_from = 24000;      // all rates fall from this step on, ...
-  float cooldown_share = 0.03f;   // ... to this share of themselves at the last one; 1: they do not
-  float beta2 = 0.999f;           // of Adam, for one photo
+  int cooldown_from = 24000;     // all rates fall from this step on, ...
+  float cooldown_share = 0.03f;  // ... to this share of themselves at the last one; 1: they do not
+  float beta2 = 0.999f;          // of Adam, for one photo
   MomentForm moments = MomentForm::floats;
 };
 
@@ -163,7 +161,6 @@ struct DensityConfig {
   float scale_regularizer = 0;       // weight of the mean scale in the loss
   float time_scale_regularizer = 0;  // weight of the mean of 1 / scale in time
   float velocity_regularizer = 0;    // weight of the mean squared velocity
-  float static_after = 0;  // durations; Gaussians that live longer become 3D ones; 0: none
   StatisticsWindow window = StatisticsWindow::epoch;
   // for budgeted only: docs/density.md
   GrowthScore score = GrowthScore::force;
@@ -223,9 +220,8 @@ struct TrainConfig {
   bool rank_processes = false;  // by a process instead
   float rank_deadline = 30;     // seconds without a sign of life after which a rank ends the run
   float photo_gib = 4;          // GPU memory for photos; others are copied when they are needed
-  float time_noise = 0;      // on the times of photos, in mean intervals between them
-  int extra_steps = 0;       // after the schedule's last step, at its final rates
-  int checkpoint_every = 0;  // steps; 0: about a minute; -1: only when the run is stopped
+  int extra_steps = 0;          // after the schedule's last step, at its final rates
+  int checkpoint_every = 0;     // steps; 0: about a minute; -1: only when the run is stopped
   int log_every = 100;
   std::vector<int> save_steps;  // besides the last one
   std::vector<int> test_steps;  // besides the last one

@@ -91,7 +91,6 @@ void visit_fields(AnyConfig& config, Visitor&& visit) {
   field("model.sky",                    model.sky,                    "",            one_of<SkyModel>(),      retrain, "sphere: Gaussians far outside of the scene at the start, wherever photos agree on a color that no sparse point explains; for scenes that stand still", "docs/data.md");
   field("model.dynamic",                model.dynamic,                "",            any(),                   retrain, "Gaussians in space and time, for scenes that move; the photos need times (docs/data.md)", "Yang et al. 2024");
   field("model.initial_time_scale",     model.initial_time_scale,     "duration",    above(0),                retrain, "standard deviation in time of a Gaussian at the start, if dynamic", "Yang et al. 2024");
-  field("model.time_colors",            model.time_colors,            "",            any(),                   retrain, "if dynamic, the color of a Gaussian may change during its life, in a straight line");
   field("model.filter_3d",              model.filter_3d,              "",            any(),                   retrain, "widen each Gaussian by a 3D filter as wide as the finest detail that the training photos can show of it, so that close-ups have no thin artifacts; best with render.antialias; not if dynamic", kMip);
 
   auto& render = config.render;
@@ -136,7 +135,6 @@ void visit_fields(AnyConfig& config, Visitor&& visit) {
   field("optimizer.sh_rest_lr",         optimizer.sh_rest_lr,         "",            at_least(0),             retrain, "learning rate of SH degrees 1 to 3", kKerbl);
   field("optimizer.time_mean_lr",       optimizer.time_mean_lr,       "duration",    at_least(0),             retrain, "learning rate of the means in time, if model.dynamic");
   field("optimizer.log_time_scale_lr",  optimizer.log_time_scale_lr,  "",            at_least(0),             retrain, "learning rate of the logarithms of the scales in time, if model.dynamic", "Yang et al. 2024");
-  field("optimizer.time_color_lr",      optimizer.time_color_lr,      "",            at_least(0),             retrain, "learning rate of the changes of SH degree 0, if model.time_colors");
   field("optimizer.cooldown_from",      optimizer.cooldown_from,      "steps",       steps_from(0),           retrain, "the cooldown, in which all learning rates fall, begins after this step of a 30,000-step run", "Hägele et al. 2024");
   field("optimizer.cooldown_share",     optimizer.cooldown_share,     "",            above(0),                retrain, "share of each learning rate that is left at the last step; during the cooldown the rates fall exponentially; 1: no cooldown", "docs/schedule.md");
   field("optimizer.beta2",              optimizer.beta2,              "",            between(0.5, 0.99999),   retrain, "share of its second moments that Adam keeps at each photo; it remembers some 1 / (1 - beta2) photos", "Kingma & Ba 2015");
@@ -168,7 +166,6 @@ void visit_fields(AnyConfig& config, Visitor&& visit) {
   field("density.scale_regularizer",    density.scale_regularizer,    "1/world units", at_least(0),             retrain, "weight of the mean scale in the loss; the preset mcmc has 0.01", kMcmc);
   field("density.time_scale_regularizer", density.time_scale_regularizer, "duration",  at_least(0),             retrain, "if model.dynamic, weight in the loss of the mean of 1 / scale in time, so that Gaussians live long");
   field("density.velocity_regularizer", density.velocity_regularizer, "(duration/world units)^2", at_least(0),  retrain, "if model.dynamic, weight in the loss of the mean squared velocity");
-  field("density.static_after",         density.static_after,         "durations",   at_least(0),             retrain, "if model.dynamic, a Gaussian with a larger standard deviation in time that hardly moves becomes static, a 3D Gaussian that is the same at all times; 0: none does");
 
   field("density.score",                density.score,                "",            one_of<GrowthScore>(),   retrain, "by what budgeted chooses: the mean image-plane gradient; how much pixels disagree about an opacity (force); error of the render, number of pixels with a large one (mask), or edges of the photo in the pixels of a Gaussian", "docs/density.md");
   field("density.window",               density.window,               "",            one_of<StatisticsWindow>(), retrain, "photos whose statistics count in a refinement: all since the one before, or those of the last whole epoch, if it lies between them", "LiteGS");
@@ -228,7 +225,6 @@ void visit_fields(AnyConfig& config, Visitor&& visit) {
   field("train.rank_processes",         train.rank_processes,         "",            any(),                   nothing, "each rank is a process, which gemsplat starts, on GPUs with one each (needs NCCL); srun and mpirun start their own (docs/ranks.md)");
   field("train.rank_deadline",          train.rank_deadline,          "seconds",     between(0.1, 86400),     nothing, "a rank that shows no sign of life for so long ends the run");
   field("train.photo_gib",              train.photo_gib,              "GiB",         at_least(0),             nothing, "GPU memory for photos; photos that do not fit are copied one step ahead");
-  field("train.time_noise",             train.time_noise,             "intervals",   at_least(0),             retrain, "if model.dynamic, standard deviation of noise on the times of photos, in mean intervals between them; it falls to 0 at half of the steps", "Yang et al. 2024b");
   field("train.extra_steps",            train.extra_steps,            "steps",       steps_from(0),           proceed, "added after the schedule's last step, at its final learning rates; not scaled; --iterations +N sets it for a finished run");
   field("train.checkpoint_every",       train.checkpoint_every,       "steps",       steps_from(-1),          nothing, "interval between checkpoints; 0: one minute, or longer if that would cost over 1 % of the time; -1: only when the run is stopped");
   field("train.log_every",              train.log_every,              "steps",       steps_from(1),           nothing, "interval between rows of metrics.csv");

@@ -8,6 +8,12 @@ namespace {
 
 // clang-format off
 constexpr RemovedSetting kSettings[] = {
+    {"model.time_colors", "false",
+     "Gaussians no longer change their colors, which gained nothing on photos of the whole size; remove the line"},
+    {"optimizer.time_color_lr", "*", ""},
+    {"density.static_after", "0.0|0",
+     "Gaussians in space and time no longer become static, since few did and nothing was gained; remove the line"},
+    {"train.time_noise", "0.0|0", "the times of photos have no noise any more, which changed nothing; remove the line"},
     {"optimizer.lazy", R"("offload"|"off"|"auto")",
      "updates of SH are no longer left for later, which saved no time beside optimizer.moments = \"tiny\"; remove the line"},
     {"train.offload", R"("auto"|"none")",

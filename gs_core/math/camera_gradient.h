@@ -47,18 +47,15 @@ GS_HD Ellipsoid ellipsoid_at(const GaussiansSpan& gaussians, std::size_t i, floa
                                     logit_opacity,
                                     gaussians.time_mean[i],
                                     gaussians.log_time_scale[i]};
-  if (is_static(shape))
-    return ellipsoid_of(mean, log_scale, static_rotation(rotation), logit_opacity);
   const Moment<float> moment = condition(covariance(shape), time - shape.time_mean);
   return {mean + moment.shift, moment.covariance, sigmoid(logit_opacity) * moment.marginal};
 }
 
-/// camera_vjp() of row i, which is visible, with its color. Colors that change with the time have
-/// the same gradient, since only SH degree 0 changes.
+/// camera_vjp() of row i, which is visible, with its color.
 GS_HD CameraGradient<float> camera_vjp(const GaussiansSpan& gaussians, std::size_t i,
                                        const Camera& camera, const SplatSettings& settings,
                                        const SplatGradient& dL_dsplat) {
-  const Ellipsoid ellipsoid = ellipsoid_at(gaussians, i, time_of(camera, settings));
+  const Ellipsoid ellipsoid = ellipsoid_at(gaussians, i, camera.time);
   const Vec3f eye = camera.position(), direction = unit_direction(eye, ellipsoid.mean);
   float dL_dbasis[kShBasisCount];
   const Vec3f* const sh_rest = gaussians.sh_rest[i].coefficient;

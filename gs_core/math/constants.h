@@ -40,10 +40,6 @@ inline constexpr float kMinQuaternionNorm2 = 1e-8f;     // below it a Gaussian i
 inline constexpr float kMinMarginal = 0.05f;            // a Gaussian whose opacity is scaled by less is not rendered [FGS]
 inline constexpr float kMinTimeVariance = 1e-8f;        // durations^2; below it a velocity would exceed float
 inline constexpr float kMaxLogTimeScale = 3.0f;         // a longer life counts as this one: 20 durations
-inline constexpr float kStaticLogTimeScale = 4.75f;     // the mark of a static Gaussian, above the longest life, so that 1 - marginal < 4e-4
-inline constexpr double kStaticWay = 0.25;              // of its own size: most that a Gaussian which becomes static moves in the scene
-inline constexpr double kStaticColorChange = 0.02;      // most that the color of such a Gaussian changes in the scene
-inline constexpr double kStaticLeastAxis = 0.1;         // of the longest axis: shorter ones count as this size
 
 // Spherical harmonics, normalization of the real basis functions.
 inline constexpr double kSh0 = 0.28209479177387814;     // 1/2 sqrt(1/pi)

@@ -1,6 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Stage 8: Adam with moments that are codes, which are rounded at random; and the moments of rows
-// in both of their forms.
+// Stage 8: Adam with moments that are codes, which are rounded at random.
 #pragma once
 
 #include "gs_core/gaussians.h"
@@ -48,19 +47,17 @@ GS_HD std::uint32_t random_of_number(std::uint32_t of_row, int number) {
   return of_row + std::uint32_t(number) * 0x9E3779B1u;
 }
 
-/// The place of each quantity's first number in its row, for random_of_number(). Both rotations
-/// have the same, so that the right one of a static Gaussian stays the mirror of the left one:
-/// numbers of opposite sign are rounded alike.
+/// The place of each quantity's first number in its row, for random_of_number(). Both rotations have
+/// the same.
 template <class T>
 using PlaceOf = int;
 using NumberPlaces = GaussianArrays<PlaceOf>;
 inline NumberPlaces number_places() {
   NumberPlaces places{0, 3, 6, 10, 11, 14};
-  places.has_time = places.has_slope = true;
+  places.has_time = true;
   places.right_rotation = places.rotation;
   places.time_mean = 59;
   places.log_time_scale = 60;
-  places.sh0_slope = 61;
   return places;
 }
 
@@ -96,8 +93,6 @@ struct MomentCodes : GaussianArrays<CodedBuffer> {
                                     CodedBuffer<float>(memory),
                                     CodedBuffer<float>(memory),
                                     false,
-                                    CodedBuffer<Vec3f>(memory),
-                                    false,
                                     CodedBuffer<float>(memory)} {}
 
   MomentCodesSpan span() const {
@@ -107,13 +102,6 @@ struct MomentCodes : GaussianArrays<CodedBuffer> {
                    *this);
     return result;
   }
-};
-
-/// Adam's moments of rows, in the form that they have; the arrays of the other form are empty.
-struct MomentsSpan {
-  MomentForm form = MomentForm::floats;
-  GaussiansSpan first, second;
-  MomentCodesSpan codes;
 };
 
 }  // namespace gs

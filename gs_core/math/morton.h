@@ -48,13 +48,10 @@ GS_HD std::uint32_t interval_of_life(float time_mean, float log_time_scale) {
   return std::uint32_t(intervals + min_of(int(t * float(intervals)), intervals - 1));
 }
 
-inline constexpr int kSpacetimeCodeBits = 3 * kMortonBits + 1;
 /// The Morton code of a Gaussian in space and time, with its interval of life as the highest bits;
-/// as many of the lowest bits are lost. Static Gaussians come behind all others, so that most warps
-/// have either kind.
+/// as many of the lowest bits are lost.
 GS_HD std::uint64_t spacetime_code(std::uint64_t code, float time_mean, float log_time_scale) {
   constexpr int kLifeBits = kMostTimeHalvings + 1;
-  if (is_static(log_time_scale)) return std::uint64_t(1) << (kSpacetimeCodeBits - 1) | code;
   return std::uint64_t(interval_of_life(time_mean, log_time_scale))
              << (3 * kMortonBits - kLifeBits) |
          code >> kLifeBits;

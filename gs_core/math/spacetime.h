@@ -112,33 +112,6 @@ GS_HD QuatPair<T> turn_of_space(const Quat<T>& q) {
   return {{q.w, q.z, -q.y, q.x}, {q.w, q.z, -q.y, -q.x}};
 }
 
-/// A static Gaussian is the same 3D Gaussian at all times. Its arrays hold numbers that every reader
-/// of Gaussians in space and time draws as that, to within 4e-4 of its opacity:
-///
-///   log_time_scale = kStaticLogTimeScale exactly, which marks it
-///   time_mean      = 0.5
-///   rotation       = l, right_rotation = mirrored(l): the pair is turn_of_space(static_rotation(l))
-///
-/// Here `rotation` alone counts. Gradients by both times are 0, and the gradient by right_rotation is
-/// the mirrored one of `rotation`. So Adam, which treats numbers alike that differ in sign, keeps
-/// the pair a turn of space to the last bit.
-template <class T>
-GS_HD bool is_static(const T& log_time_scale) {
-  return log_time_scale == T(kStaticLogTimeScale);
-}
-/// The right quaternion of a pair that turns space alone, from the left one.
-template <class T>
-GS_HD Quat<T> mirrored(const Quat<T>& left) {
-  return {left.w, left.x, left.y, -left.z};
-}
-/// The rotation in 3D of such a pair, from the left quaternion. Since it exchanges two components
-/// and changes a sign, it is its own inverse and its own transpose: the gradient by the left
-/// quaternion is static_rotation() of the gradient by the result.
-template <class T>
-GS_HD Quat<T> static_rotation(const Quat<T>& left) {
-  return {left.w, left.z, -left.y, left.x};
-}
-
 /// Symmetric 4x4 matrix in the parts that a moment needs. A gradient held in it is the matrix G with
 /// dL = sum_ij G_ij dS_ij, as in Sym3: `mixed` holds half of the derivative by the stored entry.
 template <class T>
@@ -245,29 +218,6 @@ GS_HD ConditionGradient<T> condition_vjp(const SpacetimeCovariance<T>& S, const 
   dL.elapsed = a * (along - decay * elapsed);
   return dL;
 }
-
-/// The time since a Gaussian's mean in time, in its own standard deviations: u = dt / sqrt(S_tt).
-/// Since the marginal is exp(-u^2 / 2), |u| is at most 2.45 where the Gaussian is rendered.
-template <class T>
-GS_HD T phase(const SpacetimeCovariance<T>& S, const T& elapsed) {
-  using std::sqrt;
-  return elapsed / sqrt(S.time);
-}
-/// Adds the gradients of phase(S, dt) to those of condition(): du/ddt = 1 / sqrt(S_tt),
-/// du/dS_tt = -u / (2 S_tt).
-template <class T>
-GS_HD void add_phase_vjp(const SpacetimeCovariance<T>& S, const T& elapsed, const T& dL_dphase,
-                         ConditionGradient<T>& dL) {
-  using std::sqrt;
-  const T by_elapsed = dL_dphase / sqrt(S.time);
-  dL.elapsed += by_elapsed;
-  dL.S.time -= T(0.5) * by_elapsed * elapsed / S.time;
-}
-/// Stands for dL/dphase where nothing depends on it; costs nothing.
-struct NoPhase {};
-template <class T>
-GS_HD void add_phase_vjp(const SpacetimeCovariance<T>&, const T&, const NoPhase&,
-                         ConditionGradient<T>&) {}
 
 /// Whether a Gaussian is rendered at `elapsed` after its mean in time.
 template <class T>

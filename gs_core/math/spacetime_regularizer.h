@@ -27,11 +27,10 @@ GS_HD bool has_velocity(const SpacetimeCovariance<T>& S) {
 ///
 ///   w_t / s_t + w_v |v|^2,   w of_each(), s_t the scale in time, v the velocity
 ///
-/// A Gaussian without a velocity has the first part alone, and a static one adds nothing.
+/// A Gaussian without a velocity has the first part alone.
 template <class T>
 GS_HD T spacetime_regularizer(const SpacetimeShape<T>& shape, const Regularizers& of_each) {
   using std::exp;
-  if (is_static(shape)) return T(0);
   const T by_time = T(of_each.time_scale) * exp(-limited_log_time_scale(shape.log_time_scale));
   const SpacetimeCovariance<T> S = covariance(shape);
   if (!has_velocity(S)) return by_time;
@@ -44,7 +43,6 @@ template <class T>
 GS_HD void add_spacetime_regularizer_vjp(const SpacetimeShape<T>& shape,
                                          const Regularizers& of_each, SpacetimeShape<T>& dL) {
   using std::exp;
-  if (is_static(shape)) return;
   const bool is_limited = lives_longest(shape.log_time_scale);
   if (!is_limited) dL.log_time_scale -= T(of_each.time_scale) * exp(-shape.log_time_scale);
   if (of_each.velocity == 0 || is_degenerate(shape.rotations)) return;

@@ -52,16 +52,7 @@ GS_HD Vec4<T> variance(const Vec3<T>& log_scale, const T& log_time_scale) {
   return {v.x, v.y, v.z, exp(T(2) * limited_log_time_scale(log_time_scale))};
 }
 template <class T>
-GS_HD bool is_static(const SpacetimeShape<T>& shape) {
-  return is_static(shape.log_time_scale);
-}
-template <class T>
 GS_HD SpacetimeCovariance<T> covariance(const SpacetimeShape<T>& shape) {
-  using std::exp;
-  if (is_static(shape))
-    return {covariance(rotation_matrix(static_rotation(shape.rotations.left)),
-                       variance(shape.log_scale)),
-            Vec3<T>(T(0)), exp(T(2) * shape.log_time_scale)};
   return covariance(rotation_matrix(shape.rotations),
                     variance(shape.log_scale, shape.log_time_scale));
 }
@@ -85,14 +76,7 @@ GS_HD bool is_far_in_time(const Vec3<T>& log_scale, const T& time_mean, const T&
 /// Where the mean of a Gaussian is at a time.   world units
 template <class T>
 GS_HD Vec3<T> mean_at(const SpacetimeShape<T>& shape, const T& time) {
-  if (is_static(shape)) return shape.mean;
   return shape.mean + velocity(covariance(shape)) * (time - shape.time_mean);
-}
-
-/// The moment that a view shows.
-template <class T>
-GS_HD T time_of(const PinholeCamera<T>& camera, const SplatSettings& settings) {
-  return camera.time + T(settings.time_shift);
 }
 
 /// A Gaussian of space and time in a view, and its mean at the moment.
@@ -109,10 +93,6 @@ template <class T>
 GS_HD ProjectedMoment<T> project_shape(const PinholeCamera<T>& camera,
                                        const SpacetimeShape<T>& shape, const T& time,
                                        const SplatSettings& settings) {
-  if (is_static(shape))
-    return {project_shape(camera, shape.mean, shape.log_scale,
-                          static_rotation(shape.rotations.left), shape.logit_opacity, settings),
-            shape.mean};
   if (is_degenerate(shape.rotations)) return {};
   const Moment<T> moment = condition(covariance(shape), time - shape.time_mean);
   if (!is_alive(moment.marginal)) return {};
@@ -135,32 +115,15 @@ GS_HD ProjectedGaussian<T> project_gaussian(const PinholeCamera<T>& camera,
   return moment.projected;
 }
 
-/// project_shape_vjp() of a static Gaussian. Nothing depends on its times; spacetime.h says why the right
-/// quaternion has a gradient.
-template <class T>
-GS_HD SpacetimeShape<T> static_shape_vjp(const PinholeCamera<T>& camera,
-                                         const SpacetimeShape<T>& shape,
-                                         const SplatSettings& settings,
-                                         const BasicSplatGradient<T>& dL_dsplat,
-                                         const Vec3<T>& dL_dmean) {
-  const GaussianGradient<T> dL =
-      project_shape_vjp(camera, shape.mean, shape.log_scale, static_rotation(shape.rotations.left),
-                        shape.logit_opacity, settings, dL_dsplat);
-  const Quat<T> left = static_rotation(dL.rotation);
-  return {dL.mean + dL_dmean, dL.log_scale, {left, mirrored(left)}, dL.logit_opacity, T(0), T(0)};
-}
 /// Gradients of project_shape() by the parameters, for a Gaussian that was visible.
 ///
 /// dL_dmean   what the color adds to dL/d(mean at the moment)
-/// dL_dphase  by phase(), of colors that change (spacetime_color.h): a T or NoPhase
-template <class T, class PhaseGradient = NoPhase>
+template <class T>
 GS_HD SpacetimeShape<T> project_shape_vjp(const PinholeCamera<T>& camera,
                                           const SpacetimeShape<T>& shape, const T& time,
                                           const SplatSettings& settings,
                                           const BasicSplatGradient<T>& dL_dsplat,
-                                          const Vec3<T>& dL_dmean,
-                                          const PhaseGradient& dL_dphase = {}) {
-  if (is_static(shape)) return static_shape_vjp(camera, shape, settings, dL_dsplat, dL_dmean);
+                                          const Vec3<T>& dL_dmean) {
   const Mat4<T> R = rotation_matrix(shape.rotations);
   const Vec4<T> variances = variance(shape.log_scale, shape.log_time_scale);
   const SpacetimeCovariance<T> S = covariance(R, variances);
@@ -175,9 +138,8 @@ GS_HD SpacetimeShape<T> project_shape_vjp(const PinholeCamera<T>& camera,
   gradient.mean = dL.mean + dL_dmean;
   gradient.logit_opacity = sigmoid_vjp(opacity, dL.opacity * moment.marginal);
   // The moment: to the covariance in 4D and the mean in time.
-  ConditionGradient<T> dL_condition =
+  const ConditionGradient<T> dL_condition =
       condition_vjp(S, elapsed, moment, Moment<T>{dL.sigma, gradient.mean, dL.opacity * opacity});
-  add_phase_vjp(S, elapsed, dL_dphase, dL_condition);
   gradient.time_mean = -dL_condition.elapsed;
   const SpacetimeCovarianceGradient<T> dL_covariance = covariance_vjp(R, variances, dL_condition.S);
   const Vec4<T> dL_dlog = T(2) * variances * dL_covariance.variance;

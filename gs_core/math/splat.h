@@ -21,7 +21,6 @@ struct SplatSettings {
   bool antialias = false;                     // smaller dilation with opacity compensation
   bool antialias_detach = true;               // no gradient from the compensation to the covariance
   float near_plane = 0.2f, far_plane = 1e4f;  // world units along the viewing axis
-  float time_shift = 0;                       // added to the camera's time
 };
 
 /// The stored parameters of one Gaussian (gaussians.h).

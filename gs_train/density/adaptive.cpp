@@ -19,7 +19,7 @@ class AdaptiveControl final : public DensityControl {
                                     prune_scale_within(config, scene_extent)},
         prune_scale_(prune_scale_of(config, scene_extent)), random_{config.train.seed,
                                                                     RandomStream::split_gaussians},
-        regularizers_(regularizers_of(config)), density_(config.density) {}
+        regularizers_(regularizers_of(config)) {}
 
   DensityStep of_step(int step) const override {
     return {.gather_statistics = schedule_.gather_statistics(step), .regularizers = regularizers_};
@@ -33,7 +33,6 @@ class AdaptiveControl final : public DensityControl {
       rules.region = region();
       if (schedule_.prune_large(step)) rules.prune_scale = prune_scale_;
       report = backend.rows().refine(model, rules, random_, step);
-      make_static(model, backend, density_, report);
     }
     if (schedule_.reset_opacity(step)) backend.rows().reset_opacity(model, kResetOpacity);
     return report;
@@ -45,7 +44,6 @@ class AdaptiveControl final : public DensityControl {
   const float prune_scale_;  // world units
   const Random random_;
   const Regularizers regularizers_;
-  const DensityConfig density_;
 };
 
 }  // namespace

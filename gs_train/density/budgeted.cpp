@@ -46,7 +46,6 @@ class BudgetedControl final : public DensityControl {
     RefineReport report;
     if (schedule_.refine(step)) {
       report = backend.rows().grow(model, rules_in(step, model), seed_, step);
-      make_static(model, backend, density_, report);
       if (density_.opacity_cap < 1) backend.rows().reset_opacity(model, density_.opacity_cap);
     }
     report.pruned += prune(model, backend, step);

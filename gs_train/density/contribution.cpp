@@ -16,7 +16,6 @@ ContributionMeter::ContributionMeter(Renderer& renderer, const GaussiansSpan& ga
       pass_(renderer.memory()), shares_(gaussians.mean.size) {
   sh0_.fill_zero();  // gray, so that no channel is clamped
   gaussians_.sh0 = sh0_.span();
-  gaussians_.has_slope = false;
   settings_.sh_degree = 0;
   settings_.background = Vec3f(0);
   settings_.absolute_gradient = false;

@@ -40,12 +40,6 @@ float prune_scale_within(const Config& config, float scene_extent) {
   return config.model.sky == SkyModel::none ? std::numeric_limits<float>::infinity() : scene_extent;
 }
 
-void make_static(TrainingModel& model, Backend& backend, const DensityConfig& density,
-                 RefineReport& report) {
-  if (density.static_after > 0 && model.gaussians.has_time)
-    report.made_static = backend.rows().make_static(model, double(density.static_after));
-}
-
 std::unique_ptr<DensityControl> make_density_control(const Config& config, const Schedule& schedule,
                                                      float scene_extent) {
   return row_named(kStrategies, config.density.strategy, "density.strategy")

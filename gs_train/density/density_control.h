@@ -58,10 +58,6 @@ Regularizers regularizers_of(const Config& config);
 float prune_scale_of(const Config& config, float scene_extent);
 /// AdaptiveRules::prune_scale_within: the scene's extent in a scene with a sky, else infinity.
 float prune_scale_within(const Config& config, float scene_extent);
-/// The last part of a refinement under every strategy: density.static_after. Adds to the report.
-void make_static(TrainingModel& model, Backend& backend, const DensityConfig& density,
-                 RefineReport& report);
-
 /// The names of all strategies.
 std::vector<std::string> density_strategies();
 

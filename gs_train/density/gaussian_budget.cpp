@@ -13,15 +13,14 @@ namespace {
 constexpr double kShareOfFree = 0.85;  // the rest is for other programs and for fragmentation
 constexpr double kShareOfGpu = 0.9;    // training_bytes() is within a tenth of the truth
 constexpr double kBytesOfPixel = 256;
-constexpr double kBytesOfTimeParameters = 24, kBytesOfSlope = 12;
+constexpr double kBytesOfTimeParameters = 24;
 constexpr double kBytesOfStatistics = 8;
 constexpr double kTimeParametersAtATime = 6;  // their moments, gradients and scratch with them
 
 }  // namespace
 
 std::int64_t gaussians_for(const RoomForGaussians& room) {
-  const double time =
-      (room.has_time ? kBytesOfTimeParameters : 0) + (room.has_slope ? kBytesOfSlope : 0);
+  const double time = room.has_time ? kBytesOfTimeParameters : 0;
   const double parameters = kParameterBytes + time;
   const double sums = room.batch > 1 ? parameters + kBytesOfStatistics : 0;
   const double of_gaussian = kGaussianBytesOnCpu + kTimeParametersAtATime * time + sums -
@@ -48,14 +47,12 @@ std::int64_t affordable_gaussians(const Scene& scene, const TrainingModel& model
   const std::size_t free = memory.free_bytes();
   std::int64_t count;
   if (&memory == &host_memory()) {
-    count =
-        gaussians_for({free, std::size_t(pictures.pixels), model.count(), model.gaussians.has_time,
-                       config.train.batch, model.gaussians.has_slope, config.optimizer.moments});
+    count = gaussians_for({free, std::size_t(pictures.pixels), model.count(),
+                           model.gaussians.has_time, config.train.batch, config.optimizer.moments});
   } else {
     TrainingSize size = training_size(config, pictures, 0);
     size.growth = RowGrowth::by_need;
     size.has_time = model.gaussians.has_time;
-    size.has_slope = model.gaussians.has_slope;
     size.has_filter = model.gaussians.has_filter;
     // Photos that stay on the GPU are there.
     size.photo_bytes =

@@ -16,7 +16,6 @@ struct RoomForGaussians {
   std::size_t present;     // Gaussians, which are part of the memory in use
   bool has_time = false;   // they have a place in time
   int batch = 1;           // photos of one update
-  bool has_slope = false;  // their colors change
   MomentForm moments = MomentForm::floats;
 };
 
@@ -29,7 +28,6 @@ struct RoomForGaussians {
 ///                         in a view about 320
 ///   moments as codes      236 less, 354 if they are tiny, and half of that again
 ///   in time               six more parameters: 24 bytes where there are 236
-///   colors that change    three more: 12 bytes
 ///   in batches            sums of the gradients 236, and of the statistics 8
 ///   scores                sums over fragments 16: what the 2048 have in reserve
 ///   3D filter             one number, 4: of the same reserve

@@ -29,10 +29,8 @@ class McmcControl final : public DensityControl {
 
   RefineReport after_step(TrainingModel& model, Backend& backend, int step) override {
     if (!schedule_.refine(step)) return {};
-    RefineReport report = backend.rows().relocate(
-        model, {density_.prune_opacity, grown(model.count()), region()}, seed_, step);
-    make_static(model, backend, density_, report);
-    return report;
+    return backend.rows().relocate(model, {density_.prune_opacity, grown(model.count()), region()},
+                                   seed_, step);
   }
 
  private:

@@ -123,7 +123,6 @@ TrainingModel initial_model(const Scene& scene, const Config& config, Memory& me
 
   Gaussians start(host_memory());
   start.has_time = config.model.dynamic;
-  start.has_slope = config.model.time_colors;
   start.resize(points.size() + sky.points.size());
   parallel_for(points.size(), 256, [&](std::size_t i) {
     const float distance2 =
@@ -135,7 +134,6 @@ TrainingModel initial_model(const Scene& scene, const Config& config, Memory& me
     set_row(start, points.size() + i, sky.points[i], std::log(kSkyScale * sky.spacing),
             kSkyOpacity);
   if (start.has_time) spread_in_time(start, config);
-  if (start.has_slope) start.sh0_slope.fill_zero();
 
   TrainingModel model(memory);
   model.moment_form = config.optimizer.moments;

@@ -56,9 +56,6 @@ const Config& without_file(const Config& config) {
 }
 
 void check_model(const Config& config) {
-  if (config.model.time_colors && !config.model.dynamic)
-    throw UsageError(
-        "model.time_colors is for scenes that move; leave it out, or train with -c dynamic");
   if (config.model.filter_3d && config.model.dynamic)
     throw UsageError(
         "model.filter_3d is for scenes that stand still; leave it out, or train without "
@@ -80,18 +77,6 @@ Vec3f random_background(const Config& config, int step) {
   const Random random{config.train.seed, RandomStream::background};
   const Vec4f u = random.uniform4(std::uint64_t(step));
   return {u.x, u.y, u.z};
-}
-
-// Early in training each photo stands for a little more than its own moment, so that Gaussians
-// learn what moments have in common.   Yang et al. 2024, "Deformable 3D Gaussians", annealed
-// smoothing
-float time_shift(const TrainingRun& run, int step) {
-  const float strength = run.config.train.time_noise;
-  const float left = 1 - 2 * float(step) / float(run.schedule.steps());
-  if (strength == 0 || left <= 0 || run.scene.time_count < 2) return 0;
-  const Random random{run.config.train.seed, RandomStream::time_shift};
-  const float interval = 1 / float(run.scene.time_count - 1);
-  return strength * interval * left * random.normal4(std::uint64_t(step), 0).x;
 }
 
 std::vector<std::uint32_t> visible_rows(const Gaussians& gaussians) {
@@ -239,7 +224,6 @@ void Trainer::take_batch(int last_step) {
 RenderSettings Trainer::settings_of(int step) {
   if (run_.config.render.background == Background::random)
     run_.settings.background = random_background(run_.config, step);
-  if (run_.model.gaussians.has_time) run_.settings.time_shift = time_shift(run_, step);
   return run_.settings;
 }
 

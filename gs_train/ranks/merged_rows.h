@@ -34,9 +34,6 @@ class MergedRows final : public RowOps {
                         int step) override {
     return merged(model).relocate(model, rules, seed, step);
   }
-  std::size_t make_static(TrainingModel& model, double least_time_scale) override {
-    return merged(model).make_static(model, least_time_scale);
-  }
   void measure_filter(TrainingModel& model, const std::vector<Camera>& cameras,
                       float near_plane) override {
     merged(model).measure_filter(model, cameras, near_plane);

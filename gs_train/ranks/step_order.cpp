@@ -22,7 +22,7 @@ struct ShardHead {
   std::uint64_t rows, first_count;
   int adam_steps;
   MomentForm moment_form;
-  bool has_time, has_slope, has_filter, has_sums;
+  bool has_time, has_filter, has_sums;
 };
 
 ShardHead head_of(const Deal& deal, const TrainingModel& shard) {
@@ -33,14 +33,12 @@ ShardHead head_of(const Deal& deal, const TrainingModel& shard) {
           shard.adam_steps,
           shard.moment_form,
           gaussians.has_time,
-          gaussians.has_slope,
           gaussians.has_filter,
           shard.statistics.has_sums};
 }
 
 void take_shape(const ShardHead& head, TrainingModel& shard) {
   shard.gaussians.has_time = head.has_time;
-  shard.gaussians.has_slope = head.has_slope;
   shard.gaussians.has_filter = head.has_filter;
   shard.moment_form = head.moment_form;
   shard.statistics.has_sums = head.has_sums;

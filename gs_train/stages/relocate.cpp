@@ -60,7 +60,7 @@ void share_sources(TrainingModel& model, const std::vector<std::uint32_t>& sourc
     const SharedGaussian shared =
         shared_gaussian(rows.logit_opacity[i], rows.log_scale[i], drawn[i] + 1, least_opacity);
     rows.logit_opacity[i] = shared.logit_opacity;
-    write_log_scale(rows.span(), i, shared.log_scale);
+    rows.log_scale[i] = shared.log_scale;
     clear_moments(model, i);
   });
 }

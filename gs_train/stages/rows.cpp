@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Stage 9: operations on whole rows: clone, split, prune, make static, opacity reset;
+// Stage 9: operations on whole rows: clone, split, prune, opacity reset;
 // and the gather they share.
 #include <atomic>
 #include <cmath>
@@ -11,7 +11,6 @@
 #include "gs_core/threads/parallel.h"
 #include "gs_train/row_rules.h"
 #include "gs_train/stages/scalar_stages.h"
-#include "gs_train/static_rows.h"
 
 namespace gs {
 namespace {
@@ -122,20 +121,6 @@ class ScalarRowOps final : public RowOps {
     return gs::relocate(model, rules, seed, step);
   }
 
-  std::size_t make_static(TrainingModel& model, double least_time_scale) override {
-    const GaussiansSpan rows = model.gaussians.span();
-    const MomentsSpan moments = moments_of(model);
-    if (!rows.has_time) return 0;
-    std::atomic<std::size_t> found = 0;
-    parallel_chunks(model.count(), 1024, [&](std::size_t begin, std::size_t end) {
-      std::size_t made = 0;
-      for (std::size_t i = begin; i < end; ++i)
-        made += gs::make_static(rows, moments, i, least_time_scale);
-      found += made;
-    });
-    return found;
-  }
-
   void measure_filter(TrainingModel& model, const std::vector<Camera>& cameras,
                       float near_plane) override {
     gs::measure_filter(model, cameras, near_plane);
@@ -186,7 +171,6 @@ class ScalarRowOps final : public RowOps {
     });
     return found;
   }
-
 
   void sort_by_morton(TrainingModel& model) override {
     const Gaussians& rows = model.gaussians;

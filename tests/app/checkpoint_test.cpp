@@ -32,11 +32,10 @@ using ::testing::HasSubstr;
 
 /// A model in which all numbers differ, in the state after some step.
 TrainingState telling_state(std::size_t gaussians, int step, bool has_time = false,
-                            bool has_slope = false, MomentForm form = MomentForm::floats) {
+                            MomentForm form = MomentForm::floats) {
   TrainingState state;
   state.model.moment_form = form;
   state.model.gaussians.has_time = has_time;
-  state.model.gaussians.has_slope = has_slope;
   state.model.gaussians.resize(gaussians);
   clear_history(state.model);
   float next = float(step);
@@ -207,30 +206,19 @@ TEST_F(Checkpoints, WithA3dFilterComeBackBitForBit) {
             checkpoint_bytes(telling_state(100, 12).model, 4) + 400);
 }
 
-TEST_F(Checkpoints, WithColorsThatChangeComeBackBitForBit) {
-  const TrainingState expected = telling_state(100, 12, true, true);
-  fs::create_directories(path());
-  write_checkpoint(file(12), telling_config(), telling_scene(), expected.progress, expected.model);
-  const TrainingModel read = read_checkpoint(file(12)).state.model;
-  ASSERT_TRUE(read.gaussians.has_slope);
-  EXPECT_TRUE(same_bits(read, expected.model));
-  EXPECT_EQ(checkpoint_bytes(expected.model, 4),
-            checkpoint_bytes(telling_state(100, 12, true).model, 4) + 3 * 1200);
-}
-
 TEST_F(Checkpoints, WithMomentsAsCodesComeBackBitForBitAndAreSmaller) {
   for (const bool has_time : {false, true}) {
-    const TrainingState expected = telling_state(100, 12, has_time, has_time, MomentForm::tiny);
+    const TrainingState expected = telling_state(100, 12, has_time, MomentForm::tiny);
     fs::create_directories(path());
     write_checkpoint(file(12), telling_config(), telling_scene(), expected.progress,
                      expected.model);
     const TrainingModel read = read_checkpoint(file(12)).state.model;
     ASSERT_EQ(read.moment_form, MomentForm::tiny);
     EXPECT_TRUE(same_bits(read, expected.model));
-    const unsigned saved = MomentForm::tiny == MomentForm::tiny ? 6 : 4;  // bytes of a number
+    constexpr unsigned saved = 6;  // bytes of a number
     EXPECT_EQ(checkpoint_bytes(expected.model, 4),
-              checkpoint_bytes(telling_state(100, 12, has_time, has_time).model, 4) -
-                  100 * (has_time ? 68 : 59) * saved);
+              checkpoint_bytes(telling_state(100, 12, has_time).model, 4) -
+                  100 * (has_time ? 65 : 59) * saved);
     EXPECT_NEAR(double(fs::file_size(file(12))), double(checkpoint_bytes(expected.model, 4)),
                 16384);
   }
@@ -326,7 +314,8 @@ TEST_F(Checkpoints, OfVersionsWithMoreSettingsAreReadWhereTheseChangedNothing) {
 TEST_F(Checkpoints, WithWhatWasRemovedSayWhatItIs) {
   ASSERT_TRUE(save(folder(), 12));
   const TrainingModel model = telling_state(7, 12).model;
-  for (const auto& [bit, what] : {std::pair{128u, "optimizer.lazy"}, {64u, "codes of 32 bits"}}) {
+  for (const auto& [bit, what] :
+       {std::pair{128u, "optimizer.lazy"}, {64u, "codes of 32 bits"}, {8u, "model.time_colors"}}) {
     rewrite(file(12), file(11), model, [bit = bit](const std::string& section, std::string& text) {
       if (section == "gaussians")
         text += std::string{char(bit & 255), char(bit >> 8), 0, 0, 0, 0, 0, 0};

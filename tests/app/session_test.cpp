@@ -18,6 +18,7 @@
 #include "gs_core/math/rotation.h"
 #include "gs_core/memory.h"
 #include "gs_train/metrics.h"
+#include "tests/support/captured_log.h"
 #include "tests/support/error_of.h"
 #include "tests/support/small_scene.h"
 #include "tests/support/temp_folder.h"
@@ -49,20 +50,6 @@ class TestHooks final : public SessionHooks {
     at_start(trainer);
     trainer.add_observer(watcher);
   }
-};
-
-/// Keeps the lines of the log while it lives.
-class CapturedLog {
- public:
-  CapturedLog() {
-    text_.clear();
-    detail::set_log_sink([](detail::LogLevel, std::string_view line) { text_ += line; });
-  }
-  ~CapturedLog() { detail::set_log_sink(nullptr); }
-  const std::string& text() const { return text_; }
-
- private:
-  static inline std::string text_;
 };
 
 /// While it lives, allocations fail until `count` of them have failed.
@@ -594,23 +581,6 @@ TEST_F(Session, AModelOfTheOtherKindIsNoStart) {
   const CapturedLog log;
   EXPECT_EQ(run(moving_request("out", ply("moving").string())), SessionEnd::finished);
   EXPECT_THAT(log.text(), Not(HasSubstr("static scene")));
-}
-
-TEST_F(Session, AStartHasChangesOfColorWhereTheRunHasThem) {
-  const auto changing = [&](const std::string& out, const std::string& start_from) {
-    TrainRequest asked = moving_request(out, start_from);
-    asked.settings = [settings = asked.settings](const Config& start) {
-      Config config = settings(start);
-      config.model.time_colors = true;
-      return config;
-    };
-    return asked;
-  };
-  ASSERT_EQ(run(moving_request("one_color")), SessionEnd::finished);
-  ASSERT_EQ(run(changing("changing", ply("one_color").string())), SessionEnd::finished);
-  EXPECT_TRUE(read_gaussian_ply(ply("changing")).gaussians.has_slope);
-  EXPECT_THAT(error_of_run(moving_request("out", ply("changing").string())),
-              AllOf(HasSubstr(ply("changing").string()), HasSubstr("model.time_colors=true")));
 }
 
 TEST_F(Session, AnExportThatHoldsNoTimeIsRefusedBeforeTraining) {

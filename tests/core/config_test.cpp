@@ -79,12 +79,11 @@ Config everything_changed() {
   config.density.opacity_regularizer = config.density.scale_regularizer = 0.5f;
   config.density.prune_scale = config.density.camera_clearance = 0.5f;
   config.density.time_scale_regularizer = config.density.velocity_regularizer = 0.5f;
-  config.density.static_after = config.density.gaussians_per_point = 2;
+  config.density.gaussians_per_point = 2;
   config.density.score_threshold = 0.5f;
   config.density.region = "1,0,0,-2.5";
   config.density.recovery_prune = config.density.late_prune_opacity = 0.5f;
   config.density.soft_prune = config.density.hard_prune = 0.5f;
-  config.train.time_noise = 0.1f;
   config.train.resolution_ramp = {4, 2};
   config.optimizer.position_lr_final_power = 2;
   config.density.strategy = "mcmc";
@@ -530,6 +529,8 @@ TEST(Config, SettingsOfOlderVersionsAreReadOverWhereTheyChangedNothing) {
   Config config;
   apply_setting(config, "optimizer.lazy=auto");
   apply_setting(config, "train.offload=none");
+  apply_setting(config, "density.static_after=0.0");
+  apply_setting(config, "optimizer.time_color_lr=0.0025");
   EXPECT_EQ(to_toml(config), to_toml(Config()));
   EXPECT_THAT(error_of([&] { apply_setting(config, "optimizer.moments=compact"); }),
               HasSubstr("optimizer.moments = \"compact\" cannot be used: codes of 32 bits"));

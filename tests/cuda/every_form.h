@@ -11,13 +11,12 @@
 
 namespace gs {
 
-/// Rates of all quantities, also of time and of colors that change.
+/// Rates of all quantities, also of time.
 inline LearningRates all_rates() {
   LearningRates rates{1e-4f, 5e-3f, 1e-3f, 2.5e-2f, 2.5e-3f, 1.25e-4f};
   rates.right_rotation = rates.rotation;
   rates.time_mean = 8e-4f;
   rates.log_time_scale = 5e-3f;
-  rates.sh0_slope = 2.5e-3f;
   return rates;
 }
 
@@ -42,7 +41,7 @@ inline std::vector<View> shifted_views(int count, int shift, bool is_centered) {
   return views;
 }
 
-/// Gaussians in 3D, with a 3D filter, in space and time, and with colors that change.
+/// Gaussians in 3D, with a 3D filter, and in space and time.
 inline std::vector<Gaussians> all_forms(const Camera& camera = random_camera(131, 77, 1),
                                         std::size_t count = 3000) {
   std::vector<Gaussians> forms;
@@ -50,7 +49,6 @@ inline std::vector<Gaussians> all_forms(const Camera& camera = random_camera(131
   forms.push_back(plain());
   forms.push_back(with_filters(plain(), 9));
   forms.push_back(in_spacetime(plain(), 8));
-  forms.push_back(with_slopes(in_spacetime(plain(), 8), 9));
   return forms;
 }
 

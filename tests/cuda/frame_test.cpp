@@ -86,7 +86,6 @@ TEST_F(CudaFrame, GaussiansInSpaceAndTimeAndWithFilters) {
   camera.time = 0.5f;
   const Gaussians still = random_gaussians(kTypical, 3000, camera, 9);
   expect_same_frames(in_spacetime(still, 7), camera, for_viewing());
-  expect_same_frames(with_slopes(in_spacetime(still, 7), 8), camera, for_viewing());
   expect_same_frames(with_filters(still, 9), camera, for_viewing());
 }
 

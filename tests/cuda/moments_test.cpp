@@ -196,28 +196,6 @@ TEST_F(CudaMoments, OfAStepThatRefinesPosesAreThoseOfTheScalarTwin) {
   }
 }
 
-// Pairs of quaternions stay turns of space to the last bit, since both are rounded alike.
-TEST_F(CudaMoments, LeaveStaticRowsATurnOfSpace) {
-  const std::vector<View> views = some_views();
-  Gaussians start = in_spacetime(random_gaussians(kTypical, 3000, views[0].camera, 1), 8);
-  make_half_static(start);
-  TrainingModel model = on_gpu(model_of(start, MomentForm::tiny));
-  for (int step = 0; step < 30; ++step) {
-    const TrainingPhoto photo{&views[std::size_t(step % 3)], {}};
-    gpu().step(model, {&photo, 1}, {0.2f}, update_of(), {true});
-  }
-  gpu().synchronize(model);
-  const TrainingModel result = on_host(model);
-  const Gaussians& rows = result.gaussians;
-  int off = 0;
-  for (std::size_t i = 0; i < rows.count(); i += 2) {
-    const Quatf wanted = mirrored(rows.rotation[i]), right = rows.right_rotation[i];
-    off += !(right.w == wanted.w && right.x == wanted.x && right.y == wanted.y &&
-             right.z == wanted.z && is_static(rows.log_time_scale[i]));
-  }
-  EXPECT_EQ(off, 0);
-}
-
 // ---- rows --------------------------------------------------------------------------------------
 
 /// Codes that tell rows and quantities apart.
@@ -278,15 +256,6 @@ TEST_F(CudaMoments, AreSortedWithTheirRows) {
   cpu().rows().sort_by_morton(host);
   gpu().rows().sort_by_morton(device);
   EXPECT_TRUE(same_bits(on_host(device), host));
-}
-
-TEST_F(CudaMoments, OfStaticRowsAreClearedAsByTheScalarTwin) {
-  TrainingModel host = numbered_model(MomentForm::tiny, 3000, true);
-  TrainingModel device = on_gpu(host);
-  const std::size_t expected = cpu().rows().make_static(host, 2);
-  EXPECT_EQ(gpu().rows().make_static(device, 2), expected);
-  EXPECT_GT(expected, 30u);
-  EXPECT_TRUE(same_codes(on_host(device), host));
 }
 
 // ---- runs --------------------------------------------------------------------------------------

@@ -87,13 +87,6 @@ class CudaRender : public CudaTest {
       add("in space and time, degree " + std::to_string(degree), kTypical, 131, 77, settings);
       all.back().gaussians = in_spacetime(all.back().gaussians, 7);
       all.back().camera.time = 0.5f;
-      add("half of it static, degree " + std::to_string(degree), kTypical, 131, 77, settings);
-      all.back().gaussians = in_spacetime(all.back().gaussians, 7);
-      make_half_static(all.back().gaussians);
-      all.back().camera.time = 0.4f;
-      add("colors that change, degree " + std::to_string(degree), kTypical, 131, 77, settings);
-      all.back().gaussians = with_slopes(in_spacetime(all.back().gaussians, 7), 8);
-      all.back().camera.time = 0.6f;
       settings.antialias = degree % 2 == 1;
       settings.antialias_detach = false;
       add("3D filter, degree " + std::to_string(degree), kTypical, 131, 77, settings);

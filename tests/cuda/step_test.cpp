@@ -75,37 +75,6 @@ TEST_F(CudaStep, FusedStepInSpaceAndTimeIsTheScalarOne) {
   }
 }
 
-// Pairs of quaternions stay turns of space to the last bit, and times stay what they are.
-TEST_F(CudaStep, FusedStepOfStaticRowsIsTheScalarOne) {
-  const std::vector<View> views = some_views(131, 77, 3);
-  LearningRates rates = kRates;
-  rates.right_rotation = rates.rotation;
-  rates.time_mean = 8e-4f;
-  rates.log_time_scale = 5e-3f;
-  for (const bool regularizes : {false, true}) {
-    DensityStep density{.gather_statistics = true};
-    if (regularizes)
-      density.regularizers = {
-          .opacity = 1e-3f, .scale = 1e-3f, .time_scale = 1e-3f, .velocity = 1e-3f};
-    Gaussians start = in_spacetime(random_gaussians(kTypical, 3000, views[0].camera, 1), 8);
-    make_half_static(start);
-    TrainingModel expected = model_of(start);
-    TrainingModel actual = on_gpu(expected);
-    step_both(expected, actual, views, {}, rates, density);
-    const TrainingModel result = on_host(actual);
-    expect_same(result, expected, 2e-2);
-    const Gaussians& rows = result.gaussians;
-    int off = 0;
-    for (std::size_t i = 0; i < rows.count(); i += 2) {
-      const Quatf wanted = mirrored(rows.rotation[i]), right = rows.right_rotation[i];
-      off +=
-          !(right.w == wanted.w && right.x == wanted.x && right.y == wanted.y &&
-            right.z == wanted.z && rows.time_mean[i] == 0.5f && is_static(rows.log_time_scale[i]));
-    }
-    EXPECT_EQ(off, 0);
-  }
-}
-
 TEST_F(CudaStep, FusedStepIsTheScalarOne) {
   const std::vector<View> views = some_views(131, 77, 3);
   for (const int degree : {0, 1, 2, 3})
@@ -169,37 +138,6 @@ TEST_F(CudaStep, TooLittleRoomLosesNothing) {
     unfused_step(plain, views[step % 3], settings, kRates, {true});
   EXPECT_EQ(fused.adam_steps, 12);
   expect_same(on_host(fused), on_host(plain), 2e-2);
-}
-
-// In one photo at a time, and in batches; with regularizers, and without.
-TEST_F(CudaStep, AStepOfColorsThatChangeIsTheScalarOne) {
-  std::vector<View> views = some_views(131, 77, 3);
-  for (std::size_t i = 0; i < views.size(); ++i) views[i].camera.time = 0.4f + 0.1f * float(i);
-  LearningRates rates = kRates;
-  rates.right_rotation = rates.time_mean = 1e-3f;
-  rates.log_time_scale = 5e-3f;
-  rates.has_slope = true;
-  rates.sh0_slope = 2.5e-3f;
-  for (const int degree : {0, 1, 2, 3})
-    for (const bool regularizes : {false, true}) {
-      SCOPED_TRACE(degree);
-      RenderSettings settings;
-      settings.sh_degree = degree;
-      DensityStep density{.gather_statistics = true};
-      if (regularizes) density.regularizers = {1e-3f, 1e-3f};
-      const TrainingModel start = model_of(with_slopes(
-          in_spacetime(random_gaussians(kTypical, 3000, views[0].camera, std::uint64_t(degree)), 8),
-          9));
-      TrainingModel expected = copy_to(host_memory(), start), actual = on_gpu(start);
-      step_both(expected, actual, views, settings, rates, density);
-      expect_same(on_host(actual), expected, 2e-2);
-      EXPECT_FALSE(same_bits(expected.gaussians.sh0_slope, start.gaussians.sh0_slope));
-
-      const std::vector<TrainingPhoto> batch = batch_of(views, settings);
-      TrainingModel summed = copy_to(host_memory(), start), on_device = on_gpu(start);
-      batches_both(2, summed, on_device, batch, {rates}, density);
-      expect_same(on_host(on_device), summed, 2e-2);
-    }
 }
 
 TEST_F(CudaStep, SteadyBatchesNeitherWaitNorAllocate) {

@@ -3,7 +3,7 @@
 that gemsplat wrote the file from: where it is at several times, its covariance, opacity and color.
 
   python3 gs4d_test.py PROGRAM FOLDER      exit code 1 if a value differs by more than its rounding
-  python3 gs4d_test.py --make FILE.ply [COUNT LONGEST [slopes]]     only writes a model that moves
+  python3 gs4d_test.py --make FILE.ply [COUNT LONGEST]     only writes a model that moves
 """
 
 import math
@@ -17,12 +17,11 @@ SH0 = 0.28209479177387814
 COUNT = 700  # three blocks
 
 
-def columns(degree, slopes=False):
+def columns(degree):
     rest = 3 * ((degree + 1) ** 2 - 1)
     return (["x", "y", "z", "f_dc_0", "f_dc_1", "f_dc_2"] + [f"f_rest_{i}" for i in range(rest)]
             + ["opacity", "scale_0", "scale_1", "scale_2", "rot_0", "rot_1", "rot_2", "rot_3"]
-            + ["right_rot_0", "right_rot_1", "right_rot_2", "right_rot_3", "time_mean", "time_scale"]
-            + [f"f_dc_slope_{k}" for k in range(3 if slopes else 0)])
+            + ["right_rot_0", "right_rot_1", "right_rot_2", "right_rot_3", "time_mean", "time_scale"])
 
 
 def unit(values):
@@ -30,11 +29,11 @@ def unit(values):
     return [v / length for v in values]
 
 
-def make_ply(path, degree, still=False, count=COUNT, longest=0.6, slopes=False):
+def make_ply(path, degree, still=False, count=COUNT, longest=0.6):
     """Round and long Gaussians about the origin, which move a little and come and go. `longest` is
-    the largest scale in time; with `slopes` their colors change."""
+    the largest scale in time."""
     rng = random.Random(4 + degree)
-    names = columns(degree)[:-6] if still else columns(degree, slopes)
+    names = columns(degree)[:-6] if still else columns(degree)
     rows = []
     for _ in range(count):
         left = unit([rng.gauss(0, 1) for _ in range(4)])
@@ -48,7 +47,6 @@ def make_ply(path, degree, still=False, count=COUNT, longest=0.6, slopes=False):
         row += [rng.uniform(-1, 4)] + [math.log(rng.uniform(0.03, 0.2)) for _ in range(3)] + left
         if not still:
             row += right + [rng.uniform(-0.1, 1.1), math.log(rng.uniform(longest / 12, longest))]
-        row += [rng.uniform(-0.5, 0.5) for _ in range(3 if slopes else 0)]
         rows.append(row)
     head = "ply\nformat binary_little_endian 1.0\n" + f"element vertex {count}\n"
     head += "".join(f"property float {name}\n" for name in names) + "end_header\n"
@@ -100,8 +98,8 @@ def rotation_matrix(w, x, y, z):
 def read_gs4d(path):
     data = Path(path).read_bytes()
     magic, version, count, chunks, degree, flags, zero, duration = struct.unpack_from("<4s3I2BHf", data)
-    assert (magic, zero) == (b"GS4D", 0) and version in (1, 2), "header"
-    floats = 18 if version == 1 else 19
+    assert (magic, zero) == (b"GS4D", 0) and version == 1, "header"
+    floats = 18
     table = [struct.unpack_from("<2I2f", data, 32 + 16 * c) for c in range(chunks)]
     at, rest = 32 + 16 * chunks, 3 * ((degree + 1) ** 2 - 1)
     gaussians = []
@@ -118,7 +116,6 @@ def read_gs4d(path):
 
         words, places, drifts, times = array("I", 1), array("H", 3), array("h", 3), array("H", 2)
         scales, opacities, colors, sh = array("B", 3), array("B", 1), array("B", 3), array("b", rest)
-        slopes = array("b", 3) if version == 2 else None
         assert at == end_of_chunk, "size of a chunk"
         for i in range(n):
             b = blocks[i // 256]
@@ -136,11 +133,10 @@ def read_gs4d(path):
                 "covariance": turned(rotation_matrix(*unit(parts)),
                                      [math.exp(2 * (b[13] + b[14] * s)) for s in scales[i]]),
                 "opacity": opacities[i][0] / 255, "sh0": [b[15] + b[16] * c for c in colors[i]],
-                "sh": [b[17] * c for c in sh[i]], "begin": begin, "end": end,
-                "slope": [b[18] * c for c in slopes[i]] if slopes else None})
+                "sh": [b[17] * c for c in sh[i]], "begin": begin, "end": end})
     assert at == len(data) and len(gaussians) == count, "size of the file"
     begins = [begin for _, _, begin, _ in table]
-    return {"version": version, "degree": degree, "antialiased": bool(flags & 1), "duration": duration, "gaussians": gaussians, "begins": begins}
+    return {"degree": degree, "antialiased": bool(flags & 1), "duration": duration, "gaussians": gaussians, "begins": begins}
 
 
 def largest_difference(a, b):
@@ -171,8 +167,6 @@ def compare(rows, file, degree):
         size = sum(want["covariance"][k][k] for k in range(3))
         note("covariance", max(largest_difference(x, y) for x, y in zip(got["covariance"], want["covariance"])) / size)
         note("sh0", largest_difference(got["sh0"], [row[f"f_dc_{k}"] for k in range(3)]))
-        if got["slope"]:
-            note("slope", largest_difference(got["slope"], [row[f"f_dc_slope_{k}"] for k in range(3)]))
         rest = (degree + 1) ** 2 - 1  # the PLY has all red coefficients first
         if rest:
             note("sh", largest_difference(got["sh"], [row[f"f_rest_{k * rest + c}"] for c in range(rest) for k in range(3)]))
@@ -180,32 +174,29 @@ def compare(rows, file, degree):
 
 
 # Rounding: half a step of 16 bits in a box of 5 units, at both ends of a life; half a step of 8 bits
-# of sizes within e^4, twice; 10 bits of a rotation; half a step of 3.2 / 255, of 0.3 / 127 and of
-# 0.5 / 127.
-MOST = {"place": 5e-4, "opacity": 0.0025, "covariance": 0.03, "sh0": 0.0065, "sh": 0.0013, "slope": 0.0021}
+# of sizes within e^4, twice; 10 bits of a rotation; half a step of 3.2 / 255 and of 0.3 / 127.
+MOST = {"place": 5e-4, "opacity": 0.0025, "covariance": 0.03, "sh0": 0.0065, "sh": 0.0013}
 
 
 def main():
     if sys.argv[1] == "--make":
         count, longest = sys.argv[3:5] or (COUNT, 0.6)
-        make_ply(sys.argv[2], 1, count=int(count), longest=float(longest), slopes="slopes" in sys.argv[5:])
+        make_ply(sys.argv[2], 1, count=int(count), longest=float(longest))
         return 0
     program, folder = sys.argv[1], Path(sys.argv[2])
     folder.mkdir(parents=True, exist_ok=True)
     failed = False
-    for degree, slopes in [(0, False), (1, False), (2, False), (3, False), (1, True)]:
+    for degree in range(4):
         ply, out, again = folder / f"model{degree}.ply", folder / f"model{degree}.gs4d", folder / "again.gs4d"
-        rows = make_ply(ply, degree, slopes=slopes)
+        rows = make_ply(ply, degree)
         run = lambda to: subprocess.run([program, "export", ply, to, "--no-measure", "--force", "-q", "--duration", "2.5"], check=True)
         run(out)
         run(again)
         assert out.read_bytes() == again.read_bytes(), "the same model has other bytes"
         file = read_gs4d(out)
-        assert file["version"] == (2 if slopes else 1), "version"
         assert file["degree"] == degree and file["duration"] == 2.5 and not file["antialiased"], "header"
         assert len(file["gaussians"]) == COUNT and file["begins"] == sorted(file["begins"])
         worst = compare(rows, file, degree)
-        assert ("slope" in worst) == slopes, "slopes"
         print(f"SH degree {degree}, {out.stat().st_size / COUNT:.1f} bytes each:", ", ".join(f"{k} {v:.2g}" for k, v in worst.items()))
         failed |= any(value > MOST[name] for name, value in worst.items())
     make_ply(folder / "still.ply", 0, still=True)

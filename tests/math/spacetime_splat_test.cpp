@@ -4,7 +4,6 @@
 #include <gtest/gtest.h>
 
 #include "gs_core/camera.h"
-#include "gs_core/math/spacetime_color.h"
 #include "tests/support/jet_oracle.h"
 
 namespace gs {
@@ -63,10 +62,8 @@ std::array<double, kParameters> draw_gaussian(TestRandom& random) {
   }
 }
 
-/// The worst gradient by any parameter against Jets. look(dL/dparameters) is called with each gradient
-/// before it is compared.
-template <class Draw, class Look>
-double worst_error(const SplatSettings& settings, Draw&& draw, Look&& look) {
+/// The worst gradient by any parameter against Jets.
+double worst_error(const SplatSettings& settings) {
   const auto camera = camera_of<double>();
   return worst_gradient_error(
       [&](const auto& x) {
@@ -78,17 +75,13 @@ double worst_error(const SplatSettings& settings, Draw&& draw, Look&& look) {
       [&](const auto& x, const auto& dL) {
         const FlatGaussian<double> g(x);
         std::array<Vec3d, kRest> dL_drest{};
-        auto dL_dx = project_gaussian_vjp(camera, g.parameters, kTime, settings, splat_gradient(dL),
-                                          dL_drest.data());
-        SpacetimeShape<double>& by = dL_dx.shape;
-        look(by);
+        const auto dL_dx = project_gaussian_vjp(camera, g.parameters, kTime, settings,
+                                                splat_gradient(dL), dL_drest.data());
+        const SpacetimeShape<double>& by = dL_dx.shape;
         return flatten(by.mean, by.log_scale, by.rotations.left, by.logit_opacity, dL_dx.sh0,
                        dL_drest, by.rotations.right, by.time_mean, by.log_time_scale);
       },
-      draw);
-}
-double worst_error(const SplatSettings& settings) {
-  return worst_error(settings, draw_gaussian, [](const auto&) {});
+      draw_gaussian);
 }
 
 TEST(ProjectAtATime, GradientByEveryParameterMatchesJetForEveryDegree) {
@@ -98,166 +91,6 @@ TEST(ProjectAtATime, GradientByEveryParameterMatchesJetForEveryDegree) {
 
 TEST(ProjectAtATime, GradientThroughTheAntialiasFactorMatchesJet) {
   EXPECT_LT(worst_error({.antialias = true, .antialias_detach = false}), kJetTolerance);
-}
-
-std::array<double, kParameters> draw_static(TestRandom& random) {
-  for (;;) {
-    auto x = draw_gaussian(random);
-    FlatGaussian<double> g(x);
-    x[64] = kStaticLogTimeScale;
-    g.parameters.log_time_scale = kStaticLogTimeScale;
-    if (project_gaussian(camera_of<double>(), g.parameters, kTime, {}).is_visible) return x;
-  }
-}
-
-// Jets see that the right quaternion has no effect. Its gradient is there to keep the pair together.
-TEST(ProjectAStaticGaussian, GradientMatchesJetAndIsZeroByTime) {
-  const SplatSettings settings{.antialias = true, .antialias_detach = false};
-  const double worst = worst_error(settings, draw_static, [](SpacetimeShape<double>& by) {
-    const Quat<double>&l = by.rotations.left, &r = by.rotations.right;
-    EXPECT_TRUE(r.w == l.w && r.x == l.x && r.y == l.y && r.z == -l.z);
-    by.rotations.right = Quat<double>{};
-  });
-  EXPECT_LT(worst, kJetTolerance);
-}
-
-/// The parameters of a Gaussian whose color changes, in one flat array.
-template <class T>
-struct FlatTimeColor {
-  FlatGaussian<T> gaussian;
-  Vec3<T> sh0_slope;
-  explicit FlatTimeColor(const std::array<T, kParameters + 3>& flat)
-      : gaussian(first_of(flat)), sh0_slope(flat[65], flat[66], flat[67]) {}
-  static std::array<T, kParameters> first_of(const std::array<T, kParameters + 3>& flat) {
-    std::array<T, kParameters> first;
-    std::copy_n(flat.begin(), kParameters, first.begin());
-    return first;
-  }
-};
-
-/// The worst gradient by any parameter with colors that change, as worst_error().
-template <class Draw, class Look>
-double worst_color_error(int degree, Draw&& draw, Look&& look) {
-  const SplatSettings settings{.sh_degree = degree};
-  return worst_gradient_error(
-      [&](const auto& x) {
-        using T = std::decay_t<decltype(x[0])>;
-        const FlatTimeColor<T> g(x);
-        const auto splat =
-            project_gaussian(camera_of<T>(), g.gaussian.parameters, g.sh0_slope, T(kTime), settings)
-                .splat;
-        return flatten(splat.mean2d, splat.conic, splat.opacity, splat.color);
-      },
-      [&](const auto& x, const auto& dL) {
-        const FlatTimeColor<double> g(x);
-        std::array<Vec3d, kRest> dL_drest{};
-        auto dL_dx = project_gaussian_vjp(camera_of<double>(), g.gaussian.parameters, g.sh0_slope,
-                                          kTime, settings, splat_gradient(dL), dL_drest.data());
-        look(dL_dx);
-        const SpacetimeShape<double>& by = dL_dx.without.shape;
-        return flatten(by.mean, by.log_scale, by.rotations.left, by.logit_opacity,
-                       dL_dx.without.sh0, dL_drest, by.rotations.right, by.time_mean,
-                       by.log_time_scale, dL_dx.sh0_slope);
-      },
-      [&](TestRandom& random) { return flatten(draw(random), random.uniform3(-1.0, 1.0)); });
-}
-
-TEST(ProjectAColorThatChanges, GradientByEveryParameterMatchesJetForEveryDegree) {
-  for (int degree = 0; degree <= 3; ++degree) {
-    const double worst = worst_color_error(degree, draw_gaussian, [](const auto& by) {
-      EXPECT_NE(inner(by.sh0_slope, by.sh0_slope), 0);
-    });
-    EXPECT_LT(worst, kJetTolerance) << "degree " << degree;
-  }
-}
-
-TEST(ProjectAColorThatChanges, OfAStaticGaussianIsOneColor) {
-  const double worst = worst_color_error(3, draw_static, [](TimeColorGradient<double>& by) {
-    EXPECT_EQ(by.sh0_slope, Vec3d(0.0));
-    by.without.shape.rotations.right = Quat<double>{};  // as above
-  });
-  EXPECT_LT(worst, kJetTolerance);
-}
-
-TEST(ProjectAColorThatChanges, IsThatOfTheSlopeTimesThePhase) {
-  TestRandom random;
-  for (int i = 0; i < 200; ++i) {
-    const FlatGaussian<double> g(draw_gaussian(random));
-    const Vec3d slope = random.uniform3(-1, 1);
-    const auto plain = project_gaussian(camera_of<double>(), g.parameters, kTime, {});
-    const auto changed = project_gaussian(camera_of<double>(), g.parameters, slope, kTime, {});
-    ASSERT_TRUE(plain.is_visible && changed.is_visible);
-    const double u = phase_at(shape_of(g.parameters), kTime);
-    const Moment<double> moment =
-        condition(covariance(shape_of(g.parameters)), kTime - g.parameters.time_mean);
-    EXPECT_NEAR(moment.marginal, std::exp(-u * u / 2), 1e-12);
-    EXPECT_EQ(u > 0, kTime > g.parameters.time_mean);
-    const Vec3d difference = changed.splat.color - plain.splat.color - slope * (kSh0 * u);
-    EXPECT_LT(inner(difference, difference), 1e-24);
-    EXPECT_EQ(flatten(plain.splat.mean2d, plain.splat.conic, plain.splat.opacity),
-              flatten(changed.splat.mean2d, changed.splat.conic, changed.splat.opacity));
-  }
-}
-
-// Splits, and copies that share their extent, change the phases of a row.
-TEST(ColorInPhasesOf, AnotherGaussianIsTheSameAtEveryTime) {
-  TestRandom random;
-  for (int i = 0; i < 500; ++i) {
-    const auto draw = [&] {
-      return SpacetimeShape<float>{Vec3f(0.0f),
-                                   Vec3f(random.uniform3(-3, 0)),
-                                   {random.float_quaternion(), random.float_quaternion()},
-                                   0.0f,
-                                   float(random.uniform(0, 1)),
-                                   float(random.uniform(-3, 1))};
-    };
-    const SpacetimeShape<float> from = draw(), to = draw();
-    const TimeColor color{Vec3f(random.uniform3(-1, 1)), Vec3f(random.uniform3(-1, 1))};
-    const TimeColor same = color_in_phases_of(color, from, to);
-    for (const float time : {0.0f, 0.3f, 1.0f}) {
-      const Vec3f expected = sh0_at(color.sh0, color.sh0_slope, phase_at(from, time));
-      const Vec3f actual = sh0_at(same.sh0, same.sh0_slope, phase_at(to, time));
-      const float size = 1 + std::abs(phase_at(from, time)) + std::abs(phase_at(to, time));
-      for (int c = 0; c < 3; ++c) EXPECT_NEAR(actual[c], expected[c], 3e-5 * size);
-    }
-  }
-}
-
-// Readers that know nothing of static Gaussians draw them by their numbers.
-TEST(ProjectAStaticGaussian, IsNearlyThatOfItsNumbersAtEveryTime) {
-  TestRandom random;
-  for (int i = 0; i < 200; ++i) {
-    FlatGaussian<double> g(draw_static(random));
-    g.parameters.space.rotation = normalized(g.parameters.space.rotation);
-    g.parameters.right_rotation = mirrored(g.parameters.space.rotation);
-    g.parameters.time_mean = 0.5;
-    SpacetimeParameters<double> other = g.parameters;
-    other.log_time_scale += 1e-12;
-    ASSERT_TRUE(is_static(shape_of(g.parameters)));
-    ASSERT_FALSE(is_static(shape_of(other)));
-    for (const double time : {0.0, 0.5, 1.0}) {
-      const auto marked = project_gaussian(camera_of<double>(), g.parameters, time, {});
-      const auto read = project_gaussian(camera_of<double>(), other, time, {});
-      if (!marked.is_visible || !read.is_visible) continue;         // at the edge of what is
-      EXPECT_NEAR(read.splat.opacity, marked.splat.opacity, 4e-4);  // 20 durations at most
-      EXPECT_NEAR(read.splat.mean2d.x, marked.splat.mean2d.x, 1e-7);
-      EXPECT_NEAR(read.splat.mean2d.y, marked.splat.mean2d.y, 1e-7);
-      EXPECT_NEAR(read.splat.conic.xx, marked.splat.conic.xx, 1e-7);
-      EXPECT_NEAR(read.splat.conic.xy, marked.splat.conic.xy, 1e-7);
-      EXPECT_NEAR(read.splat.conic.yy, marked.splat.conic.yy, 1e-7);
-    }
-  }
-}
-
-TEST(SpacetimeRegularizer, OfAStaticGaussianIsZero) {
-  TestRandom random;
-  const FlatGaussian<double> g(draw_static(random));
-  const Regularizers of_each{0, 0, 0.3f, 0.7f};
-  SpacetimeShape<double> by{Vec3d(0.0), Vec3d(0.0), {{}, {}}, 0, 0, 0};
-  add_spacetime_regularizer_vjp(shape_of(g.parameters), of_each, by);
-  EXPECT_EQ(spacetime_regularizer(shape_of(g.parameters), of_each), 0);
-  EXPECT_EQ(by.log_time_scale, 0);
-  EXPECT_EQ(by.log_scale, Vec3d(0.0));
 }
 
 TEST(SpacetimeRegularizer, GradientMatchesJet) {

@@ -126,10 +126,6 @@ TEST(CameraGradient, IsTheSlopeInSpaceAndTime) {
   scene.gaussians = in_spacetime(scene.gaussians, 41);
   scene.given.time = 0.5f;
   expect_slopes(scene, "in time");
-  make_half_static(scene.gaussians);
-  expect_slopes(scene, "half static");
-  scene.gaussians = with_slopes(scene.gaussians, 45);
-  expect_slopes(scene, "colors that change");
 }
 
 TEST(CameraGradient, IsTheSlopeBeyondTheFrustumWhereTheJacobianIsClamped) {

@@ -117,8 +117,7 @@ constexpr Kind kKinds[] = {{"mean", 0, 3},
                            {"sh_rest", 14, 59},
                            {"right_rotation", 59, 63},
                            {"time_mean", 63, 64},
-                           {"log_time_scale", 64, 65},
-                           {"sh0_slope", 65, 68}};
+                           {"log_time_scale", 64, 65}};
 
 /// Relative to the largest component of its kind. Floats round at 6e-8, and the terms of a gradient
 /// (over pixels, fragments, window, conic) cancel up to two digits of that: the worst error seen is
@@ -214,13 +213,6 @@ TEST(Gradient, IsTheSlopeInSpaceAndTime) {
   }
 }
 
-TEST(Gradient, IsTheSlopeOfColorsThatChange) {
-  SmallScene scene;
-  scene.gaussians = with_slopes(in_spacetime(scene.gaussians, 41), 45);
-  scene.camera.time = 0.4f;
-  expect_gradient_of_linear_loss(scene);
-}
-
 TEST(Gradient, IsTheSlopeWithA3dFilter) {
   for (const bool antialias : {false, true}) {
     SmallScene scene;
@@ -229,32 +221,6 @@ TEST(Gradient, IsTheSlopeWithA3dFilter) {
     scene.gaussians = with_filters(scene.gaussians, 44);
     expect_gradient_of_linear_loss(scene);
   }
-}
-
-// The slope by the right quaternion of a static row is 0; its gradient is that of the left one,
-// mirrored, so that the pair stays a turn of space.
-TEST(Gradient, IsTheSlopeOfStaticRowsAmongOthers) {
-  SmallScene scene;
-  scene.gaussians = in_spacetime(scene.gaussians, 41);
-  make_half_static(scene.gaussians);
-  scene.camera.time = 0.4f;
-  const LinearLoss loss(1);
-  Backward result;
-  forward(scene, result);
-  backward(scene, loss.dL_dimage(), result);
-  const Gaussians& by = result.gradients;
-  bool turns = false;
-  for (std::size_t i = 0; i < by.count(); i += 2) {
-    const Quatf &l = by.rotation[i], expected = mirrored(l);
-    Quatf& r = by.right_rotation[i];
-    EXPECT_TRUE(r.w == expected.w && r.x == expected.x && r.y == expected.y && r.z == expected.z);
-    EXPECT_EQ(by.time_mean[i], 0);
-    EXPECT_EQ(by.log_time_scale[i], 0);
-    turns |= squared_norm(l) > 0;
-    r = {0, 0, 0, 0};
-  }
-  EXPECT_TRUE(turns);
-  expect_slopes(rows_of(by), slopes_of(scene, loss));
 }
 
 TEST(Gradient, IsTheSlopeOverAnyBackground) {

@@ -46,14 +46,6 @@ TEST_F(Surface, DepthIsTheMeanByTheWeightsOfBlending) {
   EXPECT_NEAR(depth.at(kSide / 2, kSide / 2, 0), (near * 2 + far * 8) / (near + far), 5e-3);
 }
 
-TEST_F(Surface, DepthIsNotThatOfColorsThatChange) {
-  Camera camera = random_camera(64, 48, 3);
-  camera.time = 0.3f;
-  const Gaussians moving = in_spacetime(random_gaussians(kTypical, 300, camera, 4), 5);
-  EXPECT_EQ(surface(with_slopes(moving, 6)).depth(camera).pixels,
-            surface(moving).depth(camera).pixels);
-}
-
 TEST_F(Surface, AlphaIsOneMinusTheTransmittance) {
   Gaussians one(1, host_memory());
   set_gaussian(one, 0, {0, 0, 5}, 1, 0.75f);

@@ -13,7 +13,7 @@
 #include "gs_core/gaussians.h"
 #include "gs_core/math/blend.h"
 #include "gs_core/math/filtered_splat.h"
-#include "gs_core/math/spacetime_color.h"
+#include "gs_core/math/spacetime_splat.h"
 #include "gs_render/render_pass.h"
 
 namespace gs {
@@ -27,13 +27,12 @@ struct DoubleGaussian {
   Vec3d sh0, sh_rest[kShRestCount];
   Quat<double> right_rotation{};  // of Gaussians in space and time
   double time_mean = 0, log_time_scale = 0;
-  Vec3d sh0_slope{0.0};  // of those whose color changes
-  bool has_time = false, has_slope = false;
+  bool has_time = false;
   double filter_scale = 0;  // a parameter that has no gradient; 0: none
 
   double& number(int k) { return reinterpret_cast<double*>(this)[k]; }
 };
-inline constexpr int kNumbersPerGaussian = 68;
+inline constexpr int kNumbersPerGaussian = 65;
 static_assert(offsetof(DoubleGaussian, has_time) == kNumbersPerGaussian * sizeof(double));
 
 inline std::vector<DoubleGaussian> in_double(const Gaussians& from) {
@@ -53,7 +52,6 @@ inline std::vector<DoubleGaussian> in_double(const Gaussians& from) {
     g.right_rotation = {r.w, r.x, r.y, r.z};
     g.time_mean = from.time_mean[i];
     g.log_time_scale = from.log_time_scale[i];
-    if ((g.has_slope = from.has_slope)) g.sh0_slope = Vec3d(from.sh0_slope[i]);
   }
   return result;
 }
@@ -97,9 +95,7 @@ ReferenceSplats reference_splats(const std::vector<DoubleGaussian>& gaussians,
     const SpacetimeParameters<T> in_time{
         parameters, {T(r.w), T(r.x), T(r.y), T(r.z)}, T(g.time_mean), T(g.log_time_scale)};
     const ProjectedGaussian<T> p =
-        g.has_slope
-            ? project_gaussian(camera_t, in_time, Vec3<T>(g.sh0_slope), camera_t.time, settings)
-        : g.has_time         ? project_gaussian(camera_t, in_time, camera_t.time, settings)
+        g.has_time           ? project_gaussian(camera_t, in_time, camera_t.time, settings)
         : g.filter_scale > 0 ? project_gaussian(camera_t, parameters, T(g.filter_scale), settings)
                              : project_gaussian(camera_t, parameters, settings);
     if (!p.is_visible) continue;

@@ -189,25 +189,6 @@ inline Gaussians in_spacetime(const Gaussians& still, std::uint64_t seed) {
   return moving;
 }
 
-/// The same Gaussians in space and time with colors that change.
-inline Gaussians with_slopes(const Gaussians& moving, std::uint64_t seed) {
-  Draws draws(seed);
-  Gaussians changing = copy_of(moving);
-  changing.has_slope = true;
-  changing.resize(moving.count());
-  for (Vec3f& slope : changing.sh0_slope) slope = draws.uniform3(-0.5f, 0.5f);
-  return changing;
-}
-
-/// Makes every other row of Gaussians in space and time a static one, with its numbers of space.
-inline void make_half_static(const Gaussians& rows) {
-  for (std::size_t i = 0; i < rows.count(); i += 2) {
-    rows.right_rotation[i] = mirrored(rows.rotation[i]);
-    rows.time_mean[i] = 0.5f;
-    rows.log_time_scale[i] = kStaticLogTimeScale;
-  }
-}
-
 /// The same Gaussians with 3D filters of about their own sizes.
 inline Gaussians with_filters(const Gaussians& plain, std::uint64_t seed) {
   Draws draws(seed);

@@ -29,9 +29,8 @@ std::vector<std::uint32_t> finite_rows(const Gaussians& gaussians, int sh_degree
   std::vector<std::uint32_t> rows;
   rows.reserve(gaussians.count());
   for (std::size_t i = 0; i < gaussians.count(); ++i) {
-    const bool is_timeless = !gaussians.has_time, has_one_color = !gaussians.has_slope;
-    if ((has_one_color || all_finite(gaussians.sh0_slope[i], 3)) &&
-        (is_timeless ||
+    const bool is_timeless = !gaussians.has_time;
+    if ((is_timeless ||
          (all_finite(gaussians.right_rotation[i], 4) && is_finite(gaussians.time_mean[i]) &&
           is_finite(gaussians.log_time_scale[i]))) &&
         all_finite(gaussians.mean[i], 3) && all_finite(gaussians.log_scale[i], 3) &&

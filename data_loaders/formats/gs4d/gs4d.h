@@ -5,8 +5,7 @@
 // At a time t, 0 to 1 in the scene's duration, the Gaussian has its center at
 // mean + drift (t - time_mean) / time_scale, its opacity times
 // m = exp(-(t - time_mean)^2 / (2 time_scale^2)), and always the same covariance. It is not drawn
-// where m < 0.05. In version 2 its color changes, too: its SH of degree 0 is then
-// sh0 + slope (t - time_mean) / time_scale. Models whose colors do not change are version 1.
+// where m < 0.05.
 //
 //   header, 32 bytes
 //     char[4] "GS4D", u32 version, u32 Gaussians, u32 chunks,
@@ -16,7 +15,7 @@
 //     u32 Gaussians (1 to 32768), u32 bytes,
 //     float begin, end   the first and last time, 0 to 1, at which any of it is drawn; 2 2: never
 //   chunks, one after another. Chunks that begin earlier come first. N is a chunk's Gaussians:
-//     ceil(N / 256) blocks of 18 floats, 19 in version 2, for each 256 Gaussians.
+//     ceil(N / 256) blocks of 18 floats for each 256 Gaussians.
 //     value = low + step * integer
 //       float[3] low, float[3] step   of positions, world units
 //       float[3] step                 of drifts, world units (low is 0)
@@ -25,7 +24,6 @@
 //       float low, step               of log scales
 //       float low, step               of SH coefficients of degree 0
 //       float step                    of the other SH coefficients (low is 0)
-//       float step                    of slopes (low is 0); only in version 2
 //     u32[N]     rotations: which of w x y z is the largest in bits 30-31; the others in their order
 //                as signed numbers of 10 bits from the lowest bits on, in units of 1/(511 sqrt(2))
 //     u16[N][3]  positions
@@ -35,7 +33,6 @@
 //     u8[N]      255 times the opacity
 //     u8[N][3]   SH of degree 0, red green blue
 //     i8[N][K]   the other SH, coefficient by coefficient, red green blue each; K = 0, 9, 24, 45
-//     i8[N][3]   slopes, red green blue; only in version 2
 #pragma once
 
 #include <filesystem>

@@ -10,8 +10,7 @@
 namespace gs {
 
 inline constexpr std::uint32_t kGs4dMagic = 0x44345347;  // "GS4D"
-// The version of files whose colors change; those of others have version 1.
-inline constexpr std::uint32_t kGs4dVersion = 2;
+inline constexpr std::uint32_t kGs4dVersion = 1;
 inline constexpr std::size_t kGs4dChunk = 32768;  // Gaussians in a chunk, at most: about 1 MB
 inline constexpr std::size_t kGs4dBlock = 256;    // Gaussians with common ranges
 inline constexpr std::uint8_t kGs4dAntialiased = 1;
@@ -19,13 +18,11 @@ inline constexpr float kGs4dNever = 2;  // begin and end of a chunk that is neve
 inline constexpr int kGs4dRotationSteps = 511;
 
 struct Gs4dHeader {
-  std::uint32_t magic = kGs4dMagic, version = 1, count = 0, chunks = 0;
+  std::uint32_t magic = kGs4dMagic, version = kGs4dVersion, count = 0, chunks = 0;
   std::uint8_t sh_degree = 0, flags = 0;
   std::uint16_t reserved = 0;
   float duration = 0;
   std::uint32_t more[2] = {};
-
-  bool has_slope() const { return version == kGs4dVersion; }
 };
 static_assert(sizeof(Gs4dHeader) == 32);
 
@@ -44,18 +41,15 @@ struct Gs4dBlock {
   Vec3f position_low, position_step, drift_step;
   Gs4dRange time_mean, log_time_scale, log_scale, sh0;
   float sh_step = 0;
-  float slope_step = 0;  // only where colors change
 };
-static_assert(sizeof(Gs4dBlock) == 19 * sizeof(float));
+static_assert(sizeof(Gs4dBlock) == 18 * sizeof(float));
 
 /// Where the arrays of a chunk begin, in bytes from its own beginning.
 struct Gs4dArrays {
-  std::size_t block_bytes, rotations, positions, drifts, times, scales, opacities, colors, sh,
-      slopes, end;
+  std::size_t rotations, positions, drifts, times, scales, opacities, colors, sh, end;
 
-  Gs4dArrays(std::size_t count, int sh_degree, bool has_slope) {
-    block_bytes = sizeof(Gs4dBlock) - (has_slope ? 0 : sizeof(float));
-    rotations = (count + kGs4dBlock - 1) / kGs4dBlock * block_bytes;
+  Gs4dArrays(std::size_t count, int sh_degree) {
+    rotations = (count + kGs4dBlock - 1) / kGs4dBlock * sizeof(Gs4dBlock);
     positions = rotations + 4 * count;
     drifts = positions + 6 * count;
     times = drifts + 6 * count;
@@ -63,8 +57,7 @@ struct Gs4dArrays {
     opacities = scales + 3 * count;
     colors = opacities + count;
     sh = colors + 3 * count;
-    slopes = sh + 3 * std::size_t(sh_rest_count(sh_degree)) * count;
-    end = slopes + (has_slope ? 3 * count : 0);
+    end = sh + 3 * std::size_t(sh_rest_count(sh_degree)) * count;
   }
 };
 

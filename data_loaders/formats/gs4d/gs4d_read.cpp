@@ -31,9 +31,14 @@ Gs4dHeader checked_header(ByteReader& reader) {
     cannot_read(path,
                 "this is not a .gs4d file: it does not begin with \"GS4D\"; check what it is");
   const auto header = load_little<Gs4dHeader>(reader.take(sizeof(Gs4dHeader)));
-  if (header.version < 1 || header.version > kGs4dVersion)
-    cannot_read(path, fmt::format("it is a .gs4d of version {}, but gemsplat reads versions 1 to "
-                                  "{}; export it again as one of those",
+  if (header.version == 2)
+    cannot_read(
+        path,
+        "it is a .gs4d of version 2, with colors that change in time, which this version of "
+        "gemsplat does not draw; export the model that it was made of again");
+  if (header.version != kGs4dVersion)
+    cannot_read(path, fmt::format("it is a .gs4d of version {}, but gemsplat reads version {}; "
+                                  "export it again as one of that",
                                   header.version, kGs4dVersion));
   if (header.sh_degree > kMaxShDegree)
     damaged(path, fmt::format("its SH degree is {}, but .gs4d ends at {}", header.sh_degree,
@@ -50,7 +55,7 @@ std::vector<Gs4dChunk> checked_table(ByteReader& reader, const Gs4dHeader& heade
   for (Gs4dChunk& chunk : table) {
     chunk = load_little<Gs4dChunk>(reader.take(sizeof(Gs4dChunk)));
     if (chunk.count == 0 || chunk.count > kGs4dChunk ||
-        chunk.bytes != Gs4dArrays(chunk.count, header.sh_degree, header.has_slope()).end)
+        chunk.bytes != Gs4dArrays(chunk.count, header.sh_degree).end)
       damaged(reader.path(),
               fmt::format("a chunk promises {} Gaussians in {} bytes", chunk.count, chunk.bytes));
     count += chunk.count;
@@ -76,8 +81,7 @@ bool is_sound(const Gs4dBlock& block) {
   return is_within(block.position_low, kMostUnits) && is_within(block.position_step, kMostUnits) &&
          is_within(block.drift_step, kMostUnits) && is_within(block.time_mean, kMostUnits) &&
          is_within(block.log_time_scale, kMostLog) && is_within(block.log_scale, kMostLog) &&
-         is_within(block.sh0, kMostUnits) && is_within(block.sh_step, kMostUnits) &&
-         is_within(block.slope_step, kMostUnits);
+         is_within(block.sh0, kMostUnits) && is_within(block.sh_step, kMostUnits);
 }
 
 Quat<double> rotation_of(std::uint32_t word) {
@@ -106,8 +110,6 @@ void read_row(const std::uint8_t* chunk, const Gs4dArrays& at, const Gs4dBlock& 
     moving.drift[k] = block.drift_step[k] * float(std::int16_t(word(at.drifts, 3 * i + k)));
     moving.log_scale[k] = log_of(block.log_scale, chunk[at.scales + 3 * i + k]);
     to.sh0[row][k] = block.sh0.value(chunk[at.colors + 3 * i + k]);
-    if (to.has_slope)
-      to.sh0_slope[row][k] = block.slope_step * float(std::int8_t(chunk[at.slopes + 3 * i + k]));
   }
   moving.time_mean = block.time_mean.value(word(at.times, 2 * i));
   moving.log_time_scale = log_of(block.log_time_scale, word(at.times, 2 * i + 1));
@@ -139,16 +141,15 @@ GaussianModel read_gs4d(const std::filesystem::path& path) {
   const std::vector<Gs4dChunk> table = checked_table(reader, header);
   GaussianModel model{Gaussians(), header.sh_degree, false, (header.flags & kGs4dAntialiased) != 0};
   model.gaussians.has_time = true;
-  model.gaussians.has_slope = header.has_slope();
   model.gaussians.resize(header.count);
   model.gaussians.sh_rest.fill_zero();
   std::size_t first = 0;
   for (const Gs4dChunk& entry : table) {
-    const Gs4dArrays at(entry.count, header.sh_degree, header.has_slope());
+    const Gs4dArrays at(entry.count, header.sh_degree);
     const std::uint8_t* const chunk = reader.take(entry.bytes);
     const auto block_of = [&](std::size_t i) {
       Gs4dBlock block{};
-      std::memcpy(&block, chunk + i / kGs4dBlock * at.block_bytes, at.block_bytes);
+      std::memcpy(&block, chunk + i / kGs4dBlock * sizeof block, sizeof block);
       return block;
     };
     for (std::size_t i = 0; i < entry.count; i += kGs4dBlock)

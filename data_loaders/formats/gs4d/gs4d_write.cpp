@@ -117,15 +117,15 @@ int signed_steps(float step, float value, int most) {
 class ChunkWriter {
  public:
   ChunkWriter(const GaussianModel& model, const Row* rows, std::size_t count)
-      : model_(model), rows_(rows), count_(count),
-        at_(count, model.sh_degree, model.gaussians.has_slope), bytes_(at_.end, '\0') {}
+      : model_(model), rows_(rows), count_(count), at_(count, model.sh_degree),
+        bytes_(at_.end, '\0') {}
 
   std::string write(Gs4dChunk& entry) {
     entry = {std::uint32_t(count_), std::uint32_t(at_.end)};
     for (std::size_t begin = 0; begin < count_; begin += kGs4dBlock) {
       const std::size_t end = std::min(begin + kGs4dBlock, count_);
       const Gs4dBlock block = block_of(begin, end);
-      std::memcpy(bytes_.data() + begin / kGs4dBlock * at_.block_bytes, &block, at_.block_bytes);
+      std::memcpy(bytes_.data() + begin / kGs4dBlock * sizeof block, &block, sizeof block);
       for (std::size_t i = begin; i < end; ++i) write_row(block, i, entry);
     }
     return std::move(bytes_);
@@ -138,7 +138,7 @@ class ChunkWriter {
   }
 
   Gs4dBlock block_of(std::size_t begin, std::size_t end) const {
-    Extent position[3], drift[3], time_mean, log_time_scale, log_scale, sh0, sh, slope;
+    Extent position[3], drift[3], time_mean, log_time_scale, log_scale, sh0, sh;
     for (std::size_t i = begin; i < end; ++i) {
       const Row& row = rows_[i];
       time_mean.add(row.time_mean);
@@ -148,8 +148,6 @@ class ChunkWriter {
         drift[k].add(row.drift[k]);
         log_scale.add(row.log_scale[k]);
         sh0.add(within(model_.gaussians.sh0[row.source][k], kMostUnits));
-        if (model_.gaussians.has_slope)
-          slope.add(within(model_.gaussians.sh0_slope[row.source][k], kMostUnits));
         for (int c = 0; c < sh_rest_count(model_.sh_degree); ++c)
           sh.add(within(model_.gaussians.sh_rest[row.source].coefficient[c][k], kMostUnits));
       }
@@ -166,7 +164,6 @@ class ChunkWriter {
     block.log_scale = log_scale.range(kMost8);
     block.sh0 = sh0.range(kMost8);
     block.sh_step = model_.sh_degree > 0 ? sh.step_from_zero(kMostSigned8) : 0;
-    block.slope_step = model_.gaussians.has_slope ? slope.step_from_zero(kMostSigned8) : 0;
     return block;
   }
 
@@ -181,10 +178,6 @@ class ChunkWriter {
       put(at_.scales + 3 * i + k, std::uint8_t(steps(block.log_scale, row.log_scale[k], kMost8)));
       put(at_.colors + 3 * i + k,
           std::uint8_t(steps(block.sh0, model_.gaussians.sh0[row.source][k], kMost8)));
-      if (model_.gaussians.has_slope)
-        put(at_.slopes + 3 * i + k,
-            std::int8_t(signed_steps(block.slope_step, model_.gaussians.sh0_slope[row.source][k],
-                                     kMostSigned8)));
     }
     const std::uint32_t mean = steps(block.time_mean, row.time_mean, kMost16);
     const std::uint32_t scale = steps(block.log_time_scale, row.log_time_scale, kMost16);
@@ -235,7 +228,6 @@ void write_gs4d(const std::filesystem::path& path, const GaussianModel& unordere
                     .write(table[c]);
   });
   Gs4dHeader header;
-  if (model.gaussians.has_slope) header.version = kGs4dVersion;
   header.count = std::uint32_t(rows.size());
   header.chunks = std::uint32_t(table.size());
   header.sh_degree = std::uint8_t(model.sh_degree);

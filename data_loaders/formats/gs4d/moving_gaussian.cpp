@@ -84,14 +84,6 @@ QuatPair<double> pair_of(const Matrix4& R) {
   return {{l[0], l[1], l[2], l[3]}, {r[0], r[1], r[2], r[3]}};
 }
 
-// Static Gaussians have a drift of exactly 0; their times are rounded by less than this in files.
-bool is_marked_static(const MovingGaussian& moving) {
-  constexpr double kRounding = 1e-3;
-  return moving.drift == Vec3d(0.0) &&
-         std::abs(moving.log_time_scale - double(kStaticLogTimeScale)) < kRounding &&
-         std::abs(moving.time_mean - 0.5) < kRounding;
-}
-
 double half_log(double variance, double least) { return 0.5 * std::log(std::max(variance, least)); }
 
 }  // namespace
@@ -113,10 +105,6 @@ MovingGaussian moving_gaussian(const SpacetimeShape<double>& shape) {
 SpacetimeShape<double> shape_of(const MovingGaussian& moving) {
   const Sym3<double> C = covariance(rotation_matrix(moving.rotation), variance(moving.log_scale));
   const Vec3d& d = moving.drift;
-  if (is_marked_static(moving)) {
-    const QuatPair<double> turn = turn_of_space(moving.rotation);
-    return {moving.mean, moving.log_scale, turn, 0, 0.5, double(kStaticLogTimeScale)};
-  }
   const double s = std::exp(moving.log_time_scale);
   const Matrix4 S{{{C.xx + d.x * d.x, C.xy + d.x * d.y, C.xz + d.x * d.z, d.x * s},
                    {C.xy + d.x * d.y, C.yy + d.y * d.y, C.yz + d.y * d.z, d.y * s},

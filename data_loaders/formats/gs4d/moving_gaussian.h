@@ -21,7 +21,7 @@ struct MovingGaussian {
 MovingGaussian moving_gaussian(const SpacetimeShape<double>& shape);
 
 /// A shape with the same covariance in 4D, up to rounding; its opacity is left at 0. Every number is
-/// finite, and the rotation has a length above 0. What was a static Gaussian is one again.
+/// finite, and the rotation has a length above 0.
 SpacetimeShape<double> shape_of(const MovingGaussian& moving);
 
 }  // namespace gs

@@ -103,8 +103,12 @@ GaussianModel read_plain_ply(PlyFile& file) {
   GaussianModel model;
   model.sh_degree = sh_degree_of(vertex, file.path());
   model.gaussians.has_time = vertex.find(kTimeMean) >= 0;
-  model.gaussians.has_slope = model.gaussians.has_time && vertex.find(kFirstOfSlope) >= 0;
   check_properties(vertex, model, file);
+  if (vertex.find(kOlderSlope) >= 0)
+    log_warning(
+        "{} has colors that change in time ({}), which this version does not draw; each Gaussian "
+        "keeps the color of the middle of its life",
+        file.path().string(), kOlderSlope);
   take_comments(file.header(), model);
   model.gaussians.has_filter = has_filter_3d(file.header());
   model.gaussians.resize(vertex.count);
@@ -173,8 +177,6 @@ std::vector<PlyColumn> gaussian_columns(const Gaussians& gaussians, int sh_degre
                  {kFirstOfRightRotation, "right_rot_1", "right_rot_2", "right_rot_3"});
   append_columns(columns, gaussians.time_mean, {kTimeMean});
   append_columns(columns, gaussians.log_time_scale, {"time_scale"});
-  if (gaussians.has_slope)
-    append_columns(columns, gaussians.sh0_slope, {kFirstOfSlope, "f_dc_slope_1", "f_dc_slope_2"});
   return columns;
 }
 

@@ -25,15 +25,13 @@ namespace gs {
 ///   right_rot_0..3                     right_rotation           w x y z
 ///   time_mean                          time_mean                0 to 1 is the scene's duration
 ///   time_scale                         log_time_scale           natural log of durations
-/// and of those whose colors change
-///   f_dc_slope_0..2                    sh0_slope                R G B
 std::vector<PlyColumn> gaussian_columns(const Gaussians& gaussians, int sh_degree);
 
 /// The columns of the quaternions begin with these; that of the mean in time tells that rows have one.
 inline constexpr const char* kFirstOfRotation = "rot_0";
 inline constexpr const char* kFirstOfRightRotation = "right_rot_0";
 inline constexpr const char* kTimeMean = "time_mean";
-inline constexpr const char* kFirstOfSlope = "f_dc_slope_0";  // where there is one, colors change
+inline constexpr const char* kOlderSlope = "f_dc_slope_0";  // of models until December 2026
 
 /// The SH degree that has this number of f_rest_ properties. Throws Error that names `path` where
 /// no degree has.

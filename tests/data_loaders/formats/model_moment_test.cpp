@@ -63,21 +63,6 @@ TEST(SymmetricEigen, GivesTheAxesOfACovarianceBack) {
   }
 }
 
-TEST(Moment, HasTheColorOfItsTime) {
-  Camera camera = random_camera(kWidth, kHeight, 2);
-  GaussianModel model = moving_model(camera);
-  model.gaussians = with_slopes(model.gaussians, 6);
-  GaussianModel one_color = moving_model(camera);
-  for (const float time : {0.3f, 0.9f}) {
-    camera.time = time;
-    const GaussianModel moment = moment_of(model, time);
-    EXPECT_FALSE(moment.gaussians.has_slope);
-    const std::vector<float> expected = picture_of(model.gaussians, camera);
-    EXPECT_LT(share_that_differs(picture_of(moment.gaussians, camera), expected), 0.01);
-    EXPECT_GT(share_that_differs(picture_of(one_color.gaussians, camera), expected), 0.1);
-  }
-}
-
 TEST(Moment, LooksLikeTheModelAtItsTime) {
   Camera camera = random_camera(kWidth, kHeight, 2);
   const GaussianModel model = moving_model(camera);
@@ -101,26 +86,6 @@ TEST(Moment, OfAModelWithoutTimeIsTheModel) {
   const Camera camera = random_camera(kWidth, kHeight, 2);
   const GaussianModel still{random_gaussians(kTypical, 50, camera, 3), kMaxShDegree, true, false};
   EXPECT_TRUE(same_bits(moment_of(still, 0.5).gaussians, still.gaussians));
-}
-
-TEST(MovingModel, OfStaticGaussiansLooksTheSameAsAMomentAndStaysStaticInItsPly) {
-  const TempFolder temp;
-  Camera camera = random_camera(kWidth, kHeight, 2);
-  camera.time = 0.9f;
-  GaussianModel model = moving_model(camera);
-  make_half_static(model.gaussians);
-  EXPECT_LT(share_that_differs(picture_of(moment_of(model, 0.9).gaussians, camera),
-                               picture_of(model.gaussians, camera)),
-            2e-3);
-  write_model(temp.path() / "a.ply", model);
-  const GaussianModel read = read_model(temp.path() / "a.ply");
-  for (std::size_t i = 0; i < read.gaussians.count(); i += 2) {
-    EXPECT_TRUE(is_static(read.gaussians.log_time_scale[i]));
-    const Quatf wanted = mirrored(read.gaussians.rotation[i]),
-                right = read.gaussians.right_rotation[i];
-    EXPECT_TRUE(right.w == wanted.w && right.x == wanted.x && right.y == wanted.y &&
-                right.z == wanted.z);
-  }
 }
 
 TEST(MovingModel, ComesBackFromItsPly) {

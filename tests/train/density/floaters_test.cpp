@@ -36,9 +36,7 @@ TEST(Contribution, OfAllGaussiansIsTheCoveredPicture) {
   // Black ones contribute, too.
   expect_all_of_the_picture(random_gaussians(kNegativeColors, 200, camera, 2), camera);
   expect_all_of_the_picture(random_gaussians(kOpaque, 50, camera, 3), camera);
-  // The slopes of colors are no part of it.
-  expect_all_of_the_picture(
-      with_slopes(in_spacetime(random_gaussians(kTypical, 200, camera, 1), 2), 3), camera);
+  expect_all_of_the_picture(in_spacetime(random_gaussians(kTypical, 200, camera, 1), 2), camera);
 }
 
 // One splat of variance s^2 = (64 * 0.1 / 2)^2 + 0.3 covers 2 pi s^2 o pixels, minus the part below

@@ -23,12 +23,11 @@ TEST(GaussiansFor, IsNeverLessThanThereAreNorMoreThanCanBeNumbered) {
 
 TEST(GaussiansFor, CountsTheNumbersOfTimeAndTheSumsOfBatches) {
   const RoomForGaussians room{10 * kGib, 0, 0};
-  RoomForGaussians in_time = room, in_color = room, in_batches = room;
-  in_time.has_time = in_color.has_time = in_color.has_slope = true;
+  RoomForGaussians in_time = room, in_batches = room;
+  in_time.has_time = true;
   in_batches.batch = 4;
   const double usable = 0.85 * double(10 * kGib);
   EXPECT_EQ(gaussians_for(in_time), std::int64_t(usable / (2048 + 6 * 24)));
-  EXPECT_EQ(gaussians_for(in_color), std::int64_t(usable / (2048 + 6 * 36)));
   EXPECT_EQ(gaussians_for(in_batches), std::int64_t(usable / (2048 + 236 + 8)));
 }
 

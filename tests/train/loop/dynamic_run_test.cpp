@@ -35,7 +35,6 @@ Config dynamic_run() {
   config.density.gradient_threshold = 1e-5f;
   config.density.time_scale_regularizer = 1e-5f;
   config.density.velocity_regularizer = 1e-5f;
-  config.train.time_noise = 0.1f;
   config.train.checkpoint_every = 10;
   config.train.morton_every = 1000;
   return config;
@@ -75,16 +74,8 @@ TEST_F(DynamicRunOfAStillScene, StaysFiniteAndLosesLittle) {
   EXPECT_GT(dynamic, psnr_after(config) - 1);
 }
 
-Config changing_run() {
-  Config config = dynamic_run();
-  config.model.time_colors = true;
-  return config;
-}
-
 TEST_F(DynamicRun, GivesTheSameBitsForAnyNumberOfThreads) {
-  Config changing_mcmc = dynamic_mcmc_run();
-  changing_mcmc.model.time_colors = true;
-  for (const Config& config : {dynamic_run(), changing_run(), dynamic_mcmc_run(), changing_mcmc}) {
+  for (const Config& config : {dynamic_run(), dynamic_mcmc_run()}) {
     set_thread_count(1);
     const TrainingModel one = trained(config);
     EXPECT_TRUE(one.gaussians.has_time);
@@ -95,66 +86,8 @@ TEST_F(DynamicRun, GivesTheSameBitsForAnyNumberOfThreads) {
 }
 
 TEST_F(DynamicRun, StoppedAndResumedEndsWithTheSameBits) {
-  for (const Config& config : {dynamic_run(), changing_run(), dynamic_mcmc_run()})
+  for (const Config& config : {dynamic_run(), dynamic_mcmc_run()})
     expect_goes_on_after({19, 63, 150}, config);
-}
-
-TEST_F(DynamicRun, LearnsColorsThatChangeOnlyWhereAsked) {
-  EXPECT_FALSE(trained(dynamic_run()).gaussians.has_slope);
-  const TrainingModel model = trained(changing_run());
-  ASSERT_TRUE(model.gaussians.has_slope && model.second_moment.has_slope);
-  std::size_t changing = 0;
-  for (const Vec3f& slope : model.gaussians.sh0_slope) changing += inner(slope, slope) > 1e-6f;
-  EXPECT_GT(changing, model.count() / 2);
-}
-
-TEST_F(DynamicRun, RefusesColorsThatChangeWhereNothingMoves) {
-  Config config = changing_run();
-  config.model.dynamic = false;
-  EXPECT_THAT(error_of([&] { trained(config); }), ::testing::HasSubstr("-c dynamic"));
-}
-
-/// Rows in space and time with colors that change.
-Gaussians changing_rows(std::size_t count) {
-  return with_slopes(in_spacetime(random_gaussians(kTypical, count, random_camera(40, 30), 5), 6),
-                     7);
-}
-Vec3f sh0_at(const GaussiansSpan& rows, std::size_t i, float time) {
-  return gs::sh0_at(rows.sh0[i], rows.sh0_slope[i], phase_at(spacetime_shape_of(rows, i), time));
-}
-void expect_near(const Vec3f& a, const Vec3f& b) {
-  for (int c = 0; c < 3; ++c) EXPECT_NEAR(a[c], b[c], 1e-3f * (1 + std::abs(b[c])));
-}
-
-TEST(RowRules, HalvesAndChildrenOfASplitHaveTheColorOfTheirParentAtEveryTime) {
-  const Gaussians parents = changing_rows(100);
-  const Random random{1, RandomStream::split_gaussians};
-  SplitRules on_axis;
-  on_axis.place = SplitPlacement::axis;
-  on_axis.offset = on_axis.along = 0.5f;
-  on_axis.across = 0.8f;
-  for (std::uint32_t i = 0; i < parents.count(); ++i) {
-    Gaussians halves = copy_of(parents), children = copy_of(parents);
-    write_half(halves.span(), i, half_of(halves.span(), i, i, random, 7));
-    write_child(children.span(), i, child_of(children.span(), i, i, on_axis, random, 7));
-    EXPECT_NE(halves.time_mean[i], parents.time_mean[i]);
-    for (const float time : {0.0f, 0.4f, 1.0f}) {
-      const Vec3f expected = sh0_at(parents.span(), i, time);
-      expect_near(sh0_at(halves.span(), i, time), expected);
-      expect_near(sh0_at(children.span(), i, time), expected);
-    }
-  }
-}
-
-TEST(RowRules, CopiesThatShareAnExtentKeepTheirColorAtEveryTime) {
-  const Gaussians before = changing_rows(100);
-  const Gaussians rows = copy_of(before);
-  for (std::size_t i = 0; i < rows.count(); ++i) {
-    write_log_scale(rows.span(), i, rows.log_scale[i] - Vec3f(0.7f));
-    EXPECT_NE(rows.sh0_slope[i], before.sh0_slope[i]);  // tilted, so that space reaches into time
-    for (const float time : {0.0f, 0.4f, 1.0f})
-      expect_near(sh0_at(rows.span(), i, time), sh0_at(before.span(), i, time));
-  }
 }
 
 TEST(RowRules, HalvesOfASplitMoveInTimeAndLiveShorter) {

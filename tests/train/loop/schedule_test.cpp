@@ -208,9 +208,9 @@ TEST(ScheduleOfLearningRates, FallsInACooldown) {
     return double(schedule.learning_rates(step).*rate) /
            double(constant.learning_rates(step).*rate);
   };
-  for (const auto rate : {&LearningRates::mean, &LearningRates::log_scale, &LearningRates::rotation,
-                          &LearningRates::logit_opacity, &LearningRates::sh0,
-                          &LearningRates::sh_rest, &LearningRates::sh0_slope}) {
+  for (const auto rate :
+       {&LearningRates::mean, &LearningRates::log_scale, &LearningRates::rotation,
+        &LearningRates::logit_opacity, &LearningRates::sh0, &LearningRates::sh_rest}) {
     EXPECT_EQ(share(1, rate), 1);
     EXPECT_EQ(share(8000, rate), 1);
     EXPECT_NEAR(share(9000, rate), 0.1, 1e-6);

@@ -98,7 +98,7 @@ TEST_F(PeerRun, WithLightAndPosesHasTheBytesOfOneRank) {
 
 TEST_F(PeerRun, InSpaceAndTimeHasTheBytesOfOneRank) {
   Config config = run_in_batches(3);
-  config.model.dynamic = config.model.time_colors = true;
+  config.model.dynamic = true;
   expect_same(config);
 }
 

@@ -124,7 +124,7 @@ TEST_F(RankedRun, WithTheFilterHasTheBytesOfOneRank) {
 
 TEST_F(RankedRun, InSpaceAndTimeHasTheBytesOfOneRank) {
   Config config = run_in_batches(3, 60);
-  config.model.dynamic = config.model.time_colors = true;
+  config.model.dynamic = true;
   expect_same_for_any_number(config);
 }
 

@@ -3,7 +3,7 @@
 // time. data_loaders/formats/gs4d/gs4d.h says what each byte means.
 
 const HEADER = 32, ENTRY = 16;                     // bytes
-const MOST_VERSION = 2;                            // from which on colors change
+const VERSION = 1, BLOCK_FLOATS = 18;
 const MOST_IN_CHUNK = 32768, IN_BLOCK = 256;       // Gaussians
 const ROTATION_UNIT = Math.SQRT1_2 / 511;
 const SH_NUMBERS = [0, 9, 24, 45];                 // of each SH degree, beyond degree 0
@@ -60,35 +60,32 @@ export async function readGs4d(stream) {
 function headerOf(view) {
   if (view.getUint32(0, false) !== 0x47533444) throw damaged('it does not begin with GS4D');
   const version = view.getUint32(4, true);
-  if (version < 1 || version > MOST_VERSION) throw new Error(`This page reads .gs4d files up to version ${MOST_VERSION}, and not of version ${version}.`);
-  const header = {hasSlope: version > 1, count: view.getUint32(8, true), chunks: view.getUint32(12, true), shDegree: view.getUint8(16),
+  if (version !== VERSION) throw new Error(`This page reads .gs4d files of version ${VERSION}, and not of version ${version}.`);
+  const header = {count: view.getUint32(8, true), chunks: view.getUint32(12, true), shDegree: view.getUint8(16),
                   antialiased: (view.getUint8(17) & 1) !== 0, duration: view.getFloat32(20, true)};
   if (header.shDegree > 3) throw damaged(`its SH degree is ${header.shDegree}`);
   return header;
 }
 
 // Where the arrays of a chunk begin.
-function arraysOf(count, {shDegree, hasSlope}) {
-  const blockFloats = hasSlope ? 19 : 18, rotations = Math.ceil(count / IN_BLOCK) * blockFloats * 4, positions = rotations + 4 * count, drifts = positions + 6 * count,
+function arraysOf(count, {shDegree}) {
+  const rotations = Math.ceil(count / IN_BLOCK) * BLOCK_FLOATS * 4, positions = rotations + 4 * count, drifts = positions + 6 * count,
         times = drifts + 6 * count, scales = times + 4 * count, opacities = scales + 3 * count, colors = opacities + count, sh = colors + 3 * count;
-  const slopes = sh + SH_NUMBERS[shDegree] * count;
-  return {blockFloats, rotations, positions, drifts, times, scales, opacities, colors, sh, slopes, end: slopes + (hasSlope ? 3 * count : 0)};
+  return {rotations, positions, drifts, times, scales, opacities, colors, sh, end: sh + SH_NUMBERS[shDegree] * count};
 }
 
 // A chunk as plain arrays: mean, velocity, logScale, sh0 (3 numbers each), rotation (4: x y z w),
-// timeMean, timeScale, opacity, sh (SH_NUMBERS of them each); where colors change, sh0Slope (3, in
-// one timeScale).
+// timeMean, timeScale, opacity, sh (SH_NUMBERS of them each).
 function chunkOf(buffer, {count, begin, end}, header) {
-  const {shDegree, hasSlope} = header, at = arraysOf(count, header), numbers = SH_NUMBERS[shDegree];
+  const {shDegree} = header, at = arraysOf(count, header), numbers = SH_NUMBERS[shDegree];
   const blocks = new Float32Array(buffer, 0, at.rotations / 4), words = new Uint32Array(buffer, at.rotations, count);
   const positions = new Uint16Array(buffer, at.positions, 3 * count), drifts = new Int16Array(buffer, at.drifts, 3 * count);
-  const times = new Uint16Array(buffer, at.times, 2 * count), bytes = new Uint8Array(buffer), sh8 = new Int8Array(buffer, at.sh), slopes = new Int8Array(buffer, at.slopes);
+  const times = new Uint16Array(buffer, at.times, 2 * count), bytes = new Uint8Array(buffer), sh8 = new Int8Array(buffer, at.sh);
   const floats = each => new Float32Array(each * count);
   const chunk = {count, begin, end, shDegree, mean: floats(3), velocity: floats(3), logScale: floats(3), sh0: floats(3), rotation: floats(4),
                  timeMean: floats(1), timeScale: floats(1), opacity: floats(1), sh: floats(numbers)};
-  if (hasSlope) chunk.sh0Slope = floats(3);
   for (let i = 0; i < count; ++i) {
-    const b = Math.floor(i / IN_BLOCK) * at.blockFloats, value = (from, steps) => blocks[b + from] + blocks[b + from + 1] * steps;
+    const b = Math.floor(i / IN_BLOCK) * BLOCK_FLOATS, value = (from, steps) => blocks[b + from] + blocks[b + from + 1] * steps;
     const timeScale = Math.exp(value(11, times[2 * i + 1]));
     chunk.timeMean[i] = value(9, times[2 * i]);
     chunk.timeScale[i] = timeScale;
@@ -99,7 +96,6 @@ function chunkOf(buffer, {count, begin, end}, header) {
       chunk.velocity[n] = blocks[b + 6 + k] * drifts[n] / timeScale;
       chunk.logScale[n] = value(13, bytes[at.scales + n]);
       chunk.sh0[n] = value(15, bytes[at.colors + n]);
-      if (hasSlope) chunk.sh0Slope[n] = blocks[b + 18] * slopes[n];
     }
     for (let n = numbers * i; n < numbers * (i + 1); ++n) chunk.sh[n] = blocks[b + 17] * sh8[n];
     unpackRotation(words[i], chunk.rotation, 4 * i);

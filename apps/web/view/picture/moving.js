@@ -16,8 +16,7 @@ const texture = (words, {width, height, depth}, format, internalFormat) => {
   return result;
 };
 
-// The chunk's Gaussians in Spark's form of 32 bytes, with their motion in two textures more, and in a
-// third one where their colors change.
+// The chunk's Gaussians in Spark's form of 32 bytes, with their motion in two textures more.
 class MovingSplats extends ExtSplats {
   constructor(chunk, time) {
     const {count} = chunk, size = utils.getTextureSize(count), {maxSplats} = size;
@@ -38,34 +37,31 @@ class MovingSplats extends ExtSplats {
       falloff: new dyno.DynoUsampler2DArray({key: 'falloff', value: texture(new Uint32Array(falloff.buffer), size, RedIntegerFormat, 'R32UI')}),
       time,
     };
-    if (chunk.sh0Slope) this.change = {change: new dyno.DynoUsampler2DArray({key: 'change', value: texture(changesOf(chunk, maxSplats), size, RGBAIntegerFormat, 'RGBA32UI')})};
   }
 
   fetchSplat({index, viewOrigin}) {
     const moved = dyno.dyno({
-      inTypes: {index: 'int', path: 'usampler2DArray', falloff: 'usampler2DArray', time: 'float', ...this.change && {change: 'usampler2DArray'}},
-      outTypes: {shift: 'vec3', factor: 'float', tint: 'vec3'},
-      inputs: {index, ...this.motion, ...this.change},
+      inTypes: {index: 'int', path: 'usampler2DArray', falloff: 'usampler2DArray', time: 'float'},
+      outTypes: {shift: 'vec3', factor: 'float'},
+      inputs: {index, ...this.motion},
       statements: ({inputs, outputs}) => [
         `ivec3 place = splatTexCoord(${inputs.index});`,
         `vec4 way = uintBitsToFloat(texelFetch(${inputs.path}, place, 0));`,
         `float elapsed = ${inputs.time} - way.w;`,
         `${outputs.shift} = way.xyz * elapsed;`,
         `${outputs.factor} = exp(uintBitsToFloat(texelFetch(${inputs.falloff}, place, 0).x) * elapsed * elapsed);`,
-        `${outputs.tint} = ${inputs.change ? `uintBitsToFloat(texelFetch(${inputs.change}, place, 0)).xyz * elapsed` : 'vec3(0.0)'};`,
       ],
     }).outputs;
     // Colors are those of the moved Gaussian: the eye is moved the other way.
     const gsplat = super.fetchSplat({index, viewOrigin: viewOrigin && dyno.sub(viewOrigin, moved.shift)});
     return dyno.dyno({
-      inTypes: {gsplat: dyno.Gsplat, shift: 'vec3', factor: 'float', tint: 'vec3'},
+      inTypes: {gsplat: dyno.Gsplat, shift: 'vec3', factor: 'float'},
       outTypes: {gsplat: dyno.Gsplat},
-      inputs: {gsplat, shift: moved.shift, factor: moved.factor, tint: moved.tint},
+      inputs: {gsplat, shift: moved.shift, factor: moved.factor},
       globals: () => [dyno.defineGsplat],
       statements: ({inputs, outputs}) => [
         `${outputs.gsplat} = ${inputs.gsplat};`,
         `${outputs.gsplat}.center += ${inputs.shift};`,
-        `${outputs.gsplat}.rgba.rgb += ${inputs.tint};`,
         `${outputs.gsplat}.rgba.a *= ${inputs.factor};`,
         `if (${inputs.factor} < ${MIN_MARGINAL} || ${outputs.gsplat}.rgba.a < ${MIN_ALPHA}) ${outputs.gsplat}.flags = 0u;`,
       ],
@@ -76,16 +72,7 @@ class MovingSplats extends ExtSplats {
     super.dispose();
     this.motion?.path.value.dispose();
     this.motion?.falloff.value.dispose();
-    this.change?.change.value.dispose();
   }
-}
-
-// The change of each color in a unit of time, as words of a texture.
-function changesOf({count, sh0Slope, timeScale}, maxSplats) {
-  const change = new Float32Array(4 * maxSplats);
-  for (let i = 0; i < count; ++i)
-    for (let k = 0; k < 3; ++k) change[4 * i + k] = SH0 * sh0Slope[3 * i + k] / timeScale[i];
-  return new Uint32Array(change.buffer);
 }
 
 // Three numbers with a common exponent: 8 bits each, the exponent, and the signs.
