@@ -280,8 +280,8 @@ class CudaBackend final : private Device, private StepLauncher<Step>, public Bac
     loss_settings.photo_reduction = photo.reduction;
     std::optional<PhotoOnDevice> on_device;
     if (photometric_.is_on()) {
-      on_device = photometric_.photo(model_->photometric, step.photometric, photo, camera, i,
-                                     step.batch.size());
+      on_device =
+          photometric_.photo(model_->photometric, step.photometric, photo, i, step.batch.size());
       loss_settings.photo_on_device = &*on_device;
     }
     const RenderSettings settings = settings_of(step, photo);

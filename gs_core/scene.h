@@ -135,8 +135,6 @@ struct Scene {
   std::size_t time_count = 0;  // different times of its photos; 2 and more: it moves
   std::optional<CameraRefinement> refinement;  // if cameras were refined
   std::optional<ExposureSummary> exposure;     // if exposures were solved for
-  // Numbers of log_vignetting() by View::camera_id, if they were solved for with the exposures
-  std::map<std::uint32_t, std::array<float, 3>> lenses;
 };
 
 /// The warning for such a scene, where it is taken for a static one.

@@ -22,7 +22,6 @@ constexpr double kSmallBuffers = 2 << 20;  // counters, reports, scratch of scan
 constexpr double kBytesOfPixel = 12 + 4 + 4 + 12 + 1.05 * 36;
 constexpr double kBytesOfReducedPhoto = 1;  // a pixel in four of photo and mask, at first
 constexpr double kBytesOfDepthPixel = 24;   // blended depths, and the gradient
-constexpr double kBytesOfRecolored = 24;    // the picture shown, and what is behind it
 constexpr double kBytesOfTile = 3 * kWord + 2 * kWord;  // range, order, checkpoint; a segment
 
 // What an array is expected to have for each byte in use, half way between two steps of its growth.
@@ -140,7 +139,6 @@ double picture_bytes(const TrainingSize& size) {
   double bytes = kBytesOfPixel + kBytesOfReducedPhoto + kBytesOfTile / kTilePixels;
   if (size.has_pixel_values) bytes += sizeof(float);
   if (size.has_depth_maps) bytes += kBytesOfDepthPixel;
-  if (size.recolors) bytes += kBytesOfRecolored;
   return bytes * size.pixels + size.photo_bytes + sizeof(float) * size.depth_pixels;
 }
 
@@ -187,7 +185,6 @@ TrainingSize training_size(const Config& config, const PictureSizes& pictures, d
   size.is_absolute = config.density.absolute_gradient;
   size.has_depth_maps = config.loss.depth_weight > 0 && pictures.depth_pixels > 0;
   size.depth_pixels = size.has_depth_maps ? pictures.depth_pixels : 0;
-  size.recolors = config.photometric.model == "ppisp";
   size.is_deterministic = config.train.deterministic;
   return size;
 }

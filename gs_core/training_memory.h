@@ -61,7 +61,6 @@ struct TrainingSize {
   bool has_pixel_values = false;              // ... and over values of pixels
   bool is_absolute = false;  // gradients of means are also summed as absolute values
   bool has_depth_maps = false;
-  bool recolors = false;  // the photometric model makes a picture of its own
   bool is_deterministic = false;
 };
 

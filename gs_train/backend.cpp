@@ -144,18 +144,12 @@ void Backend::check_takes_appearance(const Loss& loss, const std::string& kind) 
         "loss.kind {} does not know photometric.model; leave one of the two out", kind));
 }
 
-// Where the lens darkens follows from the whole photo, also where this step sees a reduced one.
 std::unique_ptr<Appearance> Backend::appearance_of(const TrainingModel& model,
                                                    const TrainingPhoto& photo, const View& view,
                                                    const RenderPass& pass) {
   if (!photometric_) return nullptr;
   const HostStage stage("photometric");
-  const PhotometricState& state = model.photometric;
-  const Camera& whole = photo.view->camera;
-  const LensPlace place =
-      lens_place(view.camera.cx, view.camera.cy, whole.width, whole.height, photo.reduction);
-  auto appearance =
-      photometric_->appearance(state.photo(photo.photo_row), state.camera(photo.camera_row), place);
+  auto appearance = photometric_->appearance(model.photometric.photo(photo.photo_row));
   appearance->show({pass.image.data(), pass.width, pass.height});
   if (view.over_background) appearance->show_background(pass.background, pass.width, pass.height);
   return appearance;
@@ -165,9 +159,7 @@ void Backend::add_photometric_gradient(const PhotometricShape& shape, const Trai
                                        double weight) {
   const Span<const double> gradient = appearance_gradient();
   double* const of_photo = photometric_sum_.data() + shape.photo_begin(photo.photo_row);
-  double* const of_camera = photometric_sum_.data() + shape.camera_begin(photo.camera_row);
-  for (std::size_t i = 0; i < gradient.size; ++i)
-    (i < shape.photo_size ? of_photo[i] : of_camera[i - shape.photo_size]) += weight * gradient[i];
+  for (std::size_t i = 0; i < gradient.size; ++i) of_photo[i] += weight * gradient[i];
 }
 
 void Backend::update_photometric(PhotometricState&, const Update&, std::vector<double>&) {

@@ -37,9 +37,9 @@ struct DensityStep {
 struct TrainingPhoto {
   const View* view;
   RenderSettings settings;
-  int reduction = 1;  // camera and photo are reduced so many times (math/area_filter.h)
-  std::size_t photo_row = 0, camera_row = 0;  // of TrainingModel::photometric; poses has the former
-  std::optional<Camera> refined = {};         // in place of the view's camera
+  int reduction = 1;          // camera and photo are reduced so many times (math/area_filter.h)
+  std::size_t photo_row = 0;  // of TrainingModel::photometric and poses
+  std::optional<Camera> refined = {};  // in place of the view's camera
 
   const Camera& camera() const { return refined ? *refined : view->camera; }
 };

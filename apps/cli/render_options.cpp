@@ -192,7 +192,7 @@ void add_picture_options(CLI::App& verb, RenderFlags& flags) {
       ->group("Pictures");
   verb.add_option("--like", command.like,
                   "show colors as this photo of a run with photometric.model does, under its "
-                  "exposure, white balance and vignetting; each: every picture as the photo of "
+                  "exposure and white balance; each: every picture as the photo of "
                   "its name [the scene's own colors]")
       ->type_name("PHOTO|each")
       ->group("Pictures");

@@ -6,7 +6,6 @@
 
 #include "cuda/stages.cuh"
 #include "cuda/train/photometric.cuh"
-#include "cuda/train/ppisp.cuh"
 #include "gs_core/image.h"
 #include "gs_core/math/photo_weight.h"
 
@@ -32,40 +31,14 @@ template <bool kIsLearned>
 __global__ void errors_kernel(ComparedPictures pictures, Span<float> values) {
   const std::size_t i = thread_number();
   if (i >= values.size) return;
-  float lens = 1;
-  if (kIsLearned && pictures.look.vignetting) {
-    const int x = int(i % std::size_t(pictures.width)), y = int(i / std::size_t(pictures.width));
-    lens = lens_gain(pictures.look.lens(), pictures.look.rho(x, y));
-  }
   const float m = pictures.bytes.mask ? pictures.bytes.mask[i] * kPerByte : 1.0f;
   float sum = 0;
   for (int c = 0; c < 3; ++c) {
-    const float e = kIsLearned ? pictures.look.photo_gain(c) * lens : pictures.exposure[c];
+    const float e = kIsLearned ? pictures.look.photo_gain(c) : pictures.exposure[c];
     const PhotoWeight<float> weight =
         photo_weight(m, e, pictures.background[c], pictures.over_background);
     const float x = weight.gain * pictures.image[c * values.size + i];
     const float y = pictures.bytes.photo[3 * i + c] * kPerByte;
-    sum += fabsf(x - compared_photo(x, weight.cover * y + weight.backdrop, y, pictures.white));
-  }
-  values[i] = sum / 3.0f;
-}
-
-/// The same where photos mix channels.
-__global__ void recolored_errors_kernel(ComparedPictures pictures, PpispLook look,
-                                        Span<float> values) {
-  const std::size_t i = thread_number();
-  if (i >= values.size) return;
-  const PpispColors colors(look);
-  const float rho =
-      colors.rho(int(i % std::size_t(pictures.width)), int(i / std::size_t(pictures.width)));
-  const Vec3f color{pictures.image[i], pictures.image[values.size + i],
-                    pictures.image[2 * values.size + i]};
-  const Vec3f shown = colors.shown(color, rho), behind = colors.shown(pictures.background, rho);
-  const float m = pictures.bytes.mask ? pictures.bytes.mask[i] * kPerByte : 1.0f;
-  float sum = 0;
-  for (int c = 0; c < 3; ++c) {
-    const PhotoWeight<float> weight = photo_weight(m, 1.0f, behind[c], pictures.over_background);
-    const float x = weight.gain * shown[c], y = pictures.bytes.photo[3 * i + c] * kPerByte;
     sum += fabsf(x - compared_photo(x, weight.cover * y + weight.backdrop, y, pictures.white));
   }
   values[i] = sum / 3.0f;
@@ -170,9 +143,6 @@ void find_pixel_values(Context& context, const PhotoBytes& bytes, const View& vi
   if (density.score == GrowthScore::edge)
     context.launch("pixel values", edges_kernel, blocks, kThreads, bytes.photo, pass.width,
                    pass.height, values);
-  else if (photo && photo->look == DeviceLook::ppisp)
-    context.launch("pixel values", recolored_errors_kernel, blocks, kThreads, pictures,
-                   PpispLook(*photo), values);
   else
     context.launch("pixel values", photo ? errors_kernel<true> : errors_kernel<false>, blocks,
                    kThreads, pictures, values);

@@ -309,8 +309,8 @@ void RankSteps::draw(const RankedStep& step, const DrawnPhoto& drawn) {
   loss_settings.photo_reduction = drawn.photo.reduction;
   std::optional<PhotoOnDevice> on_device;
   if (photometric_->is_on()) {
-    on_device = photometric_->photo(model_->photometric, step.photometric, drawn.photo,
-                                    drawn.camera, drawn.index, step.batch.size());
+    on_device = photometric_->photo(model_->photometric, step.photometric, drawn.photo, drawn.index,
+                                    step.batch.size());
     loss_settings.photo_on_device = &*on_device;
   }
   rank.loss->forward_backward(pass, *drawn.photo.view, loss_settings, rank.dL_dimage);

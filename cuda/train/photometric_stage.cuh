@@ -3,9 +3,7 @@
 // photos of a step, and the update.
 #pragma once
 
-#include <optional>
 #include <string>
-#include <vector>
 
 #include "cuda/train/photometric.cuh"
 #include "gs_core/config/config.h"
@@ -28,22 +26,19 @@ class PhotometricStage {
   /// `context` and `memory` are those of the GPU that has the model. `others_draw`: other processes
   /// send the rows of the photos that they draw.
   PhotometricStage(Context& context, Memory& memory, bool others_draw = false)
-      : context_(context), others_draw_(others_draw), gradient_(memory), rows_(memory),
-        camera_of_(memory) {}
+      : context_(context), others_draw_(others_draw), gradient_(memory), rows_(memory) {}
 
   /// From now on; null: without a model. Throws UsageError where `device`, a name, has no kernels
   /// for it.
   void use(const PhotometricModel* model, const std::string& device);
-  bool is_on() const { return look_.has_value(); }
+  bool is_on() const { return is_on_; }
   PhotometricUpdate update_of(const PhotometricState& state, const Update& update) const;
 
   /// Before the photos of a step. The gradient is zero between steps. Waits where the run is new.
   void begin(const PhotometricState& state, std::size_t photos);
-  /// Photo i of a batch of `photos`. Where the lens darkens follows from the whole photo, also
-  /// where this step sees a reduced one.
+  /// Photo i of a batch of `photos`.
   PhotoOnDevice photo(const PhotometricState& state, const PhotometricUpdate& update,
-                      const TrainingPhoto& photo, const Camera& camera, std::size_t i,
-                      std::size_t photos) const;
+                      const TrainingPhoto& photo, std::size_t i, std::size_t photos) const;
   /// The row of photo i of a batch; empty where the step has no update, or no rows.
   Span<double> row_of(const PhotometricState& state, const PhotometricUpdate& update, std::size_t i,
                       std::size_t photos) const;
@@ -63,19 +58,13 @@ class PhotometricStage {
   }
 
  private:
-  static std::size_t row_size(const PhotometricShape& shape) {
-    return shape.photo_size + shape.camera_size;
-  }
-
   bool has_rows(std::size_t photos) const { return photos > 1 || others_draw_; }
 
   Context& context_;
   const bool others_draw_;
-  std::optional<DeviceLook> look_;
-  Buffer<double> gradient_;                       // (state.shape.size()) zero between steps
-  Buffer<double> rows_;                           // (photos of a batch, row_size()) the same
-  Buffer<std::uint32_t> camera_of_;               // (photos) PhotometricState::camera_of
-  std::vector<std::uint32_t> camera_of_on_host_;  // what camera_of_ holds
+  bool is_on_ = false;
+  Buffer<double> gradient_;  // (state.shape.size()) zero between steps
+  Buffer<double> rows_;      // (photos of a batch, shape.photo_size) the same
 };
 
 }  // namespace gs::cuda

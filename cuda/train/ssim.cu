@@ -17,16 +17,12 @@
 //
 // Views with a mask or an exposure use kernels of their own, in which photo_weight.h computes X and
 // Y from the two pictures, so that other views are not slowed down. So do views with a learned
-// appearance: under gains (photometric.cuh) the kernels also add up the gradient of the photo's
-// numbers, and where a photo mixes channels (ppisp.cuh) they compare the picture that a pass before
-// them has shown.
+// appearance (photometric.cuh): their kernels also add up the gradient of the photo's numbers.
 #include <cstdint>
-#include <type_traits>
 
 #include "cuda/device/warp.cuh"
 #include "cuda/stages.cuh"
 #include "cuda/train/photometric.cuh"
-#include "cuda/train/ppisp.cuh"
 #include "gs_core/image.h"
 #include "gs_core/math/photo_weight.h"
 #include "gs_core/math/ssim.h"
@@ -44,15 +40,10 @@ constexpr int kBlockRows = 16;  // sets shared memory and code size, not the num
 
 /// What X is, besides the rendered picture. Each has kernels of its own.
 enum class Shown {
-  plain,      // the picture
-  weighted,   // the picture under a mask or an exposure
-  gained,     // under a mask, perhaps, and the learned gains of the photo
-  vignetted,  // the same, and the learned vignetting of its camera
-  recolored,  // what a pass of its own has made of the picture, under a mask, perhaps
+  plain,     // the picture
+  weighted,  // the picture under a mask or an exposure
+  gained,    // under a mask, perhaps, and the learned gains of the photo
 };
-constexpr bool is_learned(Shown shown) {
-  return shown == Shown::gained || shown == Shown::vignetted;
-}
 
 /// Both pictures, and how blocks cover them.
 struct Pictures {
@@ -67,13 +58,6 @@ struct Pictures {
   float white;
   PhotoLook look;  // of views with a learned appearance, in place of the exposure
 };
-
-/// The picture is that which a pass before has shown.
-struct RecoloredPictures : Pictures {
-  const float* behind;  // (3, H, W) the background as it is shown; of photos over it
-};
-template <Shown kShown>
-using PicturesOf = std::conditional_t<kShown == Shown::recolored, RecoloredPictures, Pictures>;
 
 /// d_x, d_xx, d_xy: (3 channels, H, row_floats / 96, 3 maps, 32 columns), so that one address leads
 /// to all three.
@@ -119,16 +103,14 @@ __device__ inline float photo_value(std::uint8_t byte) { return __fmul_rn(float(
 /// How a learned appearance shows one channel.
 struct ShownChannel {
   float gain = 1, background = 0;
-  std::array<float, 3> lens{};
 };
 template <Shown kShown>
 __device__ inline ShownChannel shown_channel(const Pictures& pictures, int channel) {
   ShownChannel shown;
-  if constexpr (is_learned(kShown)) {
+  if constexpr (kShown == Shown::gained) {
     shown.gain = pictures.look.photo_gain(channel);
     shown.background = pictures.background[channel];
   }
-  if constexpr (kShown == Shown::vignetted) shown.lens = pictures.look.lens();
   return shown;
 }
 
@@ -153,36 +135,16 @@ __device__ inline ComparedValue compared(const Pictures& pictures, int channel, 
           x_weighted};
 }
 
-/// The same under a learned appearance. The exposure is that of the photo and of the lens at pixel
-/// (x, y).
-template <Shown kShown>
-__device__ inline ComparedValue compared_learned(const Pictures& pictures,
-                                                 const ShownChannel& shown, int x, int y, float X,
-                                                 float Y, const std::uint8_t* mask) {
-  float exposure = shown.gain;
-  if constexpr (kShown == Shown::vignetted)
-    exposure = __fmul_rn(exposure, lens_gain(shown.lens, pictures.look.rho(x, y)));
-  const PhotoWeight<float> weight = photo_weight(mask ? photo_value(__ldg(mask)) : 1.0f, exposure,
+/// The same under the gain of the photo.
+__device__ inline ComparedValue compared_gained(const Pictures& pictures, const ShownChannel& shown,
+                                                float X, float Y, const std::uint8_t* mask) {
+  const PhotoWeight<float> weight = photo_weight(mask ? photo_value(__ldg(mask)) : 1.0f, shown.gain,
                                                  shown.background, pictures.over_background);
   const float x_weighted = __fmul_rn(weight.gain, X);
   const float y_weighted = __fadd_rn(__fmul_rn(weight.cover, Y), weight.backdrop);
   // The background, which the photo shows as well, teaches nothing.
   return {x_weighted, compared_photo(x_weighted, y_weighted, Y, pictures.white), weight.gain,
-          weight.cover * (exposure * X)};
-}
-
-/// The same of the picture that a pass before has shown, which contains the exposure. `value` is
-/// the number of X in it.
-__device__ inline ComparedValue compared_recolored(const RecoloredPictures& pictures,
-                                                   std::int64_t value, float X, float Y,
-                                                   const std::uint8_t* mask) {
-  const float behind = pictures.over_background ? __ldg(pictures.behind + value) : 0.0f;
-  const PhotoWeight<float> weight =
-      photo_weight(mask ? photo_value(__ldg(mask)) : 1.0f, 1.0f, behind, pictures.over_background);
-  const float x_weighted = __fmul_rn(weight.gain, X);
-  const float y_weighted = __fadd_rn(__fmul_rn(weight.cover, Y), weight.backdrop);
-  return {x_weighted, compared_photo(x_weighted, y_weighted, Y, pictures.white), weight.gain,
-          x_weighted};
+          weight.cover * (shown.gain * X)};
 }
 
 /// The pass down, of one thread: read(i, values) gives the maps at row i of the area with its halo.
@@ -234,7 +196,7 @@ __device__ inline void store_four(float* to, const float (&values)[kGroup]) {
 
 /// One column's means of p, q, pp, qq. Returns the thread's share of the sum of |X - Y|.
 template <Shown kShown>
-__device__ inline float column_moments(const PicturesOf<kShown>& pictures, const Area& area,
+__device__ inline float column_moments(const Pictures& pictures, const Area& area,
                                        ColumnMeans<4>& means) {
   const int x = area.x0 - kSsimRadius + int(threadIdx.x), top = area.y0 - kSsimRadius;
   const bool is_inside = x >= 0 && x < pictures.width;
@@ -249,12 +211,8 @@ __device__ inline float column_moments(const PicturesOf<kShown>& pictures, const
     float X = 0, Y = 0;  // outside
     if (is_inside && unsigned(top + i) < unsigned(pictures.height)) {
       ComparedValue value;
-      if constexpr (is_learned(kShown))
-        value = compared_learned<kShown>(pictures, shown, x, top + i, __ldg(image),
-                                         photo_value(__ldg(photo)), mask);
-      else if constexpr (kShown == Shown::recolored)
-        value = compared_recolored(pictures, image - pictures.image, __ldg(image),
-                                   photo_value(__ldg(photo)), mask);
+      if constexpr (kShown == Shown::gained)
+        value = compared_gained(pictures, shown, __ldg(image), photo_value(__ldg(photo)), mask);
       else
         value = compared<kShown != Shown::plain>(pictures, area.channel, __ldg(image),
                                                  photo_value(__ldg(photo)), mask);
@@ -301,8 +259,7 @@ __device__ inline float similarity_of_four(const Pictures& pictures, const Area&
 /// SSIM of each warp. The host adds them up when the loss is read, always in the same order.
 template <Shown kShown>
 __global__ void __launch_bounds__(kThreads, 5)
-    similarity_kernel(PicturesOf<kShown> pictures, float dL_dssim, Derivatives derivatives,
-                      float2* sums) {
+    similarity_kernel(Pictures pictures, float dL_dssim, Derivatives derivatives, float2* sums) {
   alignas(16) __shared__ ColumnMeans<4> means;
   const Area area = area_of_block(pictures);
   const float l1_sum = column_moments<kShown>(pictures, area, means);
@@ -355,36 +312,19 @@ __device__ inline void replace_by_means_across(float (&row)[3][kThreads]) {
 
 /// The first pixel of a row of an area.
 struct RowPlace {
-  int x, y, channel;
+  int channel;
   std::int64_t pixel, value;  // of its first pixel; of that pixel's value in (3, H, W)
 };
 
-/// Adds the gradient of one value by the log gain to the sums.
-template <Shown kShown>
-__device__ inline void add_to_look(const Pictures& pictures, int x, int y, float dL_da,
-                                   LookSums& sums) {
-  sums.x += dL_da;
-  if constexpr (kShown == Shown::vignetted) {
-    const std::array<float, 3> P = log_vignetting_vjp(pictures.look.rho(x, y), dL_da);
-    sums.y += P[0], sums.z += P[1], sums.w += P[2];
-  }
-}
-
 /// Writes the sum over the block's threads. All of them take part.
-template <Shown kShown>
-__device__ inline void store_look_sums(LookSums sums, LookSums* of_block) {
-  __shared__ LookSums of_warps[kWarps];
-  sums.x = warp_sum(sums.x);
-  if constexpr (kShown == Shown::vignetted)
-    sums.y = warp_sum(sums.y), sums.z = warp_sum(sums.z), sums.w = warp_sum(sums.w);
-  if (lane_of_thread() == 0) of_warps[threadIdx.x / kWarp] = sums;
+__device__ inline void store_look_sum(float sum, float* of_block) {
+  __shared__ float of_warps[kWarps];
+  sum = warp_sum(sum);
+  if (lane_of_thread() == 0) of_warps[threadIdx.x / kWarp] = sum;
   __syncthreads();
   if (threadIdx.x != 0) return;
-  for (int warp = 1; warp < kWarps; ++warp) {
-    sums.x += of_warps[warp].x, sums.y += of_warps[warp].y;
-    sums.z += of_warps[warp].z, sums.w += of_warps[warp].w;
-  }
-  *of_block = sums;
+  for (int warp = 1; warp < kWarps; ++warp) sum += of_warps[warp];
+  *of_block = sum;
 }
 
 /// One row of the gradient, by a warp: lane l computes columns l, l + 32, ... of `columns`, so that
@@ -392,12 +332,12 @@ __device__ inline void store_look_sums(LookSums sums, LookSums* of_block) {
 ///
 ///   dL/dX = l1 sign(X - Y) + G * d_x + 2 X (G * d_xx) + Y (G * d_xy)
 ///
-/// Adds the thread's share of a learned appearance's gradient to `look_sums`.
+/// Adds the thread's share of the gradient by the photo's log gain to `look_sum`.
 template <Shown kShown>
-__device__ inline void gradient_of_row(const PicturesOf<kShown>& pictures,
-                                       const ShownChannel& shown, const RowPlace& place,
-                                       int columns, float l1, float (&means)[3][kThreads],
-                                       float* dL_dimage, LookSums& look_sums) {
+__device__ inline void gradient_of_row(const Pictures& pictures, const ShownChannel& shown,
+                                       const RowPlace& place, int columns, float l1,
+                                       float (&means)[3][kThreads], float* dL_dimage,
+                                       float& look_sum) {
   constexpr int kTurns = (kBlockColumns + kWarp - 1) / kWarp;
   const float* image = pictures.image + place.value;
   const std::uint8_t* photo = pictures.photo + (3 * place.pixel + place.channel);
@@ -405,15 +345,10 @@ __device__ inline void gradient_of_row(const PicturesOf<kShown>& pictures,
 #pragma unroll
   for (int turn = 0; turn < kTurns; ++turn) {
     const int i = min(lane_of_thread() + turn * kWarp, columns - 1);
-    if constexpr (is_learned(kShown))
+    if constexpr (kShown == Shown::gained)
       values[turn] =
-          compared_learned<kShown>(pictures, shown, place.x + i, place.y, __ldg(image + i),
-                                   photo_value(__ldg(photo + 3 * i)),
-                                   pictures.mask ? pictures.mask + (place.pixel + i) : nullptr);
-    else if constexpr (kShown == Shown::recolored)
-      values[turn] = compared_recolored(
-          pictures, place.value + i, __ldg(image + i), photo_value(__ldg(photo + 3 * i)),
-          pictures.mask ? pictures.mask + (place.pixel + i) : nullptr);
+          compared_gained(pictures, shown, __ldg(image + i), photo_value(__ldg(photo + 3 * i)),
+                          pictures.mask ? pictures.mask + (place.pixel + i) : nullptr);
     else
       values[turn] = compared<kShown != Shown::plain>(
           pictures, place.channel, __ldg(image + i), photo_value(__ldg(photo + 3 * i)),
@@ -428,8 +363,7 @@ __device__ inline void gradient_of_row(const PicturesOf<kShown>& pictures,
     const float dL_dX = l1 * sign + means[0][i] + 2.0f * X * means[1][i] + Y * means[2][i];
     if (i < columns)
       dL_dimage[place.value + i] = kShown == Shown::plain ? dL_dX : values[turn].gain * dL_dX;
-    if (is_learned(kShown) && i < columns)
-      add_to_look<kShown>(pictures, place.x + i, place.y, dL_dX * values[turn].taught, look_sums);
+    if (kShown == Shown::gained && i < columns) look_sum += dL_dX * values[turn].taught;
   }
 }
 
@@ -437,8 +371,8 @@ __device__ inline void gradient_of_row(const PicturesOf<kShown>& pictures,
 /// each block where the appearance is learned.
 template <Shown kShown>
 __global__ void __launch_bounds__(kThreads, 6)
-    image_gradient_kernel(PicturesOf<kShown> pictures, float l1, Derivatives derivatives,
-                          float* dL_dimage, LookSums* look_sums) {
+    image_gradient_kernel(Pictures pictures, float l1, Derivatives derivatives, float* dL_dimage,
+                          float* look_sums) {
   alignas(16) __shared__ ColumnMeans<3> means;
   const Area area = area_of_block(pictures);
   column_derivatives(pictures, area, derivatives, means);
@@ -448,21 +382,21 @@ __global__ void __launch_bounds__(kThreads, 6)
   const int rows = min(kBlockRows, pictures.height - area.y0);
   const std::int64_t plane = std::int64_t(pictures.width) * pictures.height;
   const ShownChannel shown = shown_channel<kShown>(pictures, area.channel);
-  LookSums sums{0, 0, 0, 0};
+  float look_sum = 0;
 #pragma unroll 1
   for (int row = int(threadIdx.x) / kWarp; row < rows; row += kWarps) {
     const std::int64_t pixel = std::int64_t(area.y0 + row) * pictures.width + area.x0;
-    const RowPlace place{area.x0, area.y0 + row, area.channel, pixel, area.channel * plane + pixel};
-    gradient_of_row<kShown>(pictures, shown, place, columns, l1, means[row], dL_dimage, sums);
+    const RowPlace place{area.channel, pixel, area.channel * plane + pixel};
+    gradient_of_row<kShown>(pictures, shown, place, columns, l1, means[row], dL_dimage, look_sum);
   }
-  if constexpr (is_learned(kShown)) store_look_sums<kShown>(sums, look_sums + blockIdx.x);
+  if constexpr (kShown == Shown::gained) store_look_sum(look_sum, look_sums + blockIdx.x);
 }
 
 class CudaLoss final : public Loss {
  public:
   CudaLoss(Context& context, Memory& memory, PhotoStore& photos)
-      : context_(context), photos_(photos), derivatives_(memory), sums_(memory), look_sums_(memory),
-        recolored_(context, memory) {}
+      : context_(context), photos_(photos), derivatives_(memory), sums_(memory),
+        look_sums_(memory) {}
 
   void forward_backward(const RenderPass& pass, const View& view, const LossSettings& settings,
                         Buffer<float>& dL_dimage) override {
@@ -471,7 +405,6 @@ class CudaLoss final : public Loss {
     GS_CHECK(pass.image.size() == 3 * pass.pixel_count());
     const PhotoBytes bytes = photos_.photo(view, settings.photo_reduction);
     const PhotoOnDevice* const photo = settings.photo_on_device;
-    const PhotoLook look(photo);
     const Pictures pictures{pass.image.data(),
                             bytes.photo,
                             pass.width,
@@ -482,18 +415,13 @@ class CudaLoss final : public Loss {
                             pass.background,
                             view.over_background,
                             photo ? kPhotoWhite : view.white(),
-                            look};
+                            PhotoLook(photo)};
     lambda_dssim_ = settings.lambda_dssim;
     values_ = 3 * pass.pixel_count();
     dL_dimage.resize_discard(values_);
-    if (look.is_learned()) {
-      if (look.vignetting)
-        launch<Shown::vignetted>(pictures, dL_dimage.data());
-      else
-        launch<Shown::gained>(pictures, dL_dimage.data());
+    if (photo) {
+      launch<Shown::gained>(pictures, dL_dimage.data());
       add_look_gradient(context_, look_sums_.span(), *photo);
-    } else if (photo) {
-      compare_recolored(pictures, pass, *photo, dL_dimage.data());
     } else if (bytes.mask || view.has_exposure()) {
       launch<Shown::weighted>(pictures, dL_dimage.data());
     } else {
@@ -510,19 +438,8 @@ class CudaLoss final : public Loss {
   }
 
  private:
-  // A pixel over the background teaches as much as the photo covers it, as under gains.
-  void compare_recolored(const Pictures& pictures, const RenderPass& pass,
-                         const PhotoOnDevice& photo, float* dL_dimage) {
-    recolored_.show(pass, photo, pictures.over_background);
-    RecoloredPictures shown{pictures, recolored_.behind()};
-    shown.image = recolored_.shown();
-    launch<Shown::recolored>(shown, dL_dimage);
-    recolored_.pull_back(pass, photo, pictures.over_background ? pictures.mask : nullptr,
-                         dL_dimage);
-  }
-
   template <Shown kShown>
-  void launch(const PicturesOf<kShown>& pictures, float* dL_dimage) {
+  void launch(const Pictures& pictures, float* dL_dimage) {
     const std::size_t blocks =
         3 * pictures.blocks_x * blocks_for(std::size_t(pictures.height), kBlockRows);
     constexpr int kColumns = Derivatives::kColumns;
@@ -530,7 +447,7 @@ class CudaLoss final : public Loss {
         3 * kColumns * blocks_for(std::size_t(pictures.blocks_x) * kBlockColumns, kColumns);
     derivatives_.resize_discard(3 * pictures.height * row_floats);
     sums_.resize_discard(blocks * kWarps);
-    if (is_learned(kShown)) look_sums_.resize_discard(blocks);
+    if (kShown == Shown::gained) look_sums_.resize_discard(blocks);
     const Derivatives derivatives{derivatives_.data(), std::int64_t(row_floats)};
     const float n = float(values_);
 
@@ -544,9 +461,8 @@ class CudaLoss final : public Loss {
   Context& context_;
   PhotoStore& photos_;
   Buffer<float> derivatives_;
-  Buffer<float2> sums_;         // (blocks, warps of a block) sum |X - Y| and sum SSIM
-  Buffer<LookSums> look_sums_;  // (blocks) of learned appearances
-  RecoloredPicture recolored_;
+  Buffer<float2> sums_;      // (blocks, warps of a block) sum |X - Y| and sum SSIM
+  Buffer<float> look_sums_;  // (blocks) of learned appearances
   float lambda_dssim_ = 0;
   std::size_t values_ = 1;
 };

@@ -6,7 +6,6 @@
 #include <optional>
 
 #include "data_loaders/photos/photos.h"
-#include "gs_core/math/photometric.h"
 
 namespace gs {
 namespace {
@@ -79,15 +78,12 @@ std::vector<ColorSample> sample_colors(const View& view, std::uint32_t photo,
                                        const std::vector<ScenePoint>& points,
                                        const std::vector<std::uint32_t>& seen) {
   const SmallPhoto small = small_photo(view);
-  const Camera& camera = view.camera;
-  const LensPlace lens = lens_place(camera.cx, camera.cy, camera.width, camera.height, 1);
   std::vector<ColorSample> samples;
   for (const std::uint32_t point : seen) {
     if (is_masked(view, points[point].position)) continue;
     const std::optional<Vec3f> color = color_of(small, points[point].position);
     if (!color || !is_well_exposed(*color)) continue;
-    const Vec2f at = *pixel_of(camera, points[point].position);
-    samples.push_back({photo, point, *color, view.camera_id, lens.rho(at.x, at.y)});
+    samples.push_back({photo, point, *color});
   }
   return samples;
 }

@@ -13,8 +13,6 @@ namespace gs {
 struct ColorSample {
   std::uint32_t photo = 0, point = 0;  // indices
   Vec3f color{0};                      // display sRGB, in (0, 1)
-  std::uint32_t camera = 0;            // View::camera_id
-  float rho = 0;                       // where on the lens: LensPlace::rho()
 };
 
 /// Bilinear samples of a view's photo where points lie in it. The photo is first made smaller, to

@@ -1,16 +1,21 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "data_loaders/refine/refine_exposure.h"
 
+#include <ceres/ceres.h>
+
 #include <algorithm>
 #include <cmath>
 
-#include "data_loaders/refine/color_problem.h"
 #include "gs_core/threads/parallel.h"
 
 namespace gs {
 namespace {
 
 constexpr double kFewestSamples = 20;  // of one photo
+// Display sRGB: the difference of one point's color between well-fitted photos (docs/data.md).
+constexpr double kColorNoise = 0.02;
+// Of log exposures; matters only where there is little data.
+constexpr double kExposureSpread = 0.5;
 
 /// A sample as one channel sees it.
 struct LogSample {
@@ -41,14 +46,43 @@ struct ColorResidual : ceres::SizedCostFunction<1, 1, 1> {
   double log_color, weight;
 };
 
+/// log_exposure / kExposureSpread
+struct ExposurePrior : ceres::SizedCostFunction<1, 1> {
+  bool Evaluate(double const* const* parameters, double* residuals,
+                double** jacobians) const override {
+    residuals[0] = parameters[0][0] / kExposureSpread;
+    if (jacobians && jacobians[0]) jacobians[0][0] = 1 / kExposureSpread;
+    return true;
+  }
+};
+
+/// A problem that does not own its loss functions, since two solutions share them.
+ceres::Problem::Options problem_options() {
+  ceres::Problem::Options options;
+  options.loss_function_ownership = ceres::DO_NOT_TAKE_OWNERSHIP;
+  return options;
+}
+
+/// Colors, group 0 of the ordering, are eliminated first. The caller puts blocks into the ordering.
+ceres::Solver::Options solver_options() {
+  ceres::Solver::Options options;
+  options.linear_solver_ordering.reset(new ceres::ParameterBlockOrdering);
+  options.linear_solver_type = ceres::SPARSE_SCHUR;
+  options.sparse_linear_algebra_library_type = ceres::EIGEN_SPARSE;
+  options.max_num_iterations = 100;
+  options.num_threads = 1;  // sums in one order
+  options.logging_type = ceres::SILENT;
+  return options;
+}
+
 /// One solution from where `channel` stands. With `points_are_fixed` only exposures move.
 void solve(const std::vector<LogSample>& samples, bool points_are_fixed, ceres::LossFunction* loss,
            Channel& channel) {
-  ceres::Problem problem(color_problem_options());
-  ceres::Solver::Options options = color_solver_options();
+  ceres::Problem problem(problem_options());
+  ceres::Solver::Options options = solver_options();
   const auto add_photo = [&](double* exposure) {
     if (problem.HasParameterBlock(exposure)) return;
-    problem.AddResidualBlock(new Prior<1>(kExposureSpread), nullptr, exposure);
+    problem.AddResidualBlock(new ExposurePrior, nullptr, exposure);
     options.linear_solver_ordering->AddElementToGroup(exposure, 1);
   };
   for (const LogSample& sample : samples) {

@@ -6,7 +6,6 @@
 #include <vector>
 
 #include "data_loaders/refine/color_samples.h"
-#include "data_loaders/refine/refine_vignetting.h"
 
 namespace gs {
 
@@ -16,7 +15,6 @@ struct ExposureFit {
   double spread_before = 0, spread_after = 0;  // of a point's colors over photos; relative, robust
   std::size_t sample_count = 0;
   std::vector<std::size_t> unknown;  // photos with too few samples: 1 in every channel
-  Lenses lenses;                     // where vignetting was solved for, too
 };
 
 /// ExposureFit::spread_before of these samples.

@@ -5,7 +5,6 @@
 #include "data_loaders/refine/refine_cameras.h"
 #include "data_loaders/refine/refine_exposure.h"
 #include "data_loaders/refine/refine_lens.h"
-#include "data_loaders/refine/refine_vignetting.h"
 #include "gs_core/error.h"
 
 namespace gs {
@@ -27,15 +26,6 @@ ExposureFit fit_exposures(const std::vector<ColorSample>&, const std::vector<boo
 double spread_of(const std::vector<ColorSample>&, std::size_t) {
   GS_CHECK(can_refine());
   return 0;
-}
-
-Lenses fit_vignetting(const std::vector<ColorSample>&, const std::vector<bool>&) {
-  GS_CHECK(can_refine());
-  return {};
-}
-
-std::vector<ColorSample> without_vignetting(std::vector<ColorSample> samples, const Lenses&) {
-  return samples;
 }
 
 CameraRefinement refine_cameras(ColmapModel&, const RefinementProgress&) {

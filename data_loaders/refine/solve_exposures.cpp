@@ -4,7 +4,6 @@
 #include <algorithm>
 
 #include "gs_core/log.h"
-#include "gs_core/math/photometric.h"
 #include "gs_core/threads/parallel.h"
 
 namespace gs {
@@ -30,8 +29,7 @@ void log_exposures(const ExposureFit& fit) {
 
 ExposureFit fit_view_exposures(const std::vector<ScenePoint>& points,
                                const std::vector<std::vector<SeenPoint>>& seen,
-                               const std::vector<bool>& is_test, const std::vector<View>& views,
-                               bool has_vignetting) {
+                               const std::vector<bool>& is_test, const std::vector<View>& views) {
   std::size_t count = 0;
   for (const auto& of_view : seen) count += of_view.size();
   // one point in so many is sampled
@@ -49,12 +47,7 @@ ExposureFit fit_view_exposures(const std::vector<ScenePoint>& points,
     parallel_for(views.size(), 1, [&](std::size_t i) { sample(i, views[i]); });
   std::vector<ColorSample> samples;
   for (const auto& some : by_view) samples.insert(samples.end(), some.begin(), some.end());
-  if (!has_vignetting) return fit_exposures(samples, is_test);
-  const Lenses lenses = fit_vignetting(samples, is_test);
-  ExposureFit fit = fit_exposures(without_vignetting(samples, lenses), is_test);
-  fit.spread_before = spread_of(samples, views.size());
-  fit.lenses = lenses;
-  return fit;
+  return fit_exposures(samples, is_test);
 }
 
 ExposureSummary take_exposures(const ExposureFit& fit, std::vector<View>& views) {
@@ -65,9 +58,6 @@ ExposureSummary take_exposures(const ExposureFit& fit, std::vector<View>& views)
         "it is",
         views[photo].name);
   log_exposures(fit);
-  for (const auto& [id, lens] : fit.lenses)
-    log_info("the corners of photos of camera {} have {:.0f} % of the middle's brightness", id,
-             100 * gained(1.0f, log_vignetting(lens, 0.0f), log_vignetting(lens, 1.0f)));
   return {fit.sample_count, fit.spread_before, fit.spread_after};
 }
 

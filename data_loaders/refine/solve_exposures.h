@@ -11,12 +11,10 @@
 namespace gs {
 
 /// Solves for the exposures of all views, and changes nothing. `seen` and `is_test` have one entry
-/// per view. With `has_vignetting` it solves for the vignetting of the cameras first, and the
-/// exposures are those of photos without it. Only for builds that can_refine().
+/// per view. Only for builds that can_refine().
 ExposureFit fit_view_exposures(const std::vector<ScenePoint>& points,
                                const std::vector<std::vector<SeenPoint>>& seen,
-                               const std::vector<bool>& is_test, const std::vector<View>& views,
-                               bool has_vignetting = false);
+                               const std::vector<bool>& is_test, const std::vector<View>& views);
 
 /// Sets View::exposure of all views, to those of `fit`, and logs the result. Warns of photos that
 /// share too few points with others; their exposure stays 1.

@@ -118,8 +118,7 @@ Scene load_scene(const DatasetConfig& dataset, const LoadProgress& progress, Pho
     if (dataset.exposure)
       fit = chosen_exposures(
           fit_view_exposures(plan.points, plan.seen, plan.is_test,
-                             make_views(dataset, plan.views, {}, PhotoLoading::when_asked),
-                             needs.vignetting),
+                             make_views(dataset, plan.views, {}, PhotoLoading::when_asked)),
           plan.is_used);
     leave_out_unused(plan);
   }
@@ -129,10 +128,8 @@ Scene load_scene(const DatasetConfig& dataset, const LoadProgress& progress, Pho
   std::vector<View> views = make_views(dataset, std::move(plan.views), progress, loading);
   report_masks(views, dataset);
   if (dataset.exposure) {
-    if (!fit)
-      fit = fit_view_exposures(plan.points, plan.seen, plan.is_test, views, needs.vignetting);
+    if (!fit) fit = fit_view_exposures(plan.points, plan.seen, plan.is_test, views);
     scene.exposure = take_exposures(*fit, views);
-    scene.lenses = fit->lenses;
   }
   split_views(std::move(views), plan.is_test, scene);
   scene.points = std::move(plan.points);

@@ -27,7 +27,6 @@ enum class PhotoLoading { as_they_fit, when_asked };
 
 /// What a photometric model wants to know of the light.
 struct LightNeeds {
-  bool vignetting = false;      // of cameras, where exposures are solved for
   bool exposure_stops = false;  // View::exposure_stops, from the photos' headers
 };
 
@@ -37,7 +36,6 @@ struct LightNeeds {
 /// the first photo is decoded. With dataset.refine_cameras the cameras are refined first. Throws
 /// Error that names the file and the remedy; UsageError for a resolution or a photo budget that
 /// cannot work. Warns of a scene that moves, because it is trained as a static one. With
-/// dataset.exposure and `needs.vignetting`, Scene::lenses are solved for as well. With
 /// dataset.photo_list the scene has the photos of the list and the points that they show; its
 /// split, refined cameras and exposures are those of the whole scene.
 Scene load_scene(const DatasetConfig& dataset, const LoadProgress& progress = {},

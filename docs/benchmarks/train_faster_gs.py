@@ -29,6 +29,7 @@ import json
 import math
 import pathlib
 import statistics
+import struct
 import sys
 import time
 import types
@@ -38,7 +39,6 @@ import numpy
 import torch
 from PIL import Image
 
-from make_varied_scene import Bytes
 
 SH_DEGREE = 3
 SH_STEPS = range(1000, 1000 * SH_DEGREE + 1, 1000)
@@ -102,6 +102,22 @@ def rotation_of(w, x, y, z):
     return numpy.array([[1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
                         [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
                         [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)]])
+
+
+class Bytes:
+    def __init__(self, path):
+        self.path, self.data, self.at = path, path.read_bytes(), 0
+
+    def take(self, form):
+        values = struct.unpack_from("<" + form, self.data, self.at)
+        self.at += struct.calcsize("<" + form)
+        return values
+
+    def text(self):
+        end = self.data.index(b"\0", self.at)
+        word = self.data[self.at:end].decode()
+        self.at = end + 1
+        return word
 
 
 def read_cameras(path):

@@ -228,7 +228,8 @@ void write_photometric(CheckedWriter& file, const PhotometricState& state) {
   const PhotometricShape& shape = state.shape;
   write_values(
       file, "photometric",
-      std::vector<std::uint32_t>{shape.photos, shape.photo_size, shape.cameras, shape.camera_size,
+      // Two that older versions had of cameras are 0.
+      std::vector<std::uint32_t>{shape.photos, shape.photo_size, 0, 0,
                                  std::uint32_t(state.adam_steps), std::uint32_t(state.is_solved)});
   for_each_photometric_array(
       [&](const char* name, const auto& array) {
@@ -237,13 +238,21 @@ void write_photometric(CheckedWriter& file, const PhotometricState& state) {
       state);
 }
 
-void read_photometric(CheckedReader& file, PhotometricState& state) {
+[[noreturn]] void refuse_removed(const std::filesystem::path& path, const char* what) {
+  cannot_read(path, fmt::format("it has {}, which this version does not have any more; go on with "
+                                "the version that wrote it, or start from its model with --from",
+                                what));
+}
+
+void read_photometric(const std::filesystem::path& path, CheckedReader& file,
+                      PhotometricState& state) {
   constexpr std::uint32_t kMost = 1u << 31, kMostNumbers = 1024;  // of one photo
   const auto shape = file.values<std::uint32_t>("photometric");
   if (shape.size() != 6 || shape[0] > kMost || shape[1] > kMostNumbers || shape[2] > kMost ||
       shape[3] > kMostNumbers || shape[4] > std::uint32_t(kMostSteps))
     file.damaged();
-  state.shape = {shape[0], shape[1], shape[2], shape[3]};
+  if (shape[2] > 0 && shape[3] > 0) refuse_removed(path, "vignetting that is learned");
+  state.shape = {shape[0], shape[1]};
   state.adam_steps = int(shape[4]);
   state.is_solved = shape[5] != 0;
   for_each_photometric_array(
@@ -436,16 +445,12 @@ Checkpoint read_checkpoint(const std::filesystem::path& path) {
   const auto count = file.values<std::uint64_t>("gaussians");
   const std::uint64_t kind = count.size() == 2 ? count[1] : 0;
   for (const RemovedKind& removed : kRemovedKinds)
-    if (kind & removed.bit)
-      cannot_read(path,
-                  fmt::format("it has {}, which this version does not have any more; go on with "
-                              "the version that wrote it, or start from its model with --from",
-                              removed.what));
+    if (kind & removed.bit) refuse_removed(path, removed.what);
   if (!(count.size() == 1 || (kind > 0 && is_kind(kind)))) file.damaged();
   set_kind(checkpoint.state.model, kind);
   if (kind & kHasTime) read_times(file, checkpoint.scene.views);
   read_model(file, count[0], checkpoint.state.model);
-  if (kind & kHasPhotometric) read_photometric(file, checkpoint.state.model.photometric);
+  if (kind & kHasPhotometric) read_photometric(path, file, checkpoint.state.model.photometric);
   if (kind & kHasPoses) read_poses(file, checkpoint.state.model.poses);
   file.finish();
   try {

@@ -4,7 +4,6 @@
 #include <spdlog/fmt/fmt.h>
 
 #include <algorithm>
-#include <charconv>
 #include <cmath>
 
 #include "gs_core/error.h"
@@ -22,7 +21,6 @@ using Json = nlohmann::basic_json<std::map, std::vector, std::string, bool, std:
 using Names = std::vector<std::string>;
 
 constexpr const char* kRemedy = "train again, or remove the file to measure neutral pictures alone";
-constexpr std::uint64_t kLargestSide = 1 << 20;  // pixels, as for cameras.json
 
 void add_numbers(const Names& names, const std::vector<float>& numbers, Json& json) {
   for (std::size_t i = 0; i < names.size(); ++i) json[names[i]] = numbers[i];
@@ -34,18 +32,6 @@ Json photos_json(const SceneLooks& looks, const Names& names, bool is_held_out) 
     if (look.is_held_out != is_held_out) continue;
     json[name]["camera"] = look.camera_id;
     add_numbers(names, look.numbers, json[name]);
-  }
-  return json;
-}
-
-Json cameras_json(const SceneLooks& looks, const PhotometricModel& model) {
-  Json json = Json::object();
-  for (const auto& [id, look] : looks.cameras) {
-    Json& camera = json[std::to_string(id)] = {
-        {"width", look.width}, {"height", look.height}, {"cx", look.cx}, {"cy", look.cy}};
-    add_numbers(model.camera_names(), look.numbers, camera);
-    for (const auto& [name, fact] : model.camera_facts({look.numbers.data(), look.numbers.size()}))
-      camera[name] = fact;
   }
   return json;
 }
@@ -64,14 +50,12 @@ class Reader {
   SceneLooks looks_in(const Json& json) {
     SceneLooks looks;
     looks.config.model = json.at("model").get<std::string>();
-    looks.config.vignetting = json.at("vignetting").get<bool>();
+    if (json.value("vignetting", false))
+      refuse("its run learned the vignetting of cameras, which is no longer learned");
     const auto model = model_of(looks.config);
     photo_names_ = model->photo_names();
-    camera_names_ = model->camera_names();
     take_photos(json.at("photos"), false, looks);
     take_photos(json.at("held_out"), true, looks);
-    for (const auto& [id, camera] : json.at("cameras").items())
-      looks.cameras[id_of(id)] = camera_look(id, camera);
     looks.rule = json.at("rule").get<std::string>();
     for (const auto& [name, spread] : json.at("spreads").items())
       looks.rules.push_back({name, double(spread.get<float>())});
@@ -94,25 +78,11 @@ class Reader {
                             numbers(photo_names_, name, photo)};
   }
 
-  CameraLook camera_look(const std::string& id, const Json& camera) const {
-    const std::vector<float> center = numbers({"cx", "cy"}, id, camera);
-    return {int(whole(camera, "width", kLargestSide)), int(whole(camera, "height", kLargestSide)),
-            center[0], center[1], numbers(camera_names_, id, camera)};
-  }
-
   std::uint64_t whole(const Json& json, const char* key, std::uint64_t most) const {
     const Json& value = json.at(key);
     if (!value.is_number_unsigned() || value.get<std::uint64_t>() > most)
       refuse(fmt::format("{} is no whole number from 0 to {}", key, most));
     return value.get<std::uint64_t>();
-  }
-
-  std::uint32_t id_of(const std::string& text) const {
-    std::uint32_t id = 0;
-    const auto [end, failure] = std::from_chars(text.data(), text.data() + text.size(), id);
-    if (failure != std::errc() || end != text.data() + text.size())
-      refuse(fmt::format("'{}' is no camera's number", shown_word(text)));
-    return id;
   }
 
   std::vector<float> numbers(const Names& names, const std::string& of, const Json& json) const {
@@ -130,17 +100,16 @@ class Reader {
   }
 
   std::filesystem::path path_;
-  Names photo_names_, camera_names_;
+  Names photo_names_;
 };
 
 }  // namespace
 
 void write_photometric(const std::filesystem::path& path, const SceneLooks& looks) {
   const auto model = make_photometric_model(looks.config);
-  Json json = {{"model", looks.config.model}, {"vignetting", looks.config.vignetting}};
+  Json json = {{"model", looks.config.model}};
   json["photos"] = photos_json(looks, model->photo_names(), false);
   json["held_out"] = photos_json(looks, model->photo_names(), true);
-  json["cameras"] = cameras_json(looks, *model);
   json["rule"] = looks.rule;
   json["spreads"] = Json::object();
   for (const HeldOutRule& rule : looks.rules) json["spreads"][rule.name] = float(rule.spread);

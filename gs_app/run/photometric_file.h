@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// photometric.json: what a run has learned of its photos' exposure, white balance and vignetting,
-// for people and for `gemsplat eval`.
+// photometric.json: what a run has learned of its photos' exposure and white balance, for people and
+// for `gemsplat eval`.
 #pragma once
 
 #include <filesystem>
@@ -9,9 +9,7 @@
 
 namespace gs {
 
-/// {"model", "vignetting", "photos": {name: {"camera", number: value, ...}, ...}, "held_out": {the
-/// same}, "cameras": {id: {"width", "height", "cx", "cy", number: value, fact: value,
-/// ...}, ...}, "rule",
+/// {"model", "photos": {name: {"camera", number: value, ...}, ...}, "held_out": {the same}, "rule",
 /// "spreads": {rule: spread, ...}}. docs/photometric.md says what the numbers mean. Written whole or
 /// not at all. Throws Error.
 void write_photometric(const std::filesystem::path& path, const SceneLooks& looks);

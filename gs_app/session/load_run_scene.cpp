@@ -40,7 +40,6 @@ void settle(Config& config, const PhotometricChoice& choice) {
 
 void forget_exposures(Scene& scene) {
   scene.exposure.reset();
-  scene.lenses.clear();
   for (auto* views : {&scene.train_views, &scene.test_views})
     for (View& view : *views) view.exposure = Vec3f(1);
 }
@@ -94,7 +93,7 @@ Scene load_run_scene(const DatasetConfig& dataset, SessionHooks& hooks, const Li
 Scene load_run_scene(Config& config, SessionHooks& hooks) {
   const PhotometricConfig& photometric = config.photometric;
   const bool is_learned = photometric.model != kNoPhotometricModel;
-  const LightNeeds needs{photometric.vignetting && is_learned, is_learned};
+  const LightNeeds needs{is_learned};
   if (photometric.model != kAutoPhotometricModel)
     return load_run_scene(config.dataset, hooks, needs);
   DatasetConfig dataset = config.dataset;

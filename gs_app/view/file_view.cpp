@@ -148,11 +148,11 @@ ViewScene view_scene_of(const OpenedModel& opened, const Config& config, bool ha
 
 LookOf look_of(const ViewScene& scene) {
   if (!scene.looks) return {};
-  return [looks = scene.looks, cameras = scene.cameras](
-             std::size_t index, const Camera& frame) -> std::unique_ptr<Appearance> {
-    const ViewedCamera& camera = cameras.at(index);
-    if (camera.look.empty()) return nullptr;
-    return look_on_frame(*looks, camera.look, camera.camera, frame);
+  return [looks = scene.looks,
+          cameras = scene.cameras](std::size_t index) -> std::unique_ptr<Appearance> {
+    View view;
+    view.name = cameras.at(index).look;
+    return appearances(*looks)(view);
   };
 }
 

@@ -47,7 +47,7 @@ class DeviceModel {
   Image8 picture_of(const FrameRequest& request) {
     const Quantity shown = request.quantity;
     const std::unique_ptr<Appearance> look =
-        request.look && look_of_ ? look_of_(*request.look, request.camera) : nullptr;
+        request.look && look_of_ ? look_of_(*request.look) : nullptr;
     if (shown == Quantity::color && !look) return pictures_.color(request.camera);
     const ImageF values = std::move(pictures_.values(request.camera, {shown}, look.get()).front());
     return gs::picture_of(shown, values,

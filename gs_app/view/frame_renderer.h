@@ -26,8 +26,8 @@ struct RenderedFrame {
   double milliseconds = 0;  // of rendering, without the JPEG encoder
 };
 
-/// The look of a camera's photo on a frame; null: neutral. Called from one thread.
-using LookOf = std::function<std::unique_ptr<Appearance>(std::size_t camera, const Camera& frame)>;
+/// The look of a camera's photo; null: neutral. Called from one thread.
+using LookOf = std::function<std::unique_ptr<Appearance>(std::size_t camera)>;
 
 class FrameRenderer {
  public:

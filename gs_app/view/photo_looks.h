@@ -3,11 +3,9 @@
 // (photometric.json), for the page's shader and for frames of --remote.
 #pragma once
 
-#include <memory>
 #include <nlohmann/json.hpp>
 #include <string>
 
-#include "gs_core/camera.h"
 #include "gs_train/photometric/scene_looks.h"
 
 namespace gs {
@@ -15,14 +13,7 @@ namespace gs {
 /// The name in `looks` of a photo that may be called without its extension; "" if there is none.
 std::string photo_in(const SceneLooks& looks, const std::string& name);
 
-/// The look of a photo, which the page computes as in look.js:
-///   {"gain": [r, g, b], "vignetting": [b1, b2, b3]}   and with the model ppisp also
-///   {"matrix": 9 numbers by rows, "factors": [r, g, b]}
+/// The look of a photo, which the page computes as in look.js: {"gain": [r, g, b]}
 nlohmann::ordered_json look_json(const SceneLooks& looks, const std::string& photo);
-
-/// The look of a photo of `camera` on a frame with another lens around the same axis. The
-/// vignetting is as large as the camera's picture would be in the frame.
-std::unique_ptr<Appearance> look_on_frame(const SceneLooks& looks, const std::string& photo,
-                                          const Camera& camera, const Camera& frame);
 
 }  // namespace gs

@@ -91,12 +91,10 @@ struct LossConfig {
   float depth_weight_final = 2e-3f;  // at the last one
 };
 
-/// How photos that differ in exposure, white balance and vignetting are explained
-/// (docs/photometric.md).
+/// How photos that differ in exposure and white balance are explained (docs/photometric.md).
 struct PhotometricConfig {
-  std::string model = "none";  // none, gains, ppisp, auto
+  std::string model = "none";  // none, gains, auto
   float rate = 5e-3f;          // Adam's, of its numbers
-  bool vignetting = false;     // of each camera
 };
 
 /// Poses of the training photos, refined while training (docs/poses.md).

@@ -113,9 +113,8 @@ void visit_fields(AnyConfig& config, Visitor&& visit) {
   field("loss.depth_weight_final",      loss.depth_weight_final,      "",            above(0),                retrain, "weight at the last step; in between it decays exponentially", "docs/depth.md");
 
   auto& photometric = config.photometric;
-  field("photometric.model",            photometric.model,            "",            one_of(kPhotometricWords), retrain, "what is learned of each photo, so that the scene need not explain how photos differ: gains, a gain for each photo and channel; ppisp, an exposure and the colors of white and of the primaries; auto, gains where photos differ in light", "docs/photometric.md");
+  field("photometric.model",            photometric.model,            "",            one_of(kPhotometricWords), retrain, "what is learned of each photo, so that the scene need not explain how photos differ: gains, a gain for each photo and channel; auto, gains where photos differ in light", "docs/photometric.md");
   field("photometric.rate",             photometric.rate,             "1/step",      above(0),                retrain, "learning rate of these numbers after a warm-up; it falls to a hundredth", "PPISP 2026");
-  field("photometric.vignetting",       photometric.vignetting,       "",            any(),                   retrain, "also learn how much each camera darkens towards the rims of its photos", "docs/photometric.md");
 
   auto& poses = config.poses;
   field("poses.refine",                 poses.refine,                 "",            any(),                   retrain, "also learn where each training photo was taken; for poses that are some tenths of a degree off", "docs/poses.md");

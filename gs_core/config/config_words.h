@@ -174,9 +174,8 @@ struct Words<MomentForm> {
 /// any number N.
 // density_control.cpp
 inline constexpr std::string_view kStrategyWords = "adaptive, budgeted, mcmc";
-inline constexpr std::string_view kLossWords = "l1_ssim";  // scalar_backend.cpp
-inline constexpr std::string_view kPhotometricWords =
-    "none, gains, ppisp, auto";  // photometric_model.cpp
+inline constexpr std::string_view kLossWords = "l1_ssim";                   // scalar_backend.cpp
+inline constexpr std::string_view kPhotometricWords = "none, gains, auto";  // photometric_model.cpp
 inline constexpr std::string_view kDeviceWords = "auto, cpu, cuda, cuda:N";
 inline constexpr std::string_view kLensWords =  // COLMAP's names
     "SIMPLE_PINHOLE, PINHOLE, SIMPLE_RADIAL, RADIAL, OPENCV, FULL_OPENCV, OPENCV_FISHEYE, "

@@ -107,8 +107,7 @@ Trainer::Trainer(const Scene& scene, const Config& config, Backend& backend, Tra
            render_settings(config),
            std::move(model),
            nullptr},
-      recovery_(run_), views_(scene.train_views.size(), config.train.seed), views_ahead_(views_),
-      camera_rows_(camera_rows(scene.train_views)) {
+      recovery_(run_), views_(scene.train_views.size(), config.train.seed), views_ahead_(views_) {
   check_model(config);
   backend.use_loss(config.loss.kind);
   backend.use_photometric(make_photometric_model(config.photometric));
@@ -197,8 +196,8 @@ void Trainer::take_batch(int last_step) {
   for (int step = run_.step + 1; step <= last_step; ++step) {
     const View& view = view_of(views_, step);
     const std::size_t row = std::size_t(&view - run_.scene.train_views.data());
-    batch_.push_back({&view, settings_of(step), run_.schedule.photo_reduction(step, view.camera),
-                      row, camera_rows_[row]});
+    batch_.push_back(
+        {&view, settings_of(step), run_.schedule.photo_reduction(step, view.camera), row});
     if (refines)
       batch_.back().refined = refined_camera(run_.model.poses, run_.scene.train_views, row);
   }

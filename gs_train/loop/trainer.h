@@ -114,7 +114,6 @@ class Trainer {
   TrainingRun run_;
   RunRecovery recovery_;
   ViewSampler views_, views_ahead_;
-  std::vector<std::uint32_t> camera_rows_;  // (training views)
   std::vector<TrainingPhoto> batch_;
   std::vector<Observer*> observers_;
   std::size_t removed_floaters_ = 0;

@@ -31,7 +31,7 @@ struct ColorRow {
 /// uses all threads, and its result does not depend on their number.
 class Appearance {
  public:
-  /// `numbers`: how many the photo and its camera have together.
+  /// `numbers`: how many the photo has.
   explicit Appearance(std::size_t numbers) : gradient_(numbers, 0.0) {}
   virtual ~Appearance() = default;
 
@@ -47,7 +47,7 @@ class Appearance {
   ///
   /// shares   (H, W) how much of its gradient a pixel teaches the numbers; empty: all of it
   void pull_back(const Planes& picture, Span<float> dL_dshown, Span<const float> shares);
-  /// dL/d(numbers): of the photo, then of its camera. Rows are added up in their order.
+  /// dL/d(numbers). Rows are added up in their order.
   Span<const double> gradient() const { return {gradient_.data(), gradient_.size()}; }
 
  protected:

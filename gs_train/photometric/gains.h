@@ -14,7 +14,7 @@ inline constexpr double kGainPriorSpread = 0.5;  // of log gains, as in refine_e
 
 inline constexpr const char* kGainsModel = "gains";
 
-/// "gains": a log gain for each photo and channel, and log vignetting for each camera.
-std::unique_ptr<PhotometricModel> make_gains_model(const PhotometricConfig& config);
+/// "gains": a log gain for each photo and channel.
+std::unique_ptr<PhotometricModel> make_gains_model();
 
 }  // namespace gs

@@ -4,13 +4,12 @@
 #include "gs_core/error.h"
 #include "gs_train/named_row.h"
 #include "gs_train/photometric/gains.h"
-#include "gs_train/photometric/ppisp.h"
 
 namespace gs {
 namespace {
 
 // Photos and tracks are read above this library.
-std::unique_ptr<PhotometricModel> refuse_auto(const PhotometricConfig&) {
+std::unique_ptr<PhotometricModel> refuse_auto() {
   throw UsageError(
       "photometric.model is auto, and a Trainer by itself does not look at the scene's tracks: "
       "train with a TrainSession of gs_app/session, or set photometric.model to gains or none");
@@ -18,20 +17,18 @@ std::unique_ptr<PhotometricModel> refuse_auto(const PhotometricConfig&) {
 
 struct ModelRow {
   const char* name;  // a word of photometric.model
-  std::unique_ptr<PhotometricModel> (*make)(const PhotometricConfig&);
+  std::unique_ptr<PhotometricModel> (*make)();
 };
 constexpr ModelRow kModels[] = {
-    {kNoPhotometricModel,
-     [](const PhotometricConfig&) { return std::unique_ptr<PhotometricModel>(); }},
+    {kNoPhotometricModel, [] { return std::unique_ptr<PhotometricModel>(); }},
     {kGainsModel, make_gains_model},
-    {kPpispModel, make_ppisp_model},
     {kAutoPhotometricModel, refuse_auto},
 };
 
 }  // namespace
 
 std::unique_ptr<PhotometricModel> make_photometric_model(const PhotometricConfig& config) {
-  return row_named(kModels, config.model, "photometric.model")->make(config);
+  return row_named(kModels, config.model, "photometric.model")->make();
 }
 
 std::vector<std::string> photometric_models() { return names_of(kModels); }

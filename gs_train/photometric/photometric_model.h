@@ -1,24 +1,21 @@
 // SPDX-License-Identifier: Apache-2.0
-// The contract of a photometric model: how photos differ in exposure, white balance and vignetting,
-// and what is learned of it.
+// The contract of a photometric model: how photos differ in exposure and white balance, and what is
+// learned of it.
 //
 // To add a model:
 //   1. The formulas go into gs_core/math, with their gradients. The class (derived from
-//      PhotometricModel, or from LensModel if cameras have vignetting), its Appearance and the
-//      function that makes it go into a file of this folder, as in gains.cpp and ppisp.cpp.
+//      PhotometricModel), its Appearance and the function that makes it go into a file of this
+//      folder, as in gains.cpp.
 //   2. It becomes a row of kModels in photometric_model.cpp and a word of kPhotometricWords in
 //      gs_core/config/config_words.h.
 //   3. Settings of its own are members of PhotometricConfig.
-//   4. Its GPU twin is a value of DeviceLook and a row of kPhotometricModels in cuda/backend.cu, with
-//      the pass around the loss in a file of cuda/train, as in ppisp.*, and a rule of the update in
-//      photometric.cu. Without a twin, training on a GPU with this model is refused when the run
-//      starts.
+//   4. Its GPU twin is in cuda/train/photometric.cu and ssim.cu, beside gains, and
+//      photometric_stage.cu knows its name. Without a twin, training on a GPU with this model is
+//      refused when the run starts.
 // Adam, the mean of zero, checkpoints, held-out photos, metrics and photometric.json then take it as
 // they take the others.
 #pragma once
 
-#include <array>
-#include <map>
 #include <memory>
 #include <string>
 #include <vector>
@@ -37,19 +34,13 @@ class PhotometricModel {
   virtual ~PhotometricModel() = default;
   /// Its word of photometric.model.
   virtual std::string name() const = 0;
-  /// Their names, of each photo and of each camera.
+  /// Their names, of each photo.
   virtual std::vector<std::string> photo_names() const = 0;
-  virtual std::vector<std::string> camera_names() const = 0;
-  /// What the numbers of a camera mean, for people; by name.
-  virtual std::map<std::string, float> camera_facts(Span<const float> camera) const = 0;
   /// The appearance of a photo with these numbers.
-  virtual std::unique_ptr<Appearance> appearance(Span<const float> photo, Span<const float> camera,
-                                                 const LensPlace& place) const = 0;
+  virtual std::unique_ptr<Appearance> appearance(Span<const float> photo) const = 0;
   /// The numbers of a photo that shows the scene's colors times these gains, as far as the model
   /// can say it.
   virtual void start_from_gains(const Vec3f& gains, Span<float> photo) const = 0;
-  /// The numbers of a camera whose vignetting was solved for (Scene::lenses).
-  virtual void start_from_lens(const std::array<float, 3>& lens, Span<float> camera) const = 0;
   /// How far each number of a photo lies above its neutral value, in the mean over all training photos.
   /// It is subtracted from all of them after every update: what all photos have in common is the
   /// scene's.

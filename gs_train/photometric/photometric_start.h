@@ -1,9 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// What a photometric model starts from, and which numbers belong to which view.
+// What a photometric model starts from.
 #pragma once
-
-#include <cstdint>
-#include <vector>
 
 #include "gs_core/config/config.h"
 #include "gs_core/scene.h"
@@ -12,13 +9,8 @@
 
 namespace gs {
 
-/// The camera of each view, counted from 0 in the order in which training views name them
-/// (View::camera_id).
-std::vector<std::uint32_t> camera_rows(const std::vector<View>& train_views);
-
 /// Gives the model the numbers that photometric.model learns: the exposures of the training views
-/// where they were solved for, else those that EXIF promises (stops_gain()), else zeros, and
-/// cameras without vignetting. Does nothing without such a model, and where the numbers are there
+/// where they were solved for, else those that EXIF promises (stops_gain()), else zeros. Does nothing without such a model, and where the numbers are there
 /// already. Throws Error where those are of other photos.
 void begin_photometric(const Config& config, const Scene& scene, TrainingModel& model);
 

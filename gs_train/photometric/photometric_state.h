@@ -4,32 +4,23 @@
 #pragma once
 
 #include <cstdint>
-#include <vector>
 
 #include "gs_core/buffer.h"
-#include "gs_core/math/photometric.h"
 
 namespace gs {
 
-/// How many photos and cameras there are, and how many numbers each of them has.
+/// How many photos there are, and how many numbers each of them has.
 struct PhotometricShape {
-  std::uint32_t photos = 0, photo_size = 0, cameras = 0, camera_size = 0;
+  std::uint32_t photos = 0, photo_size = 0;
 
-  std::size_t size() const {
-    return std::size_t(photos) * photo_size + std::size_t(cameras) * camera_size;
-  }
+  std::size_t size() const { return std::size_t(photos) * photo_size; }
   std::size_t photo_begin(std::size_t photo) const { return photo * photo_size; }
-  std::size_t camera_begin(std::size_t camera) const {
-    return std::size_t(photos) * photo_size + camera * camera_size;
-  }
   bool operator==(const PhotometricShape&) const = default;
 };
 
-/// All arrays have shape.size() numbers: those of the training photos, in the order of the scene,
-/// then those of the cameras.
+/// All arrays have shape.size() numbers: those of the training photos, in the order of the scene.
 struct PhotometricState {
   PhotometricShape shape;
-  std::vector<std::uint32_t> camera_of;  // (photos) follows from the scene
   Buffer<float> values, first_moment, second_moment;
   Buffer<float> start;     // that the values began with
   int adam_steps = 0;      // updates; fewer than the model's, because the values rest at times
@@ -41,28 +32,15 @@ struct PhotometricState {
   Span<float> photo(std::size_t i) const {
     return {values.data() + shape.photo_begin(i), shape.photo_size};
   }
-  Span<float> camera(std::size_t i) const {
-    return {values.data() + shape.camera_begin(i), shape.camera_size};
-  }
-};
-
-/// The models that devices have kernels for.
-enum class DeviceLook {
-  gains,  // within the loss
-  ppisp,  // a pass of its own before the loss, and one after it
 };
 
 /// What a device needs of the state to show a picture as one photo does. All numbers are in the
 /// memory of the device, so that no step waits for them.
 struct PhotoOnDevice {
-  const float* photo;   // (shape.photo_size)
-  const float* camera;  // (shape.camera_size) null: the model has no numbers of cameras
-  LensPlace place;      // of the picture
+  const float* photo;  // (shape.photo_size)
   // += weight * dL/d(numbers), by the loss; null: the numbers rest
   double* photo_gradient = nullptr;
-  double* camera_gradient = nullptr;
   double weight = 1;
-  DeviceLook look = DeviceLook::gains;
 };
 
 /// Calls f(name, a.array, b.array, ...) for each array. Checkpoints name their sections like this.
@@ -78,7 +56,6 @@ void for_each_photometric_array(F&& f, First&& first, Rest&&... rest) {
 inline PhotometricState copy_to(Memory& memory, const PhotometricState& from) {
   PhotometricState state(memory);
   state.shape = from.shape;
-  state.camera_of = from.camera_of;
   state.adam_steps = from.adam_steps;
   state.is_solved = from.is_solved;
   for_each_photometric_array(

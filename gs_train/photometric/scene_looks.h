@@ -20,17 +20,10 @@ struct PhotoLook {
   std::vector<float> numbers;  // PhotometricModel::photo_names()
 };
 
-struct CameraLook {
-  int width = 0, height = 0;  // of its photos in training, in pixels
-  float cx = 0, cy = 0;
-  std::vector<float> numbers;  // PhotometricModel::camera_names()
-};
-
 struct SceneLooks {
   PhotometricConfig config;
-  std::map<std::string, PhotoLook> photos;      // by name
-  std::map<std::uint32_t, CameraLook> cameras;  // by id; those of training photos
-  std::vector<HeldOutRule> rules;               // as in HeldOutPhotos
+  std::map<std::string, PhotoLook> photos;  // by name
+  std::vector<HeldOutRule> rules;           // as in HeldOutPhotos
   std::string rule;
 };
 
@@ -43,7 +36,7 @@ using AppearanceOf = std::function<std::unique_ptr<Appearance>(const View&)>;
 AppearanceOf appearances(const SceneLooks& looks);
 
 /// The same under the exposures of the scene's views, which were solved for, in place of the learned
-/// or predicted numbers; the cameras' numbers stay. Null for a photo without an exposure. Learned
+/// or predicted numbers. Null for a photo without an exposure. Learned
 /// numbers differ from the solved ones by a common part, which is that of the training photos.
 AppearanceOf solved_appearances(const SceneLooks& looks, const Scene& scene);
 

@@ -8,7 +8,7 @@ namespace gs {
 namespace {
 
 struct PackedPhoto {
-  std::uint64_t view, photo_row, camera_row;
+  std::uint64_t view, photo_row;
   RenderSettings settings;
   int reduction;
   bool is_refined;
@@ -67,7 +67,6 @@ void pack(Packer& packer, const PhotometricState& state) {
   packer.value(state.shape);
   packer.value(state.adam_steps);
   packer.value(state.is_solved);
-  packer.list(state.camera_of);
   for_each_photometric_array(
       [&](const char*, const auto& array) { packer.list(array.data(), array.size()); }, state);
 }
@@ -76,7 +75,6 @@ void unpack(Unpacker& unpacker, PhotometricState& state) {
   state.shape = unpacker.value<PhotometricShape>();
   state.adam_steps = unpacker.value<int>();
   state.is_solved = unpacker.value<bool>();
-  state.camera_of = unpacker.list<std::uint32_t>();
   for_each_photometric_array(
       [&](const char*, auto& array) { array.upload(unpacker.list<float>()); }, state);
 }
@@ -115,8 +113,8 @@ Message message_of(const StepOrder& order, const std::vector<View>& views) {
   for (const TrainingPhoto& photo : order.photos) {
     const std::size_t view = std::size_t(photo.view - views.data());
     GS_CHECK(view < views.size());
-    packer.value(PackedPhoto{view, photo.photo_row, photo.camera_row, photo.settings,
-                             photo.reduction, photo.refined.has_value(), photo.camera()});
+    packer.value(PackedPhoto{view, photo.photo_row, photo.settings, photo.reduction,
+                             photo.refined.has_value(), photo.camera()});
   }
   return packer.take();
 }
@@ -131,7 +129,7 @@ StepOrder step_order_in(const Message& message, const std::vector<View>& views) 
     const auto packed = unpacker.value<PackedPhoto>();
     GS_CHECK(packed.view < views.size());
     TrainingPhoto photo{&views[std::size_t(packed.view)], packed.settings, packed.reduction,
-                        std::size_t(packed.photo_row), std::size_t(packed.camera_row)};
+                        std::size_t(packed.photo_row)};
     if (packed.is_refined) photo.refined = packed.refined;
     order.photos.push_back(photo);
   }

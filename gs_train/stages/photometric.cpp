@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Stage 8 for the numbers of a photometric model: Adam for all photos and cameras, also those that
-// the step did not show. Their moments move them on.
+// Stage 8 for the numbers of a photometric model: Adam for all photos, also those that the
+// step did not show. Their moments move them on.
 #include "gs_core/error.h"
 #include "gs_core/math/adam.h"
 #include "gs_render/stage_clock.h"

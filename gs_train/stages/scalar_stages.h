@@ -28,7 +28,7 @@ std::unique_ptr<RowOps> make_scalar_row_ops();       // 9  rows.cpp, 10 morton.c
 void update_by_adam(TrainingModel& model, const Gaussians& gradients, const Update& update,
                     const std::function<std::size_t(std::size_t)>& row_of_model);
 
-/// 8  photometric.cpp: one update of all photos and cameras, in host memory. `gradient` is that of
+/// 8  photometric.cpp: one update of all photos, in host memory. `gradient` is that of
 /// the data, in the order of the state; the model's penalties are added to it.
 void update_photometric(PhotometricState& state, const PhotometricModel& model, float rate,
                         const AdamRule& rule, std::vector<double>& gradient);

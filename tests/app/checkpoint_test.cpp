@@ -227,7 +227,7 @@ TEST_F(Checkpoints, WithMomentsAsCodesComeBackBitForBitAndAreSmaller) {
 TEST_F(Checkpoints, WithAPhotometricModelComeBackBitForBit) {
   TrainingState expected = telling_state(100, 12);
   PhotometricState& photometric = expected.model.photometric;
-  photometric.shape = {3, 3, 2, 4};
+  photometric.shape = {3, 3};
   photometric.adam_steps = 9;
   photometric.is_solved = true;
   float next = 0.25f;
@@ -273,6 +273,11 @@ void rewrite(const fs::path& from, const fs::path& to, const TrainingModel& mode
                                     "strikes", "view_order", "gaussians"};
   for_each_row_array([&](const RowArray& which, const auto&) { sections.push_back(which.key()); },
                      model);
+  if (!model.photometric.empty()) {
+    sections.push_back("photometric");
+    for_each_photometric_array([&](const char* name, const auto&) { sections.push_back(name); },
+                               model.photometric);
+  }
   CheckedReader reader(from, kind);
   CheckedWriter writer(to, kind);
   for (const std::string& section : sections) {
@@ -323,6 +328,20 @@ TEST_F(Checkpoints, WithWhatWasRemovedSayWhatItIs) {
     EXPECT_THAT(error_of([&] { read_checkpoint(file(11)); }),
                 AllOf(HasSubstr(what), HasSubstr("start from its model")));
   }
+}
+
+TEST_F(Checkpoints, WithVignettingSayWhatItIs) {
+  TrainingState state = telling_state(7, 12);
+  state.model.photometric.shape = {3, 3};
+  for_each_photometric_array([](const char*, auto& array) { array.resize(9), array.fill_zero(); },
+                             state.model.photometric);
+  fs::create_directories(path());
+  write_checkpoint(file(12), telling_config(), telling_scene(), state.progress, state.model);
+  rewrite(file(12), file(11), state.model, [](const std::string& section, std::string& text) {
+    if (section == "photometric") text[8] = 1, text[12] = 3;  // a camera of three numbers
+  });
+  EXPECT_THAT(error_of([&] { read_checkpoint(file(11)); }),
+              AllOf(HasSubstr("vignetting"), HasSubstr("start from its model")));
 }
 
 TEST_F(Checkpoints, KnowTheirScene) {

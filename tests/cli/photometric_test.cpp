@@ -42,14 +42,12 @@ TEST_F(Program, ExposuresAndRefinedCamerasAreReportedAndAppliedAgain) {
 
 TEST_F(Program, GainsOfPhotosAreWrittenDownMeasuredApartAndAppliedAgain) {
   write_scene(path("scene"), true);
-  const Outcome trained =
-      train("out", "--set photometric.model=gains --set photometric.vignetting=true");
+  const Outcome trained = train("out", "--set photometric.model=gains");
   ASSERT_EQ(trained.code, 0) << trained.err;
   EXPECT_THAT(trained.out, HasSubstr("as the photometric model shows them"));
   const nlohmann::json looks = json("out/photometric.json"), results = json("out/results.json");
   EXPECT_EQ(looks.at("model"), "gains");
   EXPECT_EQ(looks.at("photos").size() + looks.at("held_out").size(), std::size_t(kViews));
-  EXPECT_GT(looks.at("cameras").begin()->at("corner_brightness"), 0);
   EXPECT_EQ(looks.at("rule"), results.at("photometric").at("rule"));
   const Outcome again = run("eval " + text("out") + " --device cpu --json");
   ASSERT_EQ(again.code, 0) << again.err;
@@ -125,11 +123,11 @@ TEST_F(Program, DamagedPhotometricFileIsNamedWithARemedy) {
   ASSERT_EQ(train("out", "--set photometric.model=gains").code, 0);
   const std::string whole = read_bytes(path("out/photometric.json"));
   for (const std::string& damage :
-       {std::string("{"), std::string("[]"),
-        std::string(R"({"model": "none", "vignetting": true})"),
-        std::string(R"({"model": "auto", "vignetting": true})"),
-        std::string(R"({"model": "gains", "vignetting": true, "photos": {"a": {"camera": -1}}})"),
-        std::string(R"({"model": "gains", "vignetting": true, "photos": {"a": {"camera": 1e30}}})"),
+       {std::string("{"), std::string("[]"), std::string(R"({"model": "none"})"),
+        std::string(R"({"model": "auto"})"),
+        std::string(R"({"model": "gains", "photos": {"a": {"camera": -1}}})"),
+        std::string(R"({"model": "gains", "vignetting": true, "photos": {}})"),  // of older versions
+        std::string(R"({"model": "gains", "photos": {"a": {"camera": 1e30}}})"),
         whole.substr(0, whole.size() / 2)}) {
     write_bytes(path("out/photometric.json"), damage);
     const Outcome outcome = run("eval " + text("out") + " --device cpu");

@@ -529,11 +529,14 @@ TEST(Config, SettingsOfOlderVersionsAreReadOverWhereTheyChangedNothing) {
   Config config;
   apply_setting(config, "optimizer.lazy=auto");
   apply_setting(config, "train.offload=none");
+  apply_setting(config, "photometric.vignetting=false");
   apply_setting(config, "density.static_after=0.0");
   apply_setting(config, "optimizer.time_color_lr=0.0025");
   EXPECT_EQ(to_toml(config), to_toml(Config()));
   EXPECT_THAT(error_of([&] { apply_setting(config, "optimizer.moments=compact"); }),
               HasSubstr("optimizer.moments = \"compact\" cannot be used: codes of 32 bits"));
+  EXPECT_THAT(error_of([&] { apply_setting(config, "photometric.model=ppisp"); }),
+              HasSubstr("no better than gains"));
   EXPECT_THAT(
       error_of([&] { apply_setting(config, "optimizer.lazy=on"); }),
       HasSubstr("optimizer.lazy = \"on\" cannot be used: updates of SH are no longer left"));

@@ -185,8 +185,7 @@ const std::vector<OwnedLibrary> kOwnedLibraries = {
     {"Ceres",
      {"ceres/"},
      {"Ceres::", "CERES_"},
-     {"data_loaders/refine/color_problem", "data_loaders/refine/refine_", "tests/math/",
-      "tests/recipes/lens_", "tests/support/jet_"},
+     {"data_loaders/refine/refine_", "tests/math/", "tests/recipes/lens_", "tests/support/jet_"},
      {"data_loaders/", "tests/"}},
 };
 

@@ -204,35 +204,9 @@ TEST_F(CudaLossTest, TellsTheSameTwice) {
 
 // ---- learned appearances -----------------------------------------------------------------------
 
-/// A photometric model with the numbers of a photo and of its camera, and whether its lens has been
-/// learned.
-struct Learned {
-  const char* model;
-  DeviceLook look;
-  std::vector<float> photo;
-  bool has_lens;
-  std::vector<float> lens = {0.3f, -0.05f, 0.02f};  // dark corners
-
-  Learned without_effect() const {
-    return {model, look, std::vector<float>(photo.size(), 0.0f), has_lens, {0, 0, 0}};
-  }
-};
-/// Gains of a third of a stop; an exposure of a third of a stop, and colors that are moved as far
-/// as those of cameras are.
-std::vector<Learned> all_learned() {
-  std::vector<Learned> all;
-  for (const bool has_lens : {false, true}) {
-    all.push_back({"gains", DeviceLook::gains, {0.2f, -0.1f, 0.05f}, has_lens});
-    all.push_back({"ppisp",
-                   DeviceLook::ppisp,
-                   {0.3f, 0.8f, -0.6f, -0.7f, 0.5f, 0.4f, 0.9f, -0.8f, 0.6f},
-                   has_lens});
-  }
-  return all;
-}
-void PrintTo(const Learned& learned, std::ostream* out) {
-  *out << learned.model << (learned.has_lens ? " with vignetting" : "");
-}
+/// Log gains of a photo, up to a third of a stop.
+using LogGains = std::vector<float>;
+const LogGains kLogGains{0.2f, -0.1f, 0.05f};
 
 /// The answer under a learned appearance, and its gradient.
 struct LearnedAnswer : Answer {
@@ -241,17 +215,9 @@ struct LearnedAnswer : Answer {
 
 class CudaLearnedLossTest : public CudaLossTest {
  protected:
-  /// The middle of the lens is not that of the photo.
-  static LensPlace place_of(const Pair& pair) {
-    const int width = pair.view.photo.width, height = pair.view.photo.height;
-    return lens_place(0.4f * float(width), 0.6f * float(height), width, height, 1);
-  }
-  LearnedAnswer of_cpu(const Pair& pair, float lambda, const Learned& learned) {
-    PhotometricConfig config{learned.model};
-    config.vignetting = learned.has_lens;
-    const auto appearance = make_photometric_model(config)->appearance(
-        {learned.photo.data(), learned.photo.size()},
-        {learned.lens.data(), learned.has_lens ? std::size_t(3) : 0}, place_of(pair));
+  LearnedAnswer of_cpu(const Pair& pair, float lambda, const LogGains& learned) {
+    const auto appearance =
+        make_photometric_model(PhotometricConfig{"gains"})->appearance({learned.data(), 3});
     const RenderPass pass = pair.pass(host_memory());
     appearance->show({pass.image.data(), pass.width, pass.height});
     if (pair.view.over_background)
@@ -263,36 +229,24 @@ class CudaLearnedLossTest : public CudaLossTest {
     return {{cpu().loss().value(), dL_dimage.download()},
             {appearance->gradient().begin(), appearance->gradient().end()}};
   }
-  /// Adds the gradient to `sums`, if they are there: those of the photo, then three of the lens.
-  LearnedAnswer of_gpu(const Pair& pair, float lambda, const Learned& learned,
+  /// Adds the gradient to `sums`, if they are there.
+  LearnedAnswer of_gpu(const Pair& pair, float lambda, const LogGains& learned,
                        const Buffer<double>* sums = nullptr, double weight = 1) {
     Memory& memory = gpu().memory();
-    const std::size_t photo_size = learned.photo.size();
-    Buffer<float> of_photo(memory), of_lens(memory), dL_dimage(memory);
-    of_photo.upload(learned.photo);
-    of_lens.upload(learned.lens);
-    Buffer<double> own(photo_size + 3, memory);
+    Buffer<float> of_photo(memory), dL_dimage(memory);
+    of_photo.upload(learned);
+    Buffer<double> own(3, memory);
     own.fill_zero();
-    double* const to = sums ? sums->data() : own.data();
-    const PhotoOnDevice photo{of_photo.data(), learned.has_lens ? of_lens.data() : nullptr,
-                              place_of(pair),  to,
-                              to + photo_size, weight,
-                              learned.look};
+    const PhotoOnDevice photo{of_photo.data(), sums ? sums->data() : own.data(), weight};
     LossSettings settings{lambda};
     settings.photo_on_device = &photo;
     const RenderPass pass = pair.pass(memory);
     gpu().loss().forward_backward(pass, pair.view, settings, dL_dimage);
-    std::vector<double> gradient = (sums ? *sums : own).download();
-    if (!learned.has_lens) {
-      for (std::size_t i = photo_size; i < gradient.size(); ++i) EXPECT_EQ(gradient[i], 0);
-      gradient.resize(photo_size);
-    }
-    return {{gpu().loss().value(), dL_dimage.download()}, gradient};
+    return {{gpu().loss().value(), dL_dimage.download()}, (sums ? *sums : own).download()};
   }
   /// What the GPU shows differs by some 3e-7 from that of the CPU. So the sign of X - Y differs at
-  /// some values, and whether a bright value counts as white, about at three in a million. Where
-  /// channels are mixed, each of them changes the gradient of three.
-  void expect_same_answer(const Pair& pair, float lambda, const Learned& learned) {
+  /// some values, and whether a bright value counts as white, about at three in a million.
+  void expect_same_answer(const Pair& pair, float lambda, const LogGains& learned) {
     const LearnedAnswer actual = of_gpu(pair, lambda, learned);
     const LearnedAnswer expected = of_cpu(pair, lambda, learned);
     EXPECT_NEAR(actual.value, expected.value, 1e-5 * std::max(expected.value, 0.1));
@@ -308,95 +262,74 @@ class CudaLearnedLossTest : public CudaLossTest {
           !(std::abs(actual.dL_dimage[i] - expected.dL_dimage[i]) <= kRounding.gradient * largest);
     EXPECT_LE(others, 3 + 3 * (expected.dL_dimage.size() / 100'000));
     ASSERT_EQ(actual.gradient.size(), expected.gradient.size());
-    for (std::size_t i = 0; i < expected.gradient.size(); ++i) {
-      // A latent of 1 moves a color by 6 % of it at most.
-      const bool is_latent = learned.look == DeviceLook::ppisp && i >= 1 && i < 9;
-      EXPECT_NEAR(actual.gradient[i], expected.gradient[i], (is_latent ? 1e-5 : 1e-4) * shares)
-          << i;
-    }
+    for (std::size_t i = 0; i < expected.gradient.size(); ++i)
+      EXPECT_NEAR(actual.gradient[i], expected.gradient[i], 1e-4 * shares) << i;
   }
 };
 
 TEST_F(CudaLearnedLossTest, IsTheScalarOne) {
   for (const Picture picture : {Picture::noise, Picture::near})
-    for (const Learned& learned : all_learned())
-      for (const auto& [width, height] : kSizes)
-        for (const float lambda : {0.0f, 0.2f, 1.0f}) {
-          SCOPED_TRACE(testing::Message() << width << " x " << height << ", lambda " << lambda
-                                          << ", " << testing::PrintToString(learned));
-          Pair pair(width, height, picture, 31);
-          // Blended colors are not negative. "ppisp" divides by their sum.
-          for (float& value : pair.image) value = std::abs(value);
-          expect_same_answer(pair, lambda, learned);
-        }
+    for (const auto& [width, height] : kSizes)
+      for (const float lambda : {0.0f, 0.2f, 1.0f}) {
+        SCOPED_TRACE(testing::Message() << width << " x " << height << ", lambda " << lambda);
+        Pair pair(width, height, picture, 31);
+        expect_same_answer(pair, lambda, kLogGains);
+      }
 }
 
 TEST_F(CudaLearnedLossTest, OfMaskedPhotosIsTheScalarOne) {
   for (const bool over_background : {false, true})
-    for (const Learned& learned : all_learned())
-      for (const auto& [width, height] : {std::pair{33, 65}, {97, 41}, {640, 360}}) {
-        SCOPED_TRACE(testing::Message()
-                     << width << " x " << height << ", over the background " << over_background
-                     << ", " << testing::PrintToString(learned));
-        Pair pair(width, height, Picture::near, 32);
-        pair.mask(over_background, 33);
-        pair.view.exposure = {3, 3, 3};  // the learned appearance takes its place
-        expect_same_answer(pair, 0.2f, learned);
-      }
+    for (const auto& [width, height] : {std::pair{33, 65}, {97, 41}, {640, 360}}) {
+      SCOPED_TRACE(testing::Message()
+                   << width << " x " << height << ", over the background " << over_background);
+      Pair pair(width, height, Picture::near, 32);
+      pair.mask(over_background, 33);
+      pair.view.exposure = {3, 3, 3};  // the learned appearance takes its place
+      expect_same_answer(pair, 0.2f, kLogGains);
+    }
 }
 
 TEST_F(CudaLearnedLossTest, OfPicturesThatTheMaskCoversTeachesNothing) {
-  for (const bool over_background : {false, true})
-    for (const Learned& learned : all_learned()) {
-      SCOPED_TRACE(testing::PrintToString(learned));
-      Pair pair(97, 41, Picture::near, 34);
-      pair.view.mask = Image8(97, 41, 1, 0);
-      pair.view.over_background = over_background;
-      for (const double number : of_gpu(pair, 0.2f, learned).gradient) EXPECT_EQ(number, 0);
-    }
+  for (const bool over_background : {false, true}) {
+    Pair pair(97, 41, Picture::near, 34);
+    pair.view.mask = Image8(97, 41, 1, 0);
+    pair.view.over_background = over_background;
+    for (const double number : of_gpu(pair, 0.2f, kLogGains).gradient) EXPECT_EQ(number, 0);
+  }
 }
 
 TEST_F(CudaLearnedLossTest, OfNumbersOfZeroIsThatOfNoModelWherePhotosAreNotWhite) {
   Pair pair(97, 41, Picture::near, 35);
   for (std::uint8_t& value : pair.view.photo.pixels) value = std::uint8_t(value / 2);
-  for (const Learned& learned : all_learned()) {
-    SCOPED_TRACE(testing::PrintToString(learned));
-    const LearnedAnswer neutral = of_gpu(pair, 0.2f, learned.without_effect());
-    const Answer plain = answer_of(gpu(), pair, 0.2f);
-    EXPECT_NEAR(neutral.value, plain.value, 1e-6);
-    EXPECT_LT(relative_difference(neutral.dL_dimage, plain.dL_dimage), kRounding.gradient);
-  }
+  const LearnedAnswer neutral = of_gpu(pair, 0.2f, {0, 0, 0});
+  const Answer plain = answer_of(gpu(), pair, 0.2f);
+  EXPECT_NEAR(neutral.value, plain.value, 1e-6);
+  EXPECT_LT(relative_difference(neutral.dL_dimage, plain.dL_dimage), kRounding.gradient);
 }
 
 // Whatever --deterministic says: the loss does not know it.
 TEST_F(CudaLearnedLossTest, TellsTheSameBitsTwice) {
   const Pair pair(640, 360, Picture::near, 36);
-  for (const Learned& learned : all_learned()) {
-    SCOPED_TRACE(testing::PrintToString(learned));
-    const LearnedAnswer first = of_gpu(pair, 0.2f, learned);
-    for (int again = 0; again < 5; ++again) {
-      const LearnedAnswer second = of_gpu(pair, 0.2f, learned);
-      EXPECT_EQ(first.value, second.value);
-      EXPECT_EQ(first.dL_dimage, second.dL_dimage);
-      EXPECT_EQ(first.gradient, second.gradient);
-    }
+  const LearnedAnswer first = of_gpu(pair, 0.2f, kLogGains);
+  for (int again = 0; again < 5; ++again) {
+    const LearnedAnswer second = of_gpu(pair, 0.2f, kLogGains);
+    EXPECT_EQ(first.value, second.value);
+    EXPECT_EQ(first.dL_dimage, second.dL_dimage);
+    EXPECT_EQ(first.gradient, second.gradient);
   }
 }
 
 TEST_F(CudaLearnedLossTest, AddsUpTheWeightedGradientsOfABatch) {
   const Pair one(97, 41, Picture::near, 37), other(33, 65, Picture::near, 38);
-  for (const Learned& learned : all_learned()) {
-    if (!learned.has_lens) continue;
-    SCOPED_TRACE(testing::PrintToString(learned));
-    const std::vector<double> of_one = of_gpu(one, 0.2f, learned).gradient;
-    const std::vector<double> of_other = of_gpu(other, 0.2f, learned).gradient;
-    Buffer<double> sums(of_one.size(), gpu().memory());
-    sums.fill_zero();
-    of_gpu(one, 0.2f, learned, &sums, 0.5);
-    const std::vector<double> both = of_gpu(other, 0.2f, learned, &sums, 0.5).gradient;
-    for (std::size_t i = 0; i < both.size(); ++i)
-      EXPECT_NEAR(both[i], (of_one[i] + of_other[i]) / 2, 1e-12 + 1e-9 * std::abs(both[i]));
-  }
+  if (!kLogGains.has_lens) continue;
+  const std::vector<double> of_one = of_gpu(one, 0.2f, kLogGains).gradient;
+  const std::vector<double> of_other = of_gpu(other, 0.2f, kLogGains).gradient;
+  Buffer<double> sums(of_one.size(), gpu().memory());
+  sums.fill_zero();
+  of_gpu(one, 0.2f, kLogGains, &sums, 0.5);
+  const std::vector<double> both = of_gpu(other, 0.2f, kLogGains, &sums, 0.5).gradient;
+  for (std::size_t i = 0; i < both.size(); ++i)
+    EXPECT_NEAR(both[i], (of_one[i] + of_other[i]) / 2, 1e-12 + 1e-9 * std::abs(both[i]));
 }
 
 /// Five views of different sizes with their pictures, and the order in which the test uses them.
@@ -476,6 +409,5 @@ TEST_F(CudaPhotosTest, StayWhileTheHostRunsAhead) {
               kRounding.gradient);
   }
 }
-
 }  // namespace
 }  // namespace gs

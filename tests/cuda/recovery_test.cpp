@@ -173,7 +173,6 @@ TEST_F(CudaRecovery, AFailureOfAnySingleAllocationIsSurvived) {
       KeptState kept;
       Config config = eventful_run(45);
       config.photometric.model = model;
-      config.photometric.vignetting = true;
       Trainer trainer(scene_, config, gpu());
       trainer.keep_checkpoints_in(kept);
       FailingMemory memory(k);

@@ -10,8 +10,7 @@
 
 namespace gs {
 
-/// Gives a model the numbers of these views: gains of up to a quarter of a stop, and lenses that
-/// darken the corners, so that no term is zero.
+/// Gives a model the numbers of these views: gains of up to a quarter of a stop.
 inline void begin_with_gains(const PhotometricConfig& photometric, const std::vector<View>& views,
                              TrainingModel& model) {
   Config config = adaptive_config();
@@ -21,10 +20,7 @@ inline void begin_with_gains(const PhotometricConfig& photometric, const std::ve
   begin_photometric(config, scene, model);
   PhotometricState& state = model.photometric;
   Draws draws(21);
-  for (std::size_t i = 0; i < state.shape.camera_begin(0); ++i)
-    state.values[i] = draws.uniform(-0.2f, 0.2f);
-  for (std::size_t i = state.shape.camera_begin(0); i < state.shape.size(); ++i)
-    state.values[i] = draws.uniform(0, 0.1f);
+  for (std::size_t i = 0; i < state.shape.size(); ++i) state.values[i] = draws.uniform(-0.2f, 0.2f);
   center_photos(*make_photometric_model(photometric), state);
 }
 

@@ -1,6 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// A scene for photometric models: a wall whose photos are multiplied by known gains and by the
-// vignetting of three lenses.
+// A scene for photometric models: a wall whose photos are multiplied by known gains.
 #pragma once
 
 #include <algorithm>
@@ -15,21 +14,15 @@
 
 namespace gs {
 
-inline constexpr std::size_t kWallViews = 24, kWallCameras = 3;
+inline constexpr std::size_t kWallViews = 24;
 
-/// Photo k shows exp(a - B) times the scene, with gains of up to half a stop. They jump from photo
+/// Photo k shows exp(a) times the scene, with gains of up to half a stop. They jump from photo
 /// to photo, as no color that changes with the direction does; and the mean of each channel is 0.
 inline Vec3f true_log_gain(std::size_t k) {
   constexpr int kJumps[kWallViews] = {5, -3, 1, -5, 4, -1, 3, -4, 0,  2, 2,  -4,
                                       4, -2, 3, -5, 1, 0,  5, -3, -4, 2, -1, 0};
   const auto jump = [&](std::size_t i) { return 0.07f * float(kJumps[i % kWallViews]); };
   return {jump(k), jump(5 * k + 3), jump(7 * k + 1)};
-}
-
-/// cos^4 of the angle from the axis, for three lenses. The corners of the widest are at 40 degrees.
-inline float true_log_vignetting(std::size_t camera, float rho) {
-  constexpr float kTan2[kWallCameras] = {0, 0.3f, 0.7f};
-  return 2 * std::log1p(kTan2[camera] * rho);
 }
 
 /// A wall that fills the pictures to their corners, dark enough to be multiplied.
@@ -45,7 +38,7 @@ inline Gaussians wall() {
   return truth;
 }
 
-/// Each camera sees another part of the wall, so that a lens is no property of the wall.
+/// Each photo sees another part of the wall.
 inline Camera wall_camera(std::size_t k) {
   Camera camera = orbit_camera(0.3f * (float(k) / float(kWallViews) - 0.5f));
   camera.cam_from_world_translation = {0.25f * float(int(7 * k % 5) - 2),
@@ -53,19 +46,16 @@ inline Camera wall_camera(std::size_t k) {
   return camera;
 }
 
-/// The photo of what a camera sees; without gains and vignetting unless `is_varied`.
+/// The photo of what a camera sees; without gains unless `is_varied`.
 inline Image8 wall_photo(const RenderPass& pass, const Camera& camera, std::size_t k,
                          bool is_varied) {
-  const LensPlace place = lens_place(camera.cx, camera.cy, camera.width, camera.height, 1);
   const Vec3f a = is_varied ? true_log_gain(k) : Vec3f(0);
   Image8 photo(camera.width, camera.height, 3);
   for (int y = 0; y < camera.height; ++y)
     for (int x = 0; x < camera.width; ++x) {
-      const float rho = place.rho(float(x) + 0.5f, float(y) + 0.5f);
-      const float B = is_varied ? true_log_vignetting(k % kWallCameras, rho) : 0.0f;
       const std::size_t i = std::size_t(y) * std::size_t(camera.width) + std::size_t(x);
       for (int c = 0; c < 3; ++c) {
-        const float value = gained(pass.image[std::size_t(c) * pass.pixel_count() + i], a[c], B);
+        const float value = gained(pass.image[std::size_t(c) * pass.pixel_count() + i], a[c]);
         photo.at(x, y, c) = std::uint8_t(std::lround(255 * std::min(value, 1.0f)));
       }
     }
@@ -83,9 +73,8 @@ inline Scene wall_scene(bool is_varied) {
   for (std::size_t k = 0; k < kWallViews; ++k) {
     const Camera camera = wall_camera(k);
     renderer->forward(truth.span(), camera, {}, pass);
-    View view{"view " + std::to_string(10 + k), camera, wall_photo(pass, camera, k, is_varied)};
-    view.camera_id = std::uint32_t(k % kWallCameras);
-    scene.train_views.push_back(view);
+    scene.train_views.push_back(
+        {"view " + std::to_string(10 + k), camera, wall_photo(pass, camera, k, is_varied)});
   }
   scene.extent = camera_extent(scene.train_views);
   return scene;
@@ -99,28 +88,10 @@ inline Config gains_run(int steps) {
   config.density.until_step = config.density.reset_opacity_until = 0;
   config.photometric.model = "gains";
   config.photometric.rate = 0.02f;
-  config.photometric.vignetting = true;
   return config;
 }
 
-/// B in the corners, from the middle on.
-inline float corner_vignetting(Span<const float> b) {
-  const std::array<float, 3> all{b[0], b[1], b[2]};
-  return log_vignetting(all, 1.0f) - log_vignetting(all, 0.0f);
-}
-
-/// The gains in the middle of the photos, where cos^4 is 1.
-inline std::vector<float> middle_gains(const PhotometricState& state) {
-  std::vector<float> gains;
-  for (std::size_t k = 0; k < kWallViews; ++k) {
-    const Span<float> b = state.camera(k % kWallCameras);
-    const float middle = log_vignetting<float>({b[0], b[1], b[2]}, 0);
-    for (std::size_t c = 0; c < 3; ++c) gains.push_back(state.photo(k)[c] - middle);
-  }
-  return gains;
-}
-
-/// The wall in gray, to start from: colors, gains and vignetting are to be found.
+/// The wall in gray, to start from: colors and gains are to be found.
 inline TrainingState gray_wall(const Config& config) {
   TrainingState state;
   state.model.gaussians = wall();
@@ -143,20 +114,10 @@ inline Config of_known_shape(Config config) {
 
 /// The worst error of a gain.
 inline double gain_error(const PhotometricState& state) {
-  const std::vector<float> gains = middle_gains(state);
   double worst = 0;
   for (std::size_t k = 0; k < kWallViews; ++k)
-    for (int c = 0; c < 3; ++c)
-      worst =
-          std::max(worst, std::abs(double(gains[3 * k + std::size_t(c)] - true_log_gain(k)[c])));
-  return worst;
-}
-/// The worst error of a camera's vignetting, at the corners.
-inline double vignetting_error(const PhotometricState& state) {
-  double worst = 0;
-  for (std::size_t camera = 0; camera < kWallCameras; ++camera)
-    worst = std::max(worst, std::abs(double(corner_vignetting(state.camera(camera)) -
-                                            true_log_vignetting(camera, 1))));
+    for (std::size_t c = 0; c < 3; ++c)
+      worst = std::max(worst, std::abs(double(state.photo(k)[c] - true_log_gain(k)[int(c)])));
   return worst;
 }
 

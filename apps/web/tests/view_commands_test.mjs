@@ -18,8 +18,7 @@ if (!chromium || !existsSync(chromium)) {
   process.exit(SKIPPED);
 }
 
-const SETTINGS = ['--device', 'cpu', '-q', '-r', '4', '--eval', '--set', 'density.max_gaussians=5000', '--set', 'photometric.model=gains', '--set', 'photometric.vignetting=true',
-                  '--set', 'photometric.rate=0.02'];
+const SETTINGS = ['--device', 'cpu', '-q', '-r', '4', '--eval', '--set', 'density.max_gaussians=5000', '--set', 'photometric.model=gains', '--set', 'photometric.rate=0.02'];
 const run = join(out, 'run');
 const gemsplat = (...words) => execFileSync(program, words, {cwd: out, stdio: ['ignore', 'pipe', 'inherit']}).toString();
 const render = (folder, ...words) => gemsplat('render', run, '-o', join(out, folder), '-q', '--device', 'cpu', ...words);

@@ -15,21 +15,20 @@ class PhotometricRun : public SceneRun {
  protected:
   PhotometricRun() : SceneRun(wall_scene(true)) {}
 
-  /// Of the neutral pictures against photos without gains and vignetting.
+  /// Of the neutral pictures against photos without gains.
   double neutral_psnr(const TrainingModel& model) {
     return evaluate(backend_->renderer(), model.gaussians.span(), wall_scene(false).train_views, {})
         .psnr;
   }
 };
 
-TEST_F(PhotometricRun, FindsTheGainsAndTheVignettingOfThePhotos) {
+TEST_F(PhotometricRun, FindsTheGainsOfThePhotos) {
   for (const int batch : {1, 4}) {
     Config config = of_known_shape(gains_run(batch == 1 ? 4000 : 6000));
     config.train.batch = batch;
     Trainer trainer(scene_, config, *backend_, gray_wall(config));
     trainer.run();
     EXPECT_LT(gain_error(trainer.model().photometric), 0.005) << batch;
-    EXPECT_LT(vignetting_error(trainer.model().photometric), 0.01) << batch;
   }
 }
 
@@ -39,7 +38,6 @@ TEST_F(PhotometricRun, FindsThemNearlyAsWellFromPointsAlone) {
   Config config = gains_run(6000);
   const TrainingModel model = trained(config);
   EXPECT_LT(gain_error(model.photometric), 0.03);
-  EXPECT_LT(vignetting_error(model.photometric), 0.05);
 }
 
 TEST_F(PhotometricRun, LeavesTheSceneItsOwnColors) {
@@ -49,7 +47,7 @@ TEST_F(PhotometricRun, LeavesTheSceneItsOwnColors) {
   EXPECT_GT(with, neutral_psnr(trained(config)) + 3);
 }
 
-// No light changes here. Some lies in the rims while the wall is still gray, and goes away slowly.
+// No light changes here.
 TEST_F(PhotometricRun, CostsLittleWherePhotosDoNotDiffer) {
   const Scene plain = wall_scene(false);
   const auto psnr_of = [&](const char* model) {
@@ -102,8 +100,7 @@ TEST_F(PhotometricRun, TakesTheMeanGradientOfABatch) {
     Trainer trainer(scene_, gains_run(10), *backend_);  // gives the backend its model
     TrainingModel model = copy_to(host_memory(), trainer.model());
     std::vector<TrainingPhoto> batch;
-    for (const std::size_t view : views)
-      batch.push_back({&scene_.train_views[view], {}, 1, view, view % kWallCameras});
+    for (const std::size_t view : views) batch.push_back({&scene_.train_views[view], {}, 1, view});
     Update update;
     for_each_array([](const char*, float& rate) { rate = 1e-3f; }, update.rates);
     update.photometric_rate = 1e-3f;
@@ -115,14 +112,6 @@ TEST_F(PhotometricRun, TakesTheMeanGradientOfABatch) {
   for (std::size_t i = 0; i < both.photometric.shape.size(); ++i)
     EXPECT_NEAR(both.photometric.first_moment[i],
                 (a.photometric.first_moment[i] + b.photometric.first_moment[i]) / 2, 1e-7);
-}
-
-TEST_F(PhotometricRun, WithoutVignettingLearnsGainsAlone) {
-  Config config = gains_run(30);
-  config.photometric.vignetting = false;
-  const TrainingModel model = trained(config);
-  EXPECT_EQ(model.photometric.shape, (PhotometricShape{kWallViews, 3, kWallCameras, 0}));
-  EXPECT_NE(model.photometric.photo(0)[0], 0);
 }
 
 TEST_F(PhotometricRun, RestsWhereItsRateIsZeroAndElseLeavesOtherRunsAsTheyAre) {

@@ -23,7 +23,7 @@ namespace {
 using testing::ElementsAre;
 using testing::HasSubstr;
 
-const PhotometricConfig kGains{"gains", 2e-3f, true};
+const PhotometricConfig kGains{"gains", 2e-3f};
 const LossSettings kLoss{0.2f};
 
 TEST(PhotometricModels, TheSettingTakesEveryModelOfTheTableAndNoOther) {
@@ -47,8 +47,6 @@ class GainsOfAPhoto : public ::testing::Test {
   GainsOfAPhoto() {
     view_.camera.width = pass_.width = kWidth;
     view_.camera.height = pass_.height = kHeight;
-    view_.camera.cx = 11;
-    view_.camera.cy = 10;
     view_.photo = Image8(kWidth, kHeight, 3);
     pass_.image.resize(3 * pass_.pixel_count());
     Draws draws(3);
@@ -61,8 +59,7 @@ class GainsOfAPhoto : public ::testing::Test {
   }
 
   std::unique_ptr<Appearance> appearance() const {
-    return model_->appearance({numbers_.data(), 3}, {numbers_.data() + 3, 3},
-                              lens_place(11, 10, kWidth, kHeight, 1));
+    return model_->appearance({numbers_.data(), 3});
   }
   /// The loss under the appearance, with the gradients of picture and numbers.
   double loss() {
@@ -81,7 +78,7 @@ class GainsOfAPhoto : public ::testing::Test {
 
   RenderPass pass_;
   View view_;
-  std::vector<float> numbers_{0.1f, -0.05f, 0.2f, 0.2f, -0.1f, 0.05f};
+  std::vector<float> numbers_{0.1f, -0.05f, 0.2f};
   const std::unique_ptr<PhotometricModel> model_ = make_photometric_model(kGains);
   const std::unique_ptr<Loss> loss_ = make_l1_ssim_loss();
   std::unique_ptr<Appearance> appearance_;
@@ -107,7 +104,7 @@ TEST_F(GainsOfAPhoto, HaveTheGradientOfFiniteDifferences) {
 
 // The whole gradient of a factor of the picture is that of the same factor of each pixel.
 TEST_F(GainsOfAPhoto, LeaveThePictureTheGradientOfTheMultipliedOne) {
-  numbers_ = {0.1f, 0.1f, 0.1f, 0, 0, 0};
+  numbers_ = {0.1f, 0.1f, 0.1f};
   loss();
   double by_picture = 0, by_gains = 0;
   for (std::size_t i = 0; i < dL_dimage_.size(); ++i)
@@ -117,7 +114,7 @@ TEST_F(GainsOfAPhoto, LeaveThePictureTheGradientOfTheMultipliedOne) {
 }
 
 TEST_F(GainsOfAPhoto, OfOneLeaveLossAndGradientAsTheyAreExceptWhereThePhotoIsWhite) {
-  numbers_.assign(6, 0.0f);
+  numbers_.assign(3, 0.0f);
   const double with = loss();
   const std::vector<float> gradient(dL_dimage_.begin(), dL_dimage_.end());
   Buffer<float> plain;
@@ -127,7 +124,7 @@ TEST_F(GainsOfAPhoto, OfOneLeaveLossAndGradientAsTheyAreExceptWhereThePhotoIsWhi
 }
 
 TEST_F(GainsOfAPhoto, AreThoseOfAnExposure) {
-  numbers_ = {std::log(0.8f), 0, std::log(1.25f), 0, 0, 0};
+  numbers_ = {std::log(0.8f), 0, std::log(1.25f)};
   for (const bool over_background : {false, true}) {
     mask(128);
     view_.over_background = over_background;
@@ -164,7 +161,7 @@ TEST_F(GainsOfAPhoto, AreSummedInOneOrder) {
 }
 
 TEST_F(GainsOfAPhoto, WeighThePixelValuesOfDensityControl) {
-  numbers_ = {std::log(0.8f), 0, std::log(1.25f), 0, 0, 0};
+  numbers_ = {std::log(0.8f), 0, std::log(1.25f)};
   DensityStep density;
   density.gather_statistics = true;
   density.score = GrowthScore::error;
@@ -218,20 +215,6 @@ TEST(UpdatePhotometric, KeepsAMeanOfZeroHoweverUnevenlyPhotosAreDrawn) {
   }
 }
 
-// What a lens darkens is no part of the scene: the middle of the photos has the scene's brightness.
-TEST(UpdatePhotometric, GivesTheSceneTheBrightnessOfTheMiddleOfThePhotos) {
-  const auto model = make_photometric_model(kGains);
-  TrainingModel training = begun(small_scene());
-  PhotometricState& state = training.photometric;
-  state.camera(0)[0] = 0.3f;
-  center_photos(*model, state);
-  const auto appearance = model->appearance(state.photo(2), state.camera(0), {1.5f, 0.5f, 1});
-  const std::vector<float> gray(9, 0.5f);
-  appearance->show({gray.data(), 3, 1});
-  EXPECT_NEAR(appearance->shown()[1], 0.5f, 1e-6);
-  EXPECT_LT(appearance->shown()[0], 0.3f);  // rho is 1
-}
-
 // A photo that is drawn once moves on by its moments in later steps, up to the common mean.
 TEST(UpdatePhotometric, MovesPhotosThatAreNotDrawnAsAdamSays) {
   const auto model = make_photometric_model(kGains);
@@ -248,7 +231,7 @@ TEST(UpdatePhotometric, MovesPhotosThatAreNotDrawnAsAdamSays) {
   EXPECT_NEAR(state.photo(3)[0] - state.photo(4)[0], value, 1e-5);
 }
 
-TEST(UpdatePhotometric, PullsGainsToTheSolvedOnesAndRimsToTheDark) {
+TEST(UpdatePhotometric, PullsGainsToTheSolvedOnes) {
   Scene scene = small_scene();
   scene.train_views[2].exposure = {1.5f, 1, 0.8f};
   TrainingModel training = begun(scene);
@@ -257,46 +240,19 @@ TEST(UpdatePhotometric, PullsGainsToTheSolvedOnesAndRimsToTheDark) {
   const float solved = state.photo(2)[0];
   EXPECT_NEAR(solved, std::log(1.5f) * 7 / 8, 1e-6);  // the mean is taken away
   state.photo(2)[0] += 0.3f;
-  state.camera(0)[0] = -0.2f;
   const auto model = make_photometric_model(kGains);
   std::vector<double> gradient(state.shape.size(), 0.0);
   model->add_penalties(state, gradient);
   EXPECT_GT(gradient[state.shape.photo_begin(2)], 0);
   EXPECT_EQ(gradient[state.shape.photo_begin(3)], 0);
-  EXPECT_LT(gradient[state.shape.camera_begin(0)], 0);
 }
 
-TEST(BeginPhotometric, CountsCamerasByTheirIdsAndRefusesOtherPhotos) {
+TEST(BeginPhotometric, RefusesOtherPhotos) {
   Scene scene = small_scene();
-  for (std::size_t i = 0; i < 8; ++i) scene.train_views[i].camera_id = i % 3 == 0 ? 7 : 4;
-  EXPECT_THAT(camera_rows(scene.train_views), ElementsAre(0, 1, 1, 0, 1, 1, 0, 1));
   TrainingModel training = begun(scene);
-  EXPECT_EQ(training.photometric.shape, (PhotometricShape{8, 3, 2, 3}));
+  EXPECT_EQ(training.photometric.shape, (PhotometricShape{8, 3}));
   scene.train_views.pop_back();
   EXPECT_THROW(begin_photometric(gains_config(), scene, training), Error);
-}
-
-TEST(BeginPhotometric, StartsFromVignettingThatWasSolvedFor) {
-  Scene scene = small_scene();
-  for (std::size_t i = 0; i < 8; ++i) scene.train_views[i].camera_id = i % 3 == 0 ? 7 : 4;
-  scene.lenses[4] = {0.2f, 0.1f, 0.05f};
-  const TrainingModel training = begun(scene);
-  for (const std::size_t i : {0u, 1u, 2u}) {
-    EXPECT_EQ(training.photometric.camera(0)[i], 0);  // 7
-    EXPECT_EQ(training.photometric.camera(1)[i], scene.lenses.at(4)[i]);
-  }
-  const auto model = make_photometric_model(kGains);
-  for (const double number : model->common_part(training.photometric)) EXPECT_NEAR(number, 0, 1e-6);
-}
-
-// A checkpoint has the numbers, and not the cameras of the photos, which the scene has.
-TEST(BeginPhotometric, KnowsTheCamerasOfTheNumbersOfACheckpoint) {
-  Scene scene = small_scene();
-  for (std::size_t i = 0; i < 8; ++i) scene.train_views[i].camera_id = i % 3 == 0 ? 7 : 4;
-  TrainingModel training = begun(scene);
-  training.photometric.camera_of.clear();
-  begin_photometric(gains_config(), scene, training);
-  EXPECT_EQ(training.photometric.camera_of, camera_rows(scene.train_views));
 }
 
 // Pixels grow with the root of the light. A photo without the tags starts as the mean of the
@@ -335,7 +291,7 @@ class HeldOut : public ::testing::Test {
   template <class F>
   HeldOutPhotos predicted(F&& f) {
     PhotometricState state;
-    state.shape = {8, 1, 1, 0};
+    state.shape = {8, 1};
     state.values.resize(8);
     for (std::size_t i = 0; i < 8; ++i)
       state.values[i] = f(float(scene_.train_views[i].name[0] - 'a'));
@@ -440,7 +396,6 @@ TEST(EvaluatePhotometric, MeasuresNeutralShownAndCorrectedPicturesApart) {
   SceneLooks looks;
   looks.config = kGains;
   looks.photos["view 0"] = {0, true, std::vector<float>(3, std::log(0.5f))};
-  looks.cameras[0].numbers = {0, 0, 0};
   EvaluationOptions options;
   options.appearance_of = appearances(looks);
   options.is_corrected = true;
@@ -462,7 +417,6 @@ TEST(EvaluatePhotometric, ShowsSolvedGainsInTheBrightnessOfTheLearnedScene) {
   const Gaussians truth = small_truth();
   SceneLooks looks;
   looks.config = kGains;
-  looks.cameras[0].numbers = {0.2f, 0, 0};
   for (std::size_t k = 0; k < 8; ++k) {  // the same looks as learned and as solved for
     View& view = scene.train_views[k];
     view.exposure = k % 2 ? Vec3f(0.8f) : Vec3f(1.25f);

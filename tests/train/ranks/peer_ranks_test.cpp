@@ -90,7 +90,7 @@ TEST_F(PeerRun, WithABudgetAndMomentsAsCodesHasTheBytesOfOneRank) {
 TEST_F(PeerRun, WithLightAndPosesHasTheBytesOfOneRank) {
   Config config = run_in_batches(3);
   config.photometric.model = "gains";
-  config.photometric.vignetting = config.poses.refine = true;
+  config.poses.refine = true;
   config.photometric.rate = 0.02f;
   config.poses.rate = 1e-3f;
   expect_same(config);

@@ -97,5 +97,5 @@ varying vec2 place;
 ${lookShader}
 void main() {
   vec4 sum = texture2D(gathered, place);
-  gl_FragColor = vec4(shown(sum.rgb + (1.0 - sum.a) * background, place), 1.0);
+  gl_FragColor = vec4(shown(sum.rgb + (1.0 - sum.a) * background), 1.0);
 }`;

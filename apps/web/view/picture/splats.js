@@ -6,7 +6,7 @@ import {readGs4d} from './gs4d.js';
 import {MovingModel} from './moving.js';
 import {HalfFloatType, LinearFilter, Matrix4, Mesh, PerspectiveCamera, PlaneGeometry, Raycaster, Scene, ShaderMaterial,
         UnsignedByteType, Vector2, Vector3, WebGLRenderTarget} from 'three';
-import {lookUniforms, placeLook, setLook} from './look.js';
+import {lookUniforms, setLook} from './look.js';
 import {compositeFragmentShader, compositeVertexShader, effectUniforms, fragmentShader, vertexShader} from './shaders.js';
 import {Surface} from './surface.js';
 
@@ -222,7 +222,6 @@ export class SplatPicture {
     this.effects.pointRadius.value = this.points / 2 * width / lens.width;
     if (this.quantity !== 'color') return this.surface.draw(size => this.gatherDepths(size), {quantity: this.quantity, width, height, lens, to});
     this.gather(this.gathered, width, height);
-    placeLook(this.composite.material.uniforms, lens);
     this.renderer.setRenderTarget(to);
     this.renderer.render(this.last, this.camera);
   }
