@@ -11,7 +11,6 @@
 #include "gs_train/metrics/color_correction.h"
 #include "gs_train/metrics/flip.h"
 #include "gs_train/metrics/lpips.h"
-#include "gs_train/metrics/ms_ssim.h"
 #include "gs_train/window.h"
 
 namespace gs {
@@ -77,7 +76,7 @@ PerceptualMetrics perceptual_of(const ImageF& render, bool is_weighted, Lpips* l
     pictures.photo.pixels[i] = float(value.share * value.y);
     if (is_weighted) pictures.weight.pixels[i / 3] = float(value.share);
   }
-  PerceptualMetrics metrics{ms_ssim(pictures), flip(pictures)};
+  PerceptualMetrics metrics{flip(pictures)};
   if (lpips) metrics.lpips = lpips->distance(pictures);
   return metrics;
 }
@@ -204,7 +203,6 @@ void add(std::optional<PerceptualMetrics>& sum, const std::optional<PerceptualMe
          double factor) {
   if (!metrics) return;
   if (!sum) sum = PerceptualMetrics();
-  sum->ms_ssim += factor * metrics->ms_ssim;
   sum->flip += factor * metrics->flip;
   if (metrics->lpips) sum->lpips = sum->lpips.value_or(0) + factor * *metrics->lpips;
 }

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // PSNR and SSIM against photos as the papers compute them: on pictures clamped to [0, 1], as a mean
 // over pixels and channels; SSIM with the 11x11 Gaussian window of sigma 1.5 and zero padding. The
-// slower MS-SSIM, FLIP and LPIPS are in gs_train/metrics/.
+// slower FLIP and LPIPS are in gs_train/metrics/.
 #pragma once
 
 #include <functional>
@@ -25,10 +25,10 @@ double psnr(const ImageF& render, const Image8& photo);
 /// Mean structural similarity (Wang et al. 2004).
 double ssim(const ImageF& render, const Image8& photo);
 
-/// MS-SSIM and FLIP (metrics/ms_ssim.h, metrics/flip.h). A picture of 1920x1080 takes 2 s on one
-/// core, so that they are measured at the end of a run alone.
+/// FLIP (metrics/flip.h). A picture of 1920x1080 takes a second on one core, so that it is measured
+/// at the end of a run alone.
 struct PerceptualMetrics {
-  double ms_ssim = 0, flip = 0;
+  double flip = 0;
   std::optional<double> lpips{};  // with a network alone
 };
 PerceptualMetrics perceptual_metrics(const ImageF& render, const Image8& photo);
@@ -39,8 +39,8 @@ PerceptualMetrics perceptual_metrics(const ImageF& render, const Image8& photo);
 ///   psnr  the mean of the squared error is weighted by the mask
 ///   ssim  both pictures are multiplied by the mask, as in the loss; the mean is over pixels with
 ///         a mask above 0
-///   others  both pictures are multiplied by the mask; windows of MS-SSIM, pixels of FLIP and places
-///         of LPIPS count as much as the mask there
+///   others  both pictures are multiplied by the mask; pixels of FLIP and places of LPIPS count as
+///         much as the mask there
 /// A mask of what the photo covers composes the photo over the background, and every pixel counts.
 /// At least one pixel of the view trains.
 double psnr(const ImageF& render, const View& view, const Vec3f& background);
@@ -89,7 +89,7 @@ struct Evaluation {
 
 /// What evaluate() measures besides PSNR and SSIM.
 struct MetricSet {
-  bool is_perceptual = false;  // MS-SSIM and FLIP
+  bool is_perceptual = false;  // FLIP
   Lpips* lpips = nullptr;      // with them, where it is not null
 
   static const MetricSet quick, all;  // the latter without LPIPS

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// gemsplat eval: PSNR, SSIM, MS-SSIM, FLIP and LPIPS of a trained model against photos.
+// gemsplat eval: PSNR, SSIM, FLIP and LPIPS of a trained model against photos.
 #include <CLI/CLI.hpp>
 #include <algorithm>
 #include <iostream>
@@ -46,8 +46,8 @@ std::vector<View> views_of(Scene scene, const std::string& split) {
 std::string line_of(const ViewMetrics& view) {
   const PerceptualMetrics& metrics = *view.perceptual;
   const std::string lpips = metrics.lpips ? fmt::format("  LPIPS {:.4f}", *metrics.lpips) : "";
-  return fmt::format("{:>8.3f} dB  SSIM {:.4f}  MS-SSIM {:.4f}  FLIP {:.4f}{}  {}", view.psnr,
-                     view.ssim, metrics.ms_ssim, metrics.flip, lpips, view.name);
+  return fmt::format("{:>8.3f} dB  SSIM {:.4f}  FLIP {:.4f}{}  {}", view.psnr, view.ssim,
+                     metrics.flip, lpips, view.name);
 }
 
 // A run with a photometric model is measured as when it ended.

@@ -145,9 +145,6 @@ template <class Metrics>
 void bind_perceptual(py::class_<Metrics>& type) {
   const auto of = [](const Metrics& self) { return self.perceptual.value_or(PerceptualMetrics()); };
   type.def_property_readonly(
-      "ms_ssim", [of](const Metrics& self) { return of(self).ms_ssim; },
-      "0 to 1: SSIM at five scales (Wang et al. 2003).");
-  type.def_property_readonly(
       "flip", [of](const Metrics& self) { return of(self).flip; },
       "0 to 1, lower is better: the difference that an observer sees (Andersson et al. 2020).");
   type.def_property_readonly(
@@ -158,8 +155,8 @@ void bind_perceptual(py::class_<Metrics>& type) {
 }
 
 void bind_evaluation(py::module_& module) {
-  py::class_<ViewMetrics> view(
-      module, "ViewMetrics", "PSNR, SSIM, MS-SSIM, FLIP and LPIPS of one view against its photo.");
+  py::class_<ViewMetrics> view(module, "ViewMetrics",
+                               "PSNR, SSIM, FLIP and LPIPS of one view against its photo.");
   view.def_readonly("name", &ViewMetrics::name, "The photo's name.");
   view.def_readonly("psnr", &ViewMetrics::psnr, "dB; 100 if no pixel differs.");
   view.def_readonly("ssim", &ViewMetrics::ssim, "0 to 1.");

@@ -11,7 +11,7 @@
 
 namespace gs {
 
-/// {"split", "total", "list": [{"name", "psnr", "ssim", "ms_ssim", "flip", "lpips",
+/// {"split", "total", "list": [{"name", "psnr", "ssim", "flip", "lpips",
 /// "width", "height", "photo", "render", "error", "flip_picture"}, ...]}: the test views, or the training views of results.json if nothing was held out.
 /// Null if the run has no evaluation. Pictures are data URIs of JPEGs with at most 800 pixels on a
 /// side, of up to 24 evenly chosen views, and at most 12 MiB together. A sentence about missing

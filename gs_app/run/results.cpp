@@ -21,7 +21,6 @@ using Json = nlohmann::ordered_json;
 void add_perceptual(const char* suffix, const std::optional<PerceptualMetrics>& metrics,
                     Json& json) {
   if (!metrics) return;
-  json[fmt::format("ms_ssim{}", suffix)] = metrics->ms_ssim;
   json[fmt::format("flip{}", suffix)] = metrics->flip;
   if (metrics->lpips) json[fmt::format("lpips{}", suffix)] = *metrics->lpips;
 }
@@ -171,7 +170,7 @@ std::string summary(const Evaluation& evaluation) {
   const std::size_t views = evaluation.views.size();
   std::string text = fmt::format("{:.2f} dB PSNR, {:.4f} SSIM", evaluation.psnr, evaluation.ssim);
   if (const auto& perceptual = evaluation.perceptual) {
-    text += fmt::format(", {:.4f} MS-SSIM, {:.4f} FLIP", perceptual->ms_ssim, perceptual->flip);
+    text += fmt::format(", {:.4f} FLIP", perceptual->flip);
     if (perceptual->lpips) text += fmt::format(", {:.4f} LPIPS", *perceptual->lpips);
   }
   text += fmt::format(" over {} view{}", views, views == 1 ? "" : "s");

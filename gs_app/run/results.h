@@ -39,10 +39,10 @@ std::optional<std::size_t> peak_gpu_bytes(Backend& backend);
 std::optional<std::size_t> gpu_bytes(Backend& backend);
 
 /// {"iterations", "num_gaussians", "removed_floaters", "train_seconds", "test": {"psnr", "ssim",
-/// "ms_ssim", "flip", "num_views"}, "train": {...}, "device", "version", "seed", "commit", "cpu", "date",
+/// "flip", "num_views"}, "train": {...}, "device", "version", "seed", "commit", "cpu", "date",
 /// "scene_hash", "peak_host_bytes", "compiler"}; "cuda" of a build with CUDA, "uncommitted" of one
-/// with uncommitted changes (their hash); "test" is null where no view was held out, and "ms_ssim"
-/// and "flip" are there where they were measured. So is "lpips", with "lpips_network": {"name",
+/// with uncommitted changes (their hash); "test" is null where no view was held out, and "flip"
+/// is there where it was measured. So is "lpips", with "lpips_network": {"name",
 /// "file", "hash"} beside "test". On a GPU "peak_gpu_bytes", "forecast_gpu_bytes" and "driver",
 /// too. Date and peak are those of the call
 /// (provenance.h). "world_offset" where it is not 0. Where cameras were refined, "refinement" has
@@ -56,16 +56,16 @@ std::optional<std::size_t> gpu_bytes(Backend& backend);
 /// (metrics/depth_error.h).
 std::string results_json(const Results& results);
 
-/// {"test": {"name": {"psnr", "ssim", "ms_ssim", "flip", "lpips"}, ...}, "train": {...}}
+/// {"test": {"name": {"psnr", "ssim", "flip", "lpips"}, ...}, "train": {...}}
 std::string per_view_json(const Results& results);
 
-/// {"psnr", "ssim", "ms_ssim", "flip", "num_views", "views": {name: {"psnr", ...}, ...}} and more
+/// {"psnr", "ssim", "flip", "num_views", "views": {name: {"psnr", ...}, ...}} and more
 /// for `gemsplat eval --json`.
 std::string evaluation_json(const Evaluation& evaluation, const std::string& model,
                             const std::string& split, std::size_t num_gaussians,
                             const std::string& device);
 
-/// "28.93 dB PSNR, 0.9312 SSIM, 0.9701 MS-SSIM, 0.0712 FLIP over 7 views", with the metrics that
+/// "28.93 dB PSNR, 0.9312 SSIM, 0.0712 FLIP over 7 views", with the metrics that
 /// were measured (LPIPS after FLIP). For views with exposures PSNR and SSIM under these exposures
 /// follow.
 std::string summary(const Evaluation& evaluation);

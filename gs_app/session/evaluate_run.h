@@ -12,7 +12,7 @@ namespace gs {
 
 /// Renders all test views and some training views, and compares them with their photos: the figures
 /// go to `results`, the pictures to test/ours_N/{renders,gt} (train/ours_N where no view is held
-/// out) and comparison.png. MS-SSIM, FLIP and, where `lpips` is not null, LPIPS are measured of the
+/// out) and comparison.png. FLIP and, where `lpips` is not null, LPIPS are measured of the
 /// views with pictures. `progress` counts views.
 void evaluate_run(Trainer& trainer, const RunFolder& folder, Lpips* lpips, Results& results,
                   const std::function<void(std::size_t done, std::size_t total)>& progress);

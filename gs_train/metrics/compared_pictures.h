@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// A render and a photo, as ms_ssim(), flip() and Lpips compare them.
+// A render and a photo, as flip() and Lpips compare them.
 #pragma once
 
 #include "gs_core/image.h"

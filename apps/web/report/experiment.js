@@ -14,7 +14,6 @@ import {PLOTS} from './plots.js';
 const METRICS = [
   {key: 'psnr', name: 'PSNR', unit: 'dB', digits: 2, better: 1, of: r => (r.test ?? r.train)?.psnr},
   {key: 'ssim', name: 'SSIM', unit: '', digits: 4, better: 1, of: r => (r.test ?? r.train)?.ssim},
-  {key: 'ms_ssim', name: 'MS-SSIM', unit: '', digits: 4, better: 1, of: r => (r.test ?? r.train)?.ms_ssim},
   {key: 'flip', name: 'FLIP', unit: '', digits: 4, better: -1, of: r => (r.test ?? r.train)?.flip},
   {key: 'depth_error', name: 'depth error', unit: '', digits: 4, better: -1, of: r => (r.test ?? r.train)?.depth_error},
   {key: 'lpips', name: 'LPIPS', unit: '', digits: 4, better: -1, of: r => (r.test ?? r.train)?.lpips},

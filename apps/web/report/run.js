@@ -31,7 +31,7 @@ export function showRun(data) {
     tiles([
       shown && {name: 'PSNR', value: fixed(shown.psnr, 2), unit: 'dB', more: `${shown.num_views} ${what}`},
       shown && {name: 'SSIM', value: fixed(shown.ssim, 4), more: '11×11 window, zero padding'},
-      isNumber(shown?.flip) && {name: 'FLIP', value: fixed(shown.flip, 4), more: `lower is better · MS-SSIM ${fixed(shown.ms_ssim, 4)}`},
+      isNumber(shown?.flip) && {name: 'FLIP', value: fixed(shown.flip, 4), more: 'lower is better'},
       isNumber(shown?.depth_error) && {name: 'Depth error', value: fixed(100 * shown.depth_error, 1), unit: '%', more: 'of the distance, against the depth maps'},
       isNumber(shown?.lpips) && {name: 'LPIPS', value: fixed(shown.lpips, 4), more: `lower is better${network ? ` · ${NETWORKS[network.name]}` : ''}`},
       {name: 'Gaussians', value: short(results?.num_gaussians ?? last(metrics.num_gaussians)),

@@ -5,11 +5,11 @@ import {el, section, segmented, table} from '../shared/dom.js';
 import {fixed, isNumber} from '../shared/format.js';
 
 // What views have besides PSNR. Runs of earlier versions have SSIM alone.
-const FIGURES = [{key: 'ssim', name: 'SSIM'}, {key: 'ms_ssim', name: 'MS-SSIM'}, {key: 'flip', name: 'FLIP'}, {key: 'lpips', name: 'LPIPS'}, {key: 'depth_error', name: 'depth error'}];
+const FIGURES = [{key: 'ssim', name: 'SSIM'}, {key: 'flip', name: 'FLIP'}, {key: 'lpips', name: 'LPIPS'}, {key: 'depth_error', name: 'depth error'}];
 const PICTURES = {photo: 'photo', render: 'render', error: 'error ×4', flip_picture: 'FLIP'};
 const PAIRS = [['photo render', 'photo | render'], ['render error', 'render | error'], ['photo flip_picture', 'photo | FLIP']];
 
-// data.views: {split, total, list: [{name, psnr, ssim, ms_ssim, flip, lpips, photo, render, error, flip_picture}]}. Views without
+// data.views: {split, total, list: [{name, psnr, ssim, flip, lpips, photo, render, error, flip_picture}]}. Views without
 // pictures are only in the table.
 export function views({split, total, list}) {
   const pictured = list.filter(view => view.photo);

@@ -19,7 +19,6 @@ constexpr double kMiB = 1 << 20;
 const std::vector<Metric> kMetrics = {
     {"psnr", "PSNR / dB", true, 1, 2},
     {"ssim", "SSIM", true, 1, 4},
-    {"ms_ssim", "MS-SSIM", true, 1, 4},
     {"flip", "FLIP", true, 1, 4},
     {"lpips", "LPIPS", true, 1, 4},
     {"psnr_photometric", "predicted PSNR / dB", true, 1, 2},
