@@ -3,7 +3,6 @@
 // compositing, and the gradients of these, front to back.
 #pragma once
 
-#include "gs_core/math/arithmetic.h"
 #include "gs_core/math/constants.h"
 #include "gs_core/math/render_rules.h"
 #include "gs_core/types.h"
@@ -47,8 +46,8 @@ template <class T>
 GS_HD ConicFactors<T> conic_factors(const Sym2<T>& conic, const T& variance_y) {
   using std::sqrt;
   const T scale = sqrt(T(kLog2E) / T(2));
-  const T xx = scale * root(conic.xx);
-  return {xx, quotient(conic.xy, conic.xx) * xx, quotient(scale, root(variance_y))};
+  const T xx = scale * sqrt(conic.xx);
+  return {xx, conic.xy / conic.xx * xx, scale / sqrt(variance_y)};
 }
 
 /// The conic that belongs to the factors: Q = 2 ln 2 L L^T.

@@ -4,7 +4,6 @@
 #pragma once
 
 #include "gs_core/camera.h"
-#include "gs_core/math/arithmetic.h"
 #include "gs_core/math/constants.h"
 #include "gs_core/types.h"
 
@@ -24,7 +23,7 @@ GS_HD Vec3<T> to_camera_vjp(const PinholeCamera<T>& camera, const Vec3<T>& dL_dp
 /// Image-plane mean of a point p in camera space, p.z > 0.   pixels
 template <class T>
 GS_HD Vec2<T> project_mean(const PinholeCamera<T>& camera, const Vec3<T>& p) {
-  return {quotient(camera.fx * p.x, p.z) + camera.cx, quotient(camera.fy * p.y, p.z) + camera.cy};
+  return {camera.fx * p.x / p.z + camera.cx, camera.fy * p.y / p.z + camera.cy};
 }
 /// dL/dp of project_mean().
 template <class T>
@@ -44,9 +43,8 @@ struct FrustumLimits {
 template <class T>
 GS_HD FrustumLimits<T> frustum_limits(const PinholeCamera<T>& camera) {
   const T w = T(camera.width), h = T(camera.height), m = T(kFrustumMargin);
-  return {{quotient(-m * w - camera.cx, camera.fx), quotient(-m * h - camera.cy, camera.fy)},
-          {quotient((T(1) + m) * w - camera.cx, camera.fx),
-           quotient((T(1) + m) * h - camera.cy, camera.fy)}};
+  return {{(-m * w - camera.cx) / camera.fx, (-m * h - camera.cy) / camera.fy},
+          {((T(1) + m) * w - camera.cx) / camera.fx, ((T(1) + m) * h - camera.cy) / camera.fy}};
 }
 
 /// A = J W: the projection's first-order change by the world position.   pixels / world unit
@@ -56,9 +54,9 @@ GS_HD FrustumLimits<T> frustum_limits(const PinholeCamera<T>& camera) {
 template <class T>
 GS_HD Mat23<T> projection_jacobian(const PinholeCamera<T>& camera, const Vec3<T>& p) {
   const FrustumLimits<T> limits = frustum_limits(camera);
-  const T x = clamp_to(quotient(p.x, p.z), limits.low.x, limits.high.x);
-  const T y = clamp_to(quotient(p.y, p.z), limits.low.y, limits.high.y);
-  const T jx = quotient(camera.fx, p.z), jy = quotient(camera.fy, p.z);
+  const T x = clamp_to(p.x / p.z, limits.low.x, limits.high.x);
+  const T y = clamp_to(p.y / p.z, limits.low.y, limits.high.y);
+  const T jx = camera.fx / p.z, jy = camera.fy / p.z;
   const Mat3<T>& W = camera.cam_from_world_rotation;
   return {jx * (W.row0 - x * W.row2), jy * (W.row1 - y * W.row2)};
 }
@@ -119,7 +117,7 @@ GS_HD T determinant(const Sym2<T>& S) {
 /// The conic Q = Sigma'^-1, whose quadratic form is the exponent of a splat.   1 / pixels^2
 template <class T>
 GS_HD Sym2<T> conic_of(const Sym2<T>& cov2d) {
-  const T inverse = quotient(T(1), determinant(cov2d));
+  const T inverse = T(1) / determinant(cov2d);
   return {cov2d.yy * inverse, -cov2d.xy * inverse, cov2d.xx * inverse};
 }
 /// dL/dSigma' of conic_of(), given the conic: -Q G Q with G = dL/dQ.

@@ -3,7 +3,6 @@
 // and the signs of the reference trainer, so that files are interchangeable.
 #pragma once
 
-#include "gs_core/math/arithmetic.h"
 #include "gs_core/math/constants.h"
 #include "gs_core/types.h"
 
@@ -14,8 +13,9 @@ inline constexpr int kShBasisCount = 16;  // degrees 0..3
 /// Unit vector from `from` to `to`. Undefined where they coincide.
 template <class T>
 GS_HD Vec3<T> unit_direction(const Vec3<T>& from, const Vec3<T>& to) {
+  using std::sqrt;
   const Vec3<T> v = to - from;
-  return v * quotient(T(1), root(inner(v, v)));
+  return v * (T(1) / sqrt(inner(v, v)));
 }
 /// dL/dto of unit_direction(): the part of the gradient across the direction, over the distance.
 template <class T>

@@ -5,7 +5,6 @@
 
 #include <limits>
 
-#include "gs_core/math/arithmetic.h"
 #include "gs_core/math/constants.h"
 #include "gs_core/math/render_rules.h"
 #include "gs_core/types.h"
@@ -24,7 +23,7 @@ GS_HD T cutoff_of(Truncation truncation, const T& opacity) {
   if (truncation == Truncation::sigma2) return T(2);
   if (truncation == Truncation::sigma3) return T(4.5);
   if (truncation == Truncation::sigma4) return T(8);
-  return log(quotient(opacity, T(kMinAlpha)));
+  return log(opacity / T(kMinAlpha));
 }
 
 // Functions that depend on the size of tiles take its edge as a template parameter.
@@ -48,8 +47,8 @@ struct Rect {
 template <int edge = kTileWidth>
 GS_HD Rect pixel_rect(const Vec2f& mean2d, const Sym2<float>& cov2d, float cutoff, int tiles_x,
                       int tiles_y) {
-  using std::ceil, std::floor;
-  const float ex = root(2.0f * cutoff * cov2d.xx), ey = root(2.0f * cutoff * cov2d.yy);
+  using std::ceil, std::floor, std::sqrt;
+  const float ex = sqrt(2.0f * cutoff * cov2d.xx), ey = sqrt(2.0f * cutoff * cov2d.yy);
   // First and last pixel whose center (i + 0.5) lies in the box, as half-open bounds.
   const float x0 = max_of(ceil(mean2d.x - ex - 0.5f), 0.0f);
   const float y0 = max_of(ceil(mean2d.y - ey - 0.5f), 0.0f);
@@ -145,8 +144,11 @@ struct BandRange {
 };
 /// Quotients and roots as they are defined; others may be faster.
 struct ExactArithmetic {
-  GS_HD static float quotient(float a, float b) { return gs::quotient(a, b); }
-  GS_HD static float root(float x) { return gs::root(x); }
+  GS_HD static float quotient(float a, float b) { return a / b; }
+  GS_HD static float root(float x) {
+    using std::sqrt;
+    return sqrt(x);
+  }
 };
 template <class Arithmetic = ExactArithmetic>
 GS_HD BandRange range_in_band(const Sym2<float>& conic, float det, float cutoff, float y_first,
