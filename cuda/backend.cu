@@ -167,7 +167,7 @@ class CudaBackend final : private Device, private StepLauncher<Step>, public Bac
     GS_CHECK(false);  // of Backend::step(), which step() below overrides
   }
   void gather(const DensityStatistics& statistics, const RenderPass& pass,
-              Span<const Vec2f> dL_dmean2d, ScorePooling) override {
+              Span<const Vec2f> dL_dmean2d) override {
     context.launch("statistics", gather_kernel, blocks_for(dL_dmean2d.size, kThreads), kThreads,
                    Span<const std::uint32_t>{pass.tile_counts.data(), dL_dmean2d.size},
                    dL_dmean2d.data, statistics.visits.data(), statistics.gradient_norm.data(),
@@ -177,8 +177,8 @@ class CudaBackend final : private Device, private StepLauncher<Step>, public Bac
     context.launch("sums", add_kernel, blocks_for(to.size, kThreads), kThreads, to, from.data,
                    weight);
   }
-  void pool(Span<FragmentSums> all, Span<FragmentSums> more, ScorePooling pooling) override {
-    pool_fragment_sums(context, all, more, pooling, nullptr);
+  void add(Span<FragmentSums> to, Span<FragmentSums> from) override {
+    add_fragment_sums(context, to, from, nullptr);
   }
 
  private:
@@ -302,7 +302,7 @@ class CudaBackend final : private Device, private StepLauncher<Step>, public Bac
                                   loss_settings.photo_on_device, step.density, workspace, pass_);
     blend_backward(context, settings, dL_dimage_.span(), workspace, pass_);
     if (settings.fragment_statistic != FragmentStatistic::none)
-      gather_fragment_sums(context, settings, workspace, pass_, step.density.pooling,
+      gather_fragment_sums(context, settings, workspace, pass_,
                            step.is_batch() ? sums_.statistics : model_->statistics);
     add_depth_gradient(photo, loss_settings, settings);
     if (step.poses.is_due)
@@ -340,15 +340,15 @@ class CudaBackend final : private Device, private StepLauncher<Step>, public Bac
     update_by_sums(context, *model_, step.adam, step.rule, step.rounding,
                    step.batch.back().settings.sh_degree, regularizers.any(), halted, sums_);
     if (model_->statistics.has_sums)
-      pool_fragment_sums(context, model_->statistics.sums.span(), sums_.statistics.sums.span(),
-                         step.density.pooling, halted);
+      add_fragment_sums(context, model_->statistics.sums.span(), sums_.statistics.sums.span(),
+                        halted);
   }
 
   static PoseUpdate pose_update(const PoseState& state, const Update& update) {
     if (state.empty() || !(update.pose_rate > 0)) return {};
     const AdamRule& rule = update.photo_rule;
-    return {true, adam_step(state.adam_steps + rule.steps, update.pose_rate, rule.photo_beta2),
-            rule, update.pose_pull};
+    return {true, adam_step(state.adam_steps + rule.steps, update.pose_rate), rule,
+            update.pose_pull};
   }
 
   // Of runs that refine poses. A photo has the same row each time its step is launched.

@@ -240,17 +240,17 @@ inline float force_scale(FragmentStatistic statistic, std::size_t pixels) {
 void find_pixel_values(Context& context, const PhotoBytes& bytes, const View& view,
                        const PhotoOnDevice* photo, const DensityStep& density, Workspace& workspace,
                        const RenderPass& pass);
-/// After 6, before anything else adds to workspace.splat_gradients  fragment_sums.cu: pools the
-/// photo's sums over fragments with those of statistics, and clears those that are not among the
+/// After 6, before anything else adds to workspace.splat_gradients  fragment_sums.cu: adds the
+/// photo's sums over fragments to those of statistics, and clears those that are not among the
 /// gradients. Does nothing where sums_of_forces_are_added(). The statistics stay as they are while
 /// workspace.halted is raised.
 void gather_fragment_sums(Context& context, const RenderSettings& settings, Workspace& workspace,
-                          const RenderPass& pass, ScorePooling pooling, const DensityStatistics& to,
+                          const RenderPass& pass, const DensityStatistics& to,
                           const Shard& shard = {});
-/// For a batch  fragment_sums.cu: pools `more` with `all`, and clears it, unless `halted`, which
-/// may be null, is raised.
-void pool_fragment_sums(Context& context, Span<FragmentSums> all, Span<FragmentSums> more,
-                        ScorePooling pooling, const std::uint32_t* halted);
+/// For a batch  fragment_sums.cu: to += from, and clears `from`, unless `halted`, which may be null,
+/// is raised.
+void add_fragment_sums(Context& context, Span<FragmentSums> to, Span<FragmentSums> from,
+                       const std::uint32_t* halted);
 
 /// 7  preprocess_backward.cu: from dL/d(splat) to the gradients of the parameters. Clears
 /// workspace.splat_gradients.

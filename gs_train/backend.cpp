@@ -38,8 +38,7 @@ void Backend::step(TrainingModel& model, Span<const TrainingPhoto> batch,
       add_photometric_gradient(model.photometric.shape, photo, 1.0 / double(batch.size));
     if (!is_summed) break;
     add(sum_, gradients_, 1.0f / float(batch.size));
-    if (density.gather_statistics)
-      gather(statistics_sum_, pass_, dL_dmean2d_.span(), density.pooling);
+    if (density.gather_statistics) gather(statistics_sum_, pass_, dL_dmean2d_.span());
   }
   Gaussians& gradients = is_summed ? sum_ : gradients_;
   if (density.regularizers.any()) optimizer().regularize(model, density.regularizers, gradients);
@@ -51,9 +50,9 @@ void Backend::step(TrainingModel& model, Span<const TrainingPhoto> batch,
     update_poses(model.poses, update.pose_pull, update.pose_rate, update.photo_rule, pose_sum_);
   if (!density.gather_statistics) return;
   if (is_summed)
-    add(model.statistics, statistics_sum_, density.pooling);
+    add(model.statistics, statistics_sum_);
   else
-    gather(model.statistics, pass_, dL_dmean2d_.span(), density.pooling);
+    gather(model.statistics, pass_, dL_dmean2d_.span());
 }
 
 void Backend::add(const Gaussians& to, const Gaussians& from, float weight) {
@@ -62,11 +61,10 @@ void Backend::add(const Gaussians& to, const Gaussians& from, float weight) {
                  to, from);
 }
 
-void Backend::add(const DensityStatistics& to, const DensityStatistics& from,
-                  ScorePooling pooling) {
+void Backend::add(const DensityStatistics& to, const DensityStatistics& from) {
   add(to.visits.span(), from.visits.span(), 1);
   add(to.gradient_norm.span(), from.gradient_norm.span(), 1);
-  if (to.has_sums) pool(to.sums.span(), from.sums.span(), pooling);
+  if (to.has_sums) add(to.sums.span(), from.sums.span());
 }
 
 void Backend::differentiate_photo(const TrainingModel& model, const TrainingPhoto& photo,

@@ -25,7 +25,6 @@ struct DensityStep {
   // With the statistics, the sums over fragments that this score is made of
   GrowthScore score = GrowthScore::gradient;
   float mask_error = 0;  // of the score "mask"
-  ScorePooling pooling = ScorePooling::sum;
 
   FragmentStatistic fragment_statistic() const {
     if (!gather_statistics || !needs_fragment_sums(score)) return FragmentStatistic::none;
@@ -132,17 +131,17 @@ class Backend {
   /// gradient with the pass, whose backward() adds it.
   virtual void compare_depth(const View& view, const RenderSettings& settings, float weight,
                              RenderPass& pass);
-  /// statistics += the photo's visibility and image-plane gradients; and pools its sums over
-  /// fragments, if there are any, with those in `statistics`.
+  /// statistics += the photo's visibility and image-plane gradients, and its sums over fragments,
+  /// if there are any.
   virtual void gather(const DensityStatistics& statistics, const RenderPass& pass,
-                      Span<const Vec2f> dL_dmean2d, ScorePooling pooling) = 0;
+                      Span<const Vec2f> dL_dmean2d) = 0;
   /// to += weight * from.
   virtual void add(Span<float> to, Span<const float> from, float weight) = 0;
-  /// Pools the sums over fragments of more photos with `all`, and leaves `more` undefined.
-  virtual void pool(Span<FragmentSums> all, Span<FragmentSums> more, ScorePooling pooling) = 0;
+  /// to += from, which is undefined afterwards.
+  virtual void add(Span<FragmentSums> to, Span<FragmentSums> from) = 0;
 
   void add(const Gaussians& to, const Gaussians& from, float weight);
-  void add(const DensityStatistics& to, const DensityStatistics& from, ScorePooling pooling);
+  void add(const DensityStatistics& to, const DensityStatistics& from);
   /// Renders a photo's view, compares it with the photo, and pulls the gradients back: fills pass_,
   /// gradients_ and dL_dmean2d_.
   virtual void differentiate_photo(const TrainingModel& model, const TrainingPhoto& photo,

@@ -22,9 +22,8 @@ using AdamSteps = GaussianArrays<AdamStepOf>;
 inline AdamSteps adam_steps(int t, const LearningRates& rates, const AdamRule& rule) {
   AdamSteps steps;
   steps.has_time = true;
-  for_each_array(
-      [&](const char*, AdamStep& step, float rate) { step = adam_step(t, rate, rule.photo_beta2); },
-      steps, rates);
+  for_each_array([&](const char*, AdamStep& step, float rate) { step = adam_step(t, rate); }, steps,
+                 rates);
   return steps;
 }
 

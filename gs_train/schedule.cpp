@@ -18,12 +18,7 @@ constexpr int kPhotometricWarmup = 500;  // steps; PPISP 2026, code
 constexpr double kPhotometricFinal = 0.01;  // of the rate, at the first and at the last step
 constexpr double kPoseFinal = 0.01;         // of the rate, at the last step
 constexpr int kRecoveryShare = 3;           // 1 / share of the steps between two resets
-// Limits of the rules for short runs: docs/schedule.md
-constexpr double kMostFinalRate = 10;  // times position_lr_final
-constexpr int kFirstShare = 10;        // 1 / share of the run by which the first refinement comes
-constexpr int kLeastRefinements = 10;  // whatever density.every_epochs says
-constexpr int kFinalShare = 4;         // 1 / share of the run of density.final_steps
-constexpr int kShShare = 6;            // 1 / share of the run between SH degrees
+constexpr int kLeastRefinements = 10;       // whatever density.every_epochs says
 
 // How much of the steps from + 1 to `until` is over after this one, 0 to 1.
 double share_done(int step, int from, int until) {
@@ -33,10 +28,9 @@ double share_done(int step, int from, int until) {
 }  // namespace
 
 Schedule::Schedule(const Config& config, float scene_extent, std::size_t views)
-    : views_(int(views)), density_(config.density), batch_(config.train.batch),
-      ramp_(config.train.resolution_ramp), ramp_least_(std::size_t(config.train.resolution_least)),
-      rates_(config.optimizer), batch_rates_(config.train.batch_rates),
-      resets_opacity_(config.density.strategy != "mcmc"),
+    : views_(int(views)), density_(config.density), ramp_(config.train.resolution_ramp),
+      ramp_least_(std::size_t(config.train.resolution_least)), rates_(config.optimizer),
+      batch_rates_(config.train.batch_rates), resets_opacity_(config.density.strategy != "mcmc"),
       photometric_rate_(config.photometric.rate),
       pose_rate_(config.poses.refine ? config.poses.rate : 0),
       depth_weight_(config.loss.depth_weight), depth_weight_final_(config.loss.depth_weight_final),
@@ -49,36 +43,24 @@ Schedule::Schedule(const Config& config, float scene_extent, std::size_t views)
   extra_reset_ = config.render.background == Background::white ? scaled(kExtraResetStep) : 0;
   // the run is too short to recover from it
   if (extra_reset_ < kExtraResetStep / 2) extra_reset_ = 0;
-  sh_every_ = std::max(scaled(config.train.sh_degree_every),
-                       std::min(config.train.sh_degree_epochs * views_, steps_ / kShShare));
+  sh_every_ = scaled(config.train.sh_degree_every);
   morton_every_ = scaled(config.train.morton_every);
   morton_until_ = scaled(config.train.morton_until);
-  batch_from_ = scaled_or_none(config.train.batch_from_step);
   ramp_every_ = scaled(config.train.resolution_every);
   photometric_warmup_ = scaled(kPhotometricWarmup);
   pose_warmup_ = scaled(config.poses.warmup);
   decay_from_ = std::min(scaled_or_none(rates_.position_decay_from), steps_ - 1);
   cooldown_from_ = std::min(scaled_or_none(rates_.cooldown_from), steps_ - 1);
-  if (rates_.position_lr_final_power > 0 && steps_ < kStandardSteps)
-    rates_.position_lr_final *= float(std::min(
-        kMostFinalRate, std::pow(kStandardSteps / steps_, double(rates_.position_lr_final_power))));
 }
 
 void Schedule::plan_refinements() {
   const DensityConfig& density = density_;
   refine_from_ = std::max(scaled(density.from_step), std::min(density.from_step, kMinRefineFrom));
-  refine_from_ =
-      std::max(refine_from_, std::min(density.first_epochs * views_, steps_ / kFirstShare));
   refine_until_ = refine_from_ + scaled(density.until_step) - scaled(density.from_step);
   refine_every_ = std::max(scaled(density.every), std::min(density.every, kMinRefineInterval));
   reset_every_ = std::max(scaled(density.reset_opacity_every),
                           std::min(density.reset_opacity_every, kMinResetInterval));
   reset_until_ = scaled(density.reset_opacity_until);
-  if (density.final_steps > 0) {
-    const int final_steps = std::min(density.final_steps, steps_ / kFinalShare);
-    refine_until_ = std::min(refine_until_, steps_ - final_steps);
-    reset_until_ = std::min(reset_until_, steps_ - final_steps * 3 / 2);
-  }
   const int longest = (refine_until_ - refine_from_) / kLeastRefinements;
   refine_every_ = std::max(refine_every_, std::min(density.every_epochs * views_, longest));
 }
@@ -121,11 +103,7 @@ double Schedule::cooldown(int step) const {
   return std::pow(double(rates_.cooldown_share), share_done(step, cooldown_from_, steps_));
 }
 
-AdamRule Schedule::adam_rule(int photos) const {
-  // the decimal number that the config has, of which a float is not the nearest double
-  const double beta2 = std::round(double(rates_.beta2) * 1e6) / 1e6;
-  return batch_rule(batch_rates_ ? photos : 1, beta2);
-}
+AdamRule Schedule::adam_rule(int photos) const { return batch_rule(batch_rates_ ? photos : 1); }
 
 float Schedule::photometric_rate(int step) const {
   if (recovers_from_reset(step)) return 0;

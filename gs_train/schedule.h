@@ -33,8 +33,6 @@ class Schedule {
   float pose_rate(int step) const;
   /// Of the depth loss.
   float depth_weight(int step) const;
-  /// Photos of the batch that `step` is in.
-  int batch(int step) const { return step > batch_from_ ? batch_ : 1; }
   /// The factor by which the photo of this camera is reduced in the step; 1: it is not.
   int photo_reduction(int step, const Camera& camera) const;
   bool refine(int step) const;  // clone, split, prune; not where a share is pruned
@@ -84,11 +82,11 @@ class Schedule {
   int recovery_until_, share_prune_from_, share_prune_every_, share_prune_until_;
   int views_;
   DensityConfig density_;
-  int batch_, batch_from_, decay_from_, cooldown_from_;
+  int decay_from_, cooldown_from_;
   std::vector<int> ramp_;
   int ramp_every_;
   std::size_t ramp_least_;  // pixels
-  OptimizerConfig rates_;   // position_lr_final is that of this length
+  OptimizerConfig rates_;
   bool batch_rates_, resets_opacity_;
   float photometric_rate_;
   int photometric_warmup_;

@@ -86,8 +86,7 @@ __global__ void stretch_kernel(Span<float> values, const std::uint32_t* range, f
 // fixed point, which were scaled before they were rounded. Clears the sums of the photo, also where
 // a step is not to be counted.
 __global__ void gather_kernel(Span<FragmentSums> statistics, Vec4f* sums, FixedFragmentSums* fixed,
-                              float scale, ScorePooling pooling, const std::uint32_t* halted,
-                              Shard shard) {
+                              float scale, const std::uint32_t* halted, Shard shard) {
   const std::size_t i = thread_number(), projected = shard.row_of_all(i);
   if (i >= statistics.size) return;
   FragmentSums share;
@@ -99,7 +98,7 @@ __global__ void gather_kernel(Span<FragmentSums> statistics, Vec4f* sums, FixedF
     sums[projected] = {0, 0, 0, 0};
   }
   if (*halted || share.count == 0) return;
-  pool_with(statistics[i], scaled_forces(share, scale), pooling);
+  add_to(statistics[i], scaled_forces(share, scale));
 }
 
 // Sums of forces that lie among the gradients, in place of absolute ones. preprocess_backward()
@@ -107,8 +106,7 @@ __global__ void gather_kernel(Span<FragmentSums> statistics, Vec4f* sums, FixedF
 __global__ void gather_forces_kernel(Span<FragmentSums> statistics,
                                      const std::uint32_t* tile_counts, const Splat* splats,
                                      const SplatGradientSum* gradients, float scale,
-                                     ScorePooling pooling, const std::uint32_t* halted,
-                                     Shard shard) {
+                                     const std::uint32_t* halted, Shard shard) {
   const std::size_t i = thread_number(), projected = shard.row_of_all(i);
   if (i >= statistics.size || tile_counts[projected] == 0 || *halted) return;
   const SplatGradientSum& gradient = gradients[projected];
@@ -116,15 +114,15 @@ __global__ void gather_forces_kernel(Span<FragmentSums> statistics,
   if (count == 0) return;
   // dL/d(opacity) is sum f / opacity
   const FragmentSums share{count, gradient.opacity * splats[projected].opacity, second};
-  pool_with(statistics[i], scaled_forces(share, scale), pooling);
+  add_to(statistics[i], scaled_forces(share, scale));
 }
 
-__global__ void pool_kernel(Span<FragmentSums> all, FragmentSums* more, ScorePooling pooling,
-                            const std::uint32_t* halted) {
+__global__ void add_sums_kernel(Span<FragmentSums> to, FragmentSums* from,
+                                const std::uint32_t* halted) {
   const std::size_t i = thread_number();
-  if (i >= all.size || (halted && *halted)) return;
-  pool_with(all[i], more[i], pooling);
-  more[i] = {};
+  if (i >= to.size || (halted && *halted)) return;
+  add_to(to[i], from[i]);
+  from[i] = {};
 }
 
 }  // namespace
@@ -157,9 +155,8 @@ void find_pixel_values(Context& context, const PhotoBytes& bytes, const View& vi
 }
 
 void gather_fragment_sums(Context& context, const RenderSettings& settings, Workspace& workspace,
-                          const RenderPass& pass, ScorePooling pooling, const DensityStatistics& to,
-                          const Shard& shard) {
-  if (sums_of_forces_are_added(settings, pooling)) return;
+                          const RenderPass& pass, const DensityStatistics& to, const Shard& shard) {
+  if (sums_of_forces_are_added(settings)) return;
   const StageScope scope(context, "statistics");
   const float scale =
       settings.deterministic ? 1.0f : force_scale(settings.fragment_statistic, pass.pixel_count());
@@ -168,19 +165,19 @@ void gather_fragment_sums(Context& context, const RenderSettings& settings, Work
   if (sums_among_gradients(settings))
     context.launch("statistics", gather_forces_kernel, blocks, kThreads, to.sums.span(),
                    pass.tile_counts.data(), pass.splats.data(), workspace.splat_gradients.data(),
-                   scale, pooling, halted, shard);
+                   scale, halted, shard);
   else
     context.launch("statistics", gather_kernel, blocks, kThreads, to.sums.span(),
                    workspace.fragment_sums.data(),
                    settings.deterministic ? workspace.fixed_fragment_sums.data() : nullptr, scale,
-                   pooling, halted, shard);
+                   halted, shard);
 }
 
-void pool_fragment_sums(Context& context, Span<FragmentSums> all, Span<FragmentSums> more,
-                        ScorePooling pooling, const std::uint32_t* halted) {
-  GS_CHECK(all.size == more.size);
-  context.launch("statistics", pool_kernel, blocks_for(all.size, kThreads), kThreads, all,
-                 more.data, pooling, halted);
+void add_fragment_sums(Context& context, Span<FragmentSums> to, Span<FragmentSums> from,
+                       const std::uint32_t* halted) {
+  GS_CHECK(to.size == from.size);
+  context.launch("statistics", add_sums_kernel, blocks_for(to.size, kThreads), kThreads, to,
+                 from.data, halted);
 }
 
 }  // namespace gs::cuda

@@ -24,19 +24,14 @@ __global__ void actions_kernel(GaussiansSpan rows, StatisticsSpan statistics, Gr
   if (i < action.size) action[i] = growth_action(rows, statistics, i, rules);
 }
 
-// The sort keys of the rows; those that do not grow come last. Each block counts its pruned rows
-// and those that may grow.
+// The sort keys of the rows; those that do not grow come last. Each block counts its pruned rows.
 __global__ void keys_kernel(StatisticsSpan statistics, GrowthRules rules, Random random, int step,
                             Span<const GrowthAction> action, Span<std::uint64_t> keys,
                             GrowthCounts* counts) {
   const std::size_t i = thread_number();
   const bool exists = i < action.size;
   const int pruned = __syncthreads_count(exists && action[i] == GrowthAction::prune);
-  const int candidates = __syncthreads_count(exists && grows(action[i]));
-  if (threadIdx.x == 0) {
-    atomicAdd(&counts->pruned, unsigned(pruned));
-    atomicAdd(&counts->candidates, unsigned(candidates));
-  }
+  if (threadIdx.x == 0) atomicAdd(&counts->pruned, unsigned(pruned));
   if (!exists) return;
   keys[i] = grows(action[i]) ? growth_key(statistics, i, rules, random, step) : kNeverDrawn;
 }
@@ -47,12 +42,9 @@ __global__ void limit_kernel(GaussiansSpan rows, StatisticsSpan statistics, Grow
                              Span<GrowthAction> action) {
   const std::size_t k = thread_number();
   if (k >= order.size) return;
-  GrowthCensus census;
-  census.pruned = std::int64_t(counts->pruned);
-  census.candidates = std::int64_t(counts->candidates);
-  census.staying = std::int64_t(order.size) - census.pruned;
+  const std::int64_t staying = std::int64_t(order.size) - std::int64_t(counts->pruned);
   const std::uint32_t i = order[k];
-  if (!grows(action[i]) || std::int64_t(k) < allowed_growth(rules, census)) return;
+  if (!grows(action[i]) || std::int64_t(k) < allowed_growth(rules, staying)) return;
   action[i] = action_without_growth(rows, statistics, i, rules);
 }
 

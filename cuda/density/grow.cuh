@@ -11,7 +11,7 @@ namespace gs::cuda {
 /// Counts of rows, which the host reads back.
 struct GrowthCounts {
   std::uint32_t survivors, clones, parents, children;
-  std::uint32_t pruned, candidates;  // before the limit
+  std::uint32_t pruned;  // before the limit
 };
 
 /// RowOps::grow() without the gather, with its buffers. The rows are those of the scalar twin.

@@ -332,7 +332,7 @@ void RankSteps::pull_back(const RankedStep& step, Rank& rank,
     if (drawn.rank) drawn.rank->has_drawn.hold_back(rank.context);
     if (drawn.rank && drawn.rank != &rank) halt_by(rank, *drawn.rank);
     if (drawn.settings.fragment_statistic != FragmentStatistic::none)
-      gather_fragment_sums(rank.context, drawn.settings, workspace, pass, step.density.pooling,
+      gather_fragment_sums(rank.context, drawn.settings, workspace, pass,
                            step.is_batch() ? rank.sums.statistics : rank.shard.statistics,
                            rank.place);
     if (step.is_batch())
@@ -356,8 +356,8 @@ void RankSteps::update(const RankedStep& step, Rank& rank) {
                  step.batch.back().settings.sh_degree, regularizers.any(), rank.halted(), rank.sums,
                  rank.place);
   if (rank.shard.statistics.has_sums)
-    pool_fragment_sums(rank.context, rank.shard.statistics.sums.span(),
-                       rank.sums.statistics.sums.span(), step.density.pooling, rank.halted());
+    add_fragment_sums(rank.context, rank.shard.statistics.sums.span(),
+                      rank.sums.statistics.sums.span(), rank.halted());
 }
 
 void RankSteps::clear_failed_step() {

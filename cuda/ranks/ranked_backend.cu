@@ -132,12 +132,11 @@ class RankedCudaBackend final : public Backend {
  protected:
   // Parts of Backend::step(), which step() above overrides.
   void find_pixel_values(const View&, const DensityStep&, RenderPass&) override { GS_CHECK(false); }
-  void gather(const DensityStatistics&, const RenderPass&, Span<const Vec2f>,
-              ScorePooling) override {
+  void gather(const DensityStatistics&, const RenderPass&, Span<const Vec2f>) override {
     GS_CHECK(false);
   }
   void add(Span<float>, Span<const float>, float) override { GS_CHECK(false); }
-  void pool(Span<FragmentSums>, Span<FragmentSums>, ScorePooling) override { GS_CHECK(false); }
+  void add(Span<FragmentSums>, Span<FragmentSums>) override { GS_CHECK(false); }
 
  private:
   RankedCudaBackend(std::unique_ptr<Backend> whole, std::unique_ptr<GpuPeers> peers,

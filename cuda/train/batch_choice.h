@@ -14,10 +14,9 @@ inline bool sums_among_gradients(const RenderSettings& settings) {
          !settings.absolute_gradient;
 }
 /// True where preprocess_backward.cu adds such sums to the statistics, rather than
-/// gather_fragment_sums(), which pools them by any rule and comes before a depth map adds to the
-/// gradients.
-inline bool sums_of_forces_are_added(const RenderSettings& settings, ScorePooling pooling) {
-  return sums_among_gradients(settings) && pooling == ScorePooling::sum && !settings.with_depths;
+/// gather_fragment_sums(), which comes before a depth map adds to the gradients.
+inline bool sums_of_forces_are_added(const RenderSettings& settings) {
+  return sums_among_gradients(settings) && !settings.with_depths;
 }
 
 /// True where a photo is also compared with its depth map.
@@ -40,7 +39,7 @@ inline bool are_done_together(const TrainingModel& model, Span<const TrainingPho
   settings.fragment_statistic = density.fragment_statistic();
   settings.with_depths = false;
   return settings.fragment_statistic == FragmentStatistic::none ||
-         sums_of_forces_are_added(settings, density.pooling);
+         sums_of_forces_are_added(settings);
 }
 
 }  // namespace gs::cuda

@@ -44,8 +44,7 @@ PhotometricUpdate PhotometricStage::update_of(const PhotometricState& state,
                                               const Update& update) const {
   if (!is_on_ || !(update.photometric_rate > 0)) return {};
   const AdamRule& rule = update.photo_rule;
-  return {true, adam_step(state.adam_steps + rule.steps, update.photometric_rate, rule.photo_beta2),
-          rule};
+  return {true, adam_step(state.adam_steps + rule.steps, update.photometric_rate), rule};
 }
 
 void PhotometricStage::begin(const PhotometricState& state, std::size_t photos) {

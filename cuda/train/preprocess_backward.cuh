@@ -287,7 +287,7 @@ void launch(Context& context, const GaussiansSpan& gaussians, const Source& came
 inline GatherStatistics gather_into(const DensityStatistics& statistics, const DensityStep& density,
                                     const RenderSettings& settings, int width, int height,
                                     const std::uint32_t* halted) {
-  const bool adds_forces = sums_of_forces_are_added(settings, density.pooling);
+  const bool adds_forces = sums_of_forces_are_added(settings);
   return {density.gather_statistics ? statistics.visits.data() : nullptr,
           statistics.gradient_norm.data(),
           width,

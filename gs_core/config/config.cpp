@@ -34,8 +34,8 @@ namespace fs = std::filesystem;
 // For what older versions had. `value` is TOML text.
 [[noreturn]] void refuse_removed(std::string_view where, std::string_view key,
                                  std::string_view value, std::string_view why) {
-  throw UsageError(fmt::format("{}{} = {} cannot be used: {}", where, key,
-                               shown_word(std::string(value)), why));
+  throw UsageError(
+      fmt::format("{}{} = {} cannot be used: {}", where, key, shown_word(std::string(value)), why));
 }
 
 // What a number or word must be. The largest float is named only to a number beyond it.
@@ -316,9 +316,6 @@ void validate(const Config& config, const SettingOrigins& origins) {
   require(!is_budgeted || !density.prune_unseen || needs_fragment_sums(density.score),
           "density.prune_unseen", density.prune_unseen,
           "false with density.score = \"gradient\", which counts no pixels");
-  require(!is_budgeted || density.pooling == ScorePooling::sum || sums_pixel_values(density.score),
-          "density.pooling", density.pooling,
-          "\"sum\" unless density.score is error, mask or edge");
   const bool prunes_shares = density.soft_prune > 0 || density.hard_prune > 0;
   require(!is_budgeted || !prunes_shares || !sums_pixel_values(density.score), "density.score",
           density.score,

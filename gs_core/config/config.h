@@ -109,8 +109,7 @@ struct PosesConfig {
 struct OptimizerConfig {
   float position_lr_initial = 1.6e-4f;
   float position_lr_final = 1.6e-5f;
-  float position_lr_final_power = 0;  // in short runs: times (30,000 / steps)^power, at most 10
-  int position_decay_from = 0;        // the position rate stays what it is at first until this step
+  int position_decay_from = 0;  // the position rate stays what it is at first until this step
   float log_scale_lr = 0.01f;
   float rotation_lr = 1e-3f;
   float opacity_lr = 0.025f;
@@ -120,7 +119,6 @@ struct OptimizerConfig {
   float log_time_scale_lr = 5e-3f;
   int cooldown_from = 24000;     // all rates fall from this step on, ...
   float cooldown_share = 0.03f;  // ... to this share of themselves at the last one; 1: they do not
-  float beta2 = 0.999f;          // of Adam, for one photo
   MomentForm moments = MomentForm::floats;
 };
 
@@ -137,8 +135,6 @@ struct DensityConfig {
   int until_step = 24000;
   int every = 100;
   int every_epochs = 0;              // at least so many epochs between refinements
-  int first_epochs = 0;              // at least so many epochs before the first one
-  int final_steps = 0;               // at the end, without refinements
   float gradient_threshold = 1e-4f;  // of the mean NDC-scaled 2D position gradient
   float small_scale = 0.01f;         // of the extent: below it a Gaussian is cloned, above it split
   float prune_opacity = 0.005f;
@@ -162,21 +158,18 @@ struct DensityConfig {
   StatisticsWindow window = StatisticsWindow::epoch;
   // for budgeted only: docs/density.md
   GrowthScore score = GrowthScore::force;
-  ScorePooling pooling = ScorePooling::sum;
   float score_threshold = 0;  // of sums: for each photo
   float mask_error = 0.1f;    // of a view's range of errors: pixels above it are in the mask
   GrowthSelection select = GrowthSelection::race;
   GrowthCurve curve = GrowthCurve::linear;
-  float ramp_from = 4;            // times smaller than the photos: where the curve "ramp" begins
-  float candidate_share = 0.25f;  // of those that may grow; with the curve "share"
-  float most_growth = 0.3f;       // in one refinement, of the count
-  bool replace = false;           // at least as many grow as are pruned
+  float ramp_from = 4;       // times smaller than the photos: where the curve "ramp" begins
+  float most_growth = 0.3f;  // in one refinement, of the count
   SplitPlacement split = SplitPlacement::axis;
   float split_offset = 1.35f;   // standard deviations of the longest axis
   float split_along = 0.55f;    // factor of the longest scale
   float split_across = 0.893f;  // factor of the other scales
   bool keep_parent = false;     // which then has one child, not two
-  float child_opacity_factor = 0.7f, child_opacity_power = 1;
+  float child_opacity_factor = 0.7f;
   OpacityPolicy opacity_policy = OpacityPolicy::halve;
   float opacity_amount = 0.0078125f;  // 1 / 128
   MomentClearing opacity_clears = MomentClearing::all;
@@ -200,11 +193,9 @@ struct TrainConfig {
   int most_iterations = 20000;       // ... and at most so many steps
   float random_start_factor = 2.5f;  // times these three where training starts from random points
   int batch = 1;                     // photos of one update; steps count photos
-  int batch_from_step = 0;           // updates by single photos until then
   bool batch_rates = true;           // learning rates and betas that fit the batch
   float steps_scaler = 1;            // multiplies iterations and the whole schedule
   int sh_degree_every = 3000;
-  int sh_degree_epochs = 0;             // at least so many epochs between SH degrees
   std::vector<int> resolution_ramp{2};  // factors by which photos are reduced at first
   int resolution_every = 6000;          // steps with each of them
   int resolution_least = 100000;        // pixels; a photo is not reduced to fewer

@@ -125,20 +125,16 @@ struct Words<SkyModel> {
 };
 template <>
 struct Words<GrowthCurve> {
-  static constexpr Word<GrowthCurve> kTable[] = {
-      {"none", GrowthCurve::none}, {"linear", GrowthCurve::linear},
-      {"root", GrowthCurve::root}, {"parabola", GrowthCurve::parabola},
-      {"ramp", GrowthCurve::ramp}, {"share", GrowthCurve::share}};
+  static constexpr Word<GrowthCurve> kTable[] = {{"none", GrowthCurve::none},
+                                                 {"linear", GrowthCurve::linear},
+                                                 {"root", GrowthCurve::root},
+                                                 {"parabola", GrowthCurve::parabola},
+                                                 {"ramp", GrowthCurve::ramp}};
 };
 template <>
 struct Words<StatisticsWindow> {
   static constexpr Word<StatisticsWindow> kTable[] = {{"refinement", StatisticsWindow::refinement},
                                                       {"epoch", StatisticsWindow::epoch}};
-};
-template <>
-struct Words<ScorePooling> {
-  static constexpr Word<ScorePooling> kTable[] = {{"sum", ScorePooling::sum},
-                                                  {"max", ScorePooling::max}};
 };
 template <>
 struct Words<GrowthSelection> {

@@ -14,6 +14,16 @@ constexpr RemovedSetting kSettings[] = {
     {"density.static_after", "0.0|0",
      "Gaussians in space and time no longer become static, since few did and nothing was gained; remove the line"},
     {"train.time_noise", "0.0|0", "the times of photos have no noise any more, which changed nothing; remove the line"},
+    {"density.pooling", R"("sum")", "scores are sums over photos, and no preset took the largest; remove the line"},
+    {"density.candidate_share", "*", ""},
+    {"density.replace", "false", "no preset replaced what is pruned beyond the curve; remove the line"},
+    {"density.child_opacity_power", "1.0|1", "no preset used the power; density.child_opacity_factor is there"},
+    {"density.first_epochs", "0", "no preset used it; set density.from_step"},
+    {"density.final_steps", "0", "no preset used it; set density.until_step and density.reset_opacity_until"},
+    {"optimizer.beta2", "0.999", "Adam's second beta is 0.999 for every run; remove the line"},
+    {"optimizer.position_lr_final_power", "0.0|0", "no preset used it; set optimizer.position_lr_final"},
+    {"train.sh_degree_epochs", "0", "no preset used it; set train.sh_degree_every"},
+    {"train.batch_from_step", "0", "batches that begin late gained nothing; remove the line"},
     {"photometric.vignetting", "false",
      "vignetting is no longer learned, which cost 0.1 to 0.3 dB on real photos; remove the line"},
     {"optimizer.lazy", R"("offload"|"off"|"auto")",
@@ -28,6 +38,7 @@ struct RemovedWord {
 };
 // clang-format off
 constexpr RemovedWord kWords[] = {
+    {"density.curve", "share", "no preset used this curve; take \"linear\" or \"none\""},
     {"photometric.model", "ppisp", "this model was no better than gains where both were measured; train with \"gains\""},
     {"optimizer.moments", "compact", "codes of 32 bits are larger and slower than those of \"tiny\", and no better; train with \"tiny\""},
 };

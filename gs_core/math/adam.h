@@ -12,22 +12,20 @@ struct AdamRule {
   float beta1 = float(kAdamBeta1), one_minus_beta1 = float(1.0 - kAdamBeta1);
   float beta2 = float(kAdamBeta2), one_minus_beta2 = float(1.0 - kAdamBeta2);
   float epsilon = kAdamEpsilon;
-  int steps = 1;                    // of t, for which the update stands
-  double photo_beta2 = kAdamBeta2;  // of an update by one photo, for the bias correction
+  int steps = 1;  // of t, for which the update stands
 };
 
 /// One update by the mean gradient of `photos` photos stands for as many updates by one photo each:
 /// betas to that power, epsilon / sqrt(photos), and learning rates * batch_rate(photos).
 /// Malladi et al. 2022 (square root rule of Adam).
-inline AdamRule batch_rule(int photos, double photo_beta2 = kAdamBeta2) {
-  const double beta1 = std::pow(kAdamBeta1, photos), beta2 = std::pow(photo_beta2, photos);
+inline AdamRule batch_rule(int photos) {
+  const double beta1 = std::pow(kAdamBeta1, photos), beta2 = std::pow(kAdamBeta2, photos);
   return {float(beta1),
           float(1.0 - beta1),
           float(beta2),
           float(1.0 - beta2),
           float(kAdamEpsilon / std::sqrt(double(photos))),
-          photos,
-          photo_beta2};
+          photos};
 }
 inline float batch_rate(int photos) { return float(std::sqrt(double(photos))); }
 
@@ -40,9 +38,9 @@ struct AdamStep {
 
 /// Step t = 1, 2, ... at the given learning rate. t counts for the whole model: a Gaussian that
 /// joins late starts with zero moments at the common t, as in the original.
-inline AdamStep adam_step(int t, float learning_rate, double photo_beta2 = kAdamBeta2) {
+inline AdamStep adam_step(int t, float learning_rate) {
   return {float(learning_rate / (1.0 - std::pow(kAdamBeta1, t))),
-          float(1.0 / std::sqrt(1.0 - std::pow(photo_beta2, t)))};
+          float(1.0 / std::sqrt(1.0 - std::pow(kAdamBeta2, t)))};
 }
 
 /// m = b1 m + (1-b1) g;  v = b2 v + (1-b2) g^2;  p -= rate m / (sqrt(v) / sqrt(1-b2^t) + eps)

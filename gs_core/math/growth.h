@@ -20,14 +20,12 @@ namespace gs {
 /// By what Gaussians are chosen to grow.
 enum class GrowthScore { gradient, force, error, mask, edge };
 /// How the number of Gaussians rises to its limit.
-enum class GrowthCurve { none, linear, root, parabola, ramp, share };
+enum class GrowthCurve { none, linear, root, parabola, ramp };
 /// Which of them grow where not all may: those with the largest scores, or a draw.
 enum class GrowthSelection { top_k, race };
 /// Which photos the statistics of a refinement come from: all since the refinement before, or the
 /// last pass over all photos.
 enum class StatisticsWindow { refinement, epoch };
-/// How the sums over fragments of several photos become one: added up, or the largest of each.
-enum class ScorePooling { sum, max };
 /// Where the children of a split lie.
 enum class SplitPlacement { draw, axis, variance };
 /// How opacities are lowered now and then.
@@ -44,9 +42,7 @@ GS_HD bool sums_pixel_values(GrowthScore score) {
   return needs_fragment_sums(score) && score != GrowthScore::force;
 }
 /// True for the curves that rise to a number of Gaussians.
-GS_HD bool needs_budget(GrowthCurve curve) {
-  return curve != GrowthCurve::none && curve != GrowthCurve::share;
-}
+GS_HD bool needs_budget(GrowthCurve curve) { return curve != GrowthCurve::none; }
 
 // ---- scores ------------------------------------------------------------------------------------
 
@@ -64,14 +60,6 @@ GS_HD void add_to(FragmentSums& sum, const FragmentSums& part) {
   sum.first += part.first;
   sum.second += part.second;
 }
-/// The same for the sums of another photo.
-GS_HD void pool_with(FragmentSums& all, const FragmentSums& photo, ScorePooling pooling) {
-  if (pooling == ScorePooling::sum) return add_to(all, photo);
-  all.count += photo.count;
-  all.first = max_of(all.first, photo.first);
-  all.second = max_of(all.second, photo.second);
-}
-
 /// How much the pixels of a Gaussian disagree about its opacity: the number of fragments times the
 /// variance of their forces f.                                      after LiteGS (see docs/density.md)
 ///
@@ -128,9 +116,9 @@ struct SplitRules {
   SplitPlacement place = SplitPlacement::draw;
   float offset = 0, along = 1, across = 1;  // axis: standard deviations; factors of the scales
   bool keeps_parent = false;                // which then has one child, not two
-  float opacity_factor = 1, opacity_power = 1;
+  float opacity_factor = 1;
 
-  GS_HD bool changes_opacity() const { return opacity_factor != 1 || opacity_power != 1; }
+  GS_HD bool changes_opacity() const { return opacity_factor != 1; }
   GS_HD unsigned children() const { return keeps_parent ? 1 : 2; }
 };
 
@@ -169,15 +157,12 @@ GS_HD ChildPlace child_of_equal_variance(const Vec3f& log_scale, float side) {
 
 /// The stored opacity of a child, and of a Gaussian that stays beside its copy or child.
 ///
-///   factor (1 - (1 - o)^power)     power 1/2: two in one place look like the one before
-///                                                                 Rota Bulo et al. 2024
+///   factor (1 - (1 - o))
 GS_HD float child_logit_opacity(float logit_opacity, const SplitRules& rules) {
-  using std::pow;
   if (!rules.changes_opacity()) return logit_opacity;
   constexpr double kMost = 1 - double(kMinShareTransmittance);
   const double rest = 1 - sigmoid(double(logit_opacity));
-  const double opacity =
-      double(rules.opacity_factor) * (1 - pow(rest, double(rules.opacity_power)));
+  const double opacity = double(rules.opacity_factor) * (1 - rest);
   return float(logit(clamp_to(opacity, kMinChildOpacity, kMost)));
 }
 
@@ -217,7 +202,6 @@ GS_HD float lowered_logit_opacity(float logit_opacity, const OpacityRule& rule,
 ///   root       max(N_0, B sqrt u)           B    density.max_gaussians
 ///   parabola   N_0 + (B - N_0) (2 u - u^2)
 ///   ramp       N_0 + (B - N_0) / s^(2 - u)  s    r^(1 - u), falls from r = density.ramp_from to 1
-///   share      B                            of GrowthRules::candidate_share
 ///
 /// The ramp is that of DashGaussian with pictures r times smaller at first. Its s follows the
 /// spectrum of the photos; one that falls as 1 / frequency gives the s above.
@@ -227,8 +211,7 @@ inline std::int64_t growth_target(GrowthCurve curve, double u, std::int64_t firs
     return std::int64_t(std::llround(double(first) + double(budget - first) * share));
   };
   switch (curve) {
-    case GrowthCurve::none:
-    case GrowthCurve::share: break;
+    case GrowthCurve::none: break;
     case GrowthCurve::linear: return between(u);
     case GrowthCurve::root:
       return max_of(first, std::int64_t(std::llround(std::sqrt(u) * double(budget))));
@@ -244,38 +227,20 @@ inline std::int64_t growth_target(GrowthCurve curve, double u, std::int64_t firs
 /// limits.gradient_threshold, its score reaches score_threshold and is above 0, and it is not
 /// pruned. One that is replaced by its children need not pass the pruning; its children must.
 struct GrowthRules {
-  AdaptiveRules limits;     // max_gaussians: rows in the end; 0: any number
-  std::int64_t budget = 0;  // rows that replacements do not exceed, either; 0: any number
+  AdaptiveRules limits;  // max_gaussians: rows in the end; 0: any number
   GrowthScore score = GrowthScore::gradient;
   GrowthSelection select = GrowthSelection::top_k;
   float score_threshold = 0;
-  float most_growth = 1;      // of the rows that stay
-  float candidate_share = 1;  // of the rows that may grow
-  bool replaces = false;      // at least as many rows grow as are pruned
+  float most_growth = 1;  // of the rows that stay
   bool prunes_unseen = false;
   SplitRules split;
 };
 
-/// Counts of rows before a refinement.
-struct GrowthCensus {
-  std::int64_t staying = 0;     // those that are not pruned; one that is split counts as one
-  std::int64_t pruned = 0;      // none of them may grow
-  std::int64_t candidates = 0;  // those that may grow
-};
-
-/// How many rows may be added to those that stay.
-GS_HD std::int64_t allowed_growth(const GrowthRules& rules, const GrowthCensus& census) {
-  const auto up_to = [&](std::int64_t limit) {
-    return max_of<std::int64_t>(limit - census.staying, 0);
-  };
-  std::int64_t allowed = std::int64_t(double(rules.most_growth) * double(census.staying));
-  if (rules.limits.max_gaussians > 0) allowed = min_of(allowed, up_to(rules.limits.max_gaussians));
-  if (rules.candidate_share < 1)
-    allowed =
-        min_of(allowed, std::int64_t(double(rules.candidate_share) * double(census.candidates)));
-  if (rules.replaces) allowed = max_of(allowed, census.pruned);
-  if (rules.budget > 0) allowed = min_of(allowed, up_to(rules.budget));
-  return allowed;
+/// How many rows may be added to those that stay. One that is split counts as one that stays.
+GS_HD std::int64_t allowed_growth(const GrowthRules& rules, std::int64_t staying) {
+  const std::int64_t allowed = std::int64_t(double(rules.most_growth) * double(staying));
+  if (rules.limits.max_gaussians <= 0) return allowed;
+  return min_of(allowed, max_of<std::int64_t>(rules.limits.max_gaussians - staying, 0));
 }
 
 }  // namespace gs

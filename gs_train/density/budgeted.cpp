@@ -24,9 +24,6 @@ class BudgetedControl final : public DensityControl {
       throw UsageError(
           "density.prune_unseen needs a score that counts pixels; set density.score to force, "
           "error, mask or edge");
-    if (density_.pooling == ScorePooling::max && !sums_pixel_values(density_.score))
-      throw UsageError(
-          "density.pooling=max needs the score error, mask or edge; set density.pooling=sum");
     if ((density_.soft_prune > 0 || density_.hard_prune > 0) && sums_pixel_values(density_.score))
       throw UsageError(
           "density.soft_prune and density.hard_prune need the score gradient or force; set "
@@ -38,8 +35,7 @@ class BudgetedControl final : public DensityControl {
     return {.gather_statistics = schedule_.gather_statistics(step),
             .regularizers = regularizers_,
             .score = measures ? GrowthScore::force : density_.score,
-            .mask_error = density_.mask_error,
-            .pooling = density_.pooling};
+            .mask_error = density_.mask_error};
   }
 
   RefineReport after_step(TrainingModel& model, Backend& backend, int step) override {
@@ -67,28 +63,21 @@ class BudgetedControl final : public DensityControl {
     rules.select = density.select;
     rules.score_threshold = density.score_threshold;
     rules.most_growth = density.most_growth;
-    if (density.curve == GrowthCurve::share) rules.candidate_share = density.candidate_share;
-    rules.replaces = density.replace;
-    rules.split = {density.split,
-                   density.split_offset,
-                   density.split_along,
-                   density.split_across,
-                   density.keep_parent,
-                   density.child_opacity_factor,
-                   density.child_opacity_power};
+    rules.split = {density.split,        density.split_offset, density.split_along,
+                   density.split_across, density.keep_parent,  density.child_opacity_factor};
     return rules;
   }
 
   GrowthRules rules_in(int step, const TrainingModel& model) const {
     GrowthRules rules = rules_;
-    rules.budget = most_gaussians();
     rules.limits.region = region();
-    rules.limits.max_gaussians =
+    const std::int64_t target =
         growth_target(density_.curve, schedule_.growth_share(step), std::int64_t(model.first_count),
                       most_gaussians(), double(density_.ramp_from));
+    rules.limits.max_gaussians = most_gaussians() > 0 ? std::min(target, most_gaussians()) : target;
     if (schedule_.prune_large(step)) rules.limits.prune_scale = prune_scale_;
     rules.prunes_unseen = density_.prune_unseen && schedule_.has_seen_all_views(step);
-    if (needs_fragment_sums(density_.score) && density_.pooling == ScorePooling::sum)
+    if (needs_fragment_sums(density_.score))
       rules.score_threshold *= float(schedule_.photos_of_statistics(step));
     return rules;
   }

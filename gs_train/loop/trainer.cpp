@@ -167,7 +167,7 @@ void Trainer::run() {
 // run was resumed. Where a photo is suspected of breaking the model, it is trained on alone.
 int Trainer::end_of_batch() const {
   const int next = run_.step + 1;
-  const int batch = recovery_.is_watching(next) ? 1 : run_.schedule.batch(next);
+  const int batch = recovery_.is_watching(next) ? 1 : run_.config.train.batch;
   return std::min((run_.step / batch + 1) * batch, run_.schedule.steps());
 }
 

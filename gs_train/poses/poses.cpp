@@ -120,7 +120,7 @@ void add_pose_gradient(const PoseState& state, std::size_t photo, const Camera& 
 void update_poses(PoseState& state, float pull, float rate, const AdamRule& rule,
                   std::vector<double>& gradient) {
   GS_CHECK(gradient.size() == state.values.size());
-  const AdamStep step = adam_step(state.adam_steps += rule.steps, rate, rule.photo_beta2);
+  const AdamStep step = adam_step(state.adam_steps += rule.steps, rate);
   const double weight = double(pull) / double(state.rows());
   for (std::size_t i = 0; i < gradient.size(); ++i) {
     const double sigma = i % kPoseNumbers < 3 ? kPoseSpreadTurn : kPoseSpreadShift;

@@ -26,13 +26,12 @@ std::vector<GrowthAction> actions(const TrainingModel& model, const GrowthRules&
 void limit_growth(std::vector<GrowthAction>& action, const TrainingModel& model,
                   const GrowthRules& rules, const Random& random, int step) {
   std::vector<std::uint32_t> growing;
-  GrowthCensus census;
+  std::int64_t staying = 0;
   for (std::uint32_t i = 0; i < action.size(); ++i) {
     if (grows(action[i])) growing.push_back(i);
-    (action[i] == GrowthAction::prune ? census.pruned : census.staying) += 1;
+    if (action[i] != GrowthAction::prune) ++staying;
   }
-  census.candidates = std::int64_t(growing.size());
-  const std::int64_t allowed = allowed_growth(rules, census);
+  const std::int64_t allowed = allowed_growth(rules, staying);
   if (std::int64_t(growing.size()) <= allowed) return;
   const GaussiansSpan rows = model.gaussians.span();
   const StatisticsSpan statistics = span_of(model.statistics);

@@ -55,13 +55,13 @@ void ScalarBackend::compare_depth(const View& view, const RenderSettings& settin
 }
 
 void ScalarBackend::gather(const DensityStatistics& statistics, const RenderPass& pass,
-                           Span<const Vec2f> dL_dmean2d, ScorePooling pooling) {
+                           Span<const Vec2f> dL_dmean2d) {
   const bool has_sums = statistics.has_sums && !pass.scratch<ScalarScratch>().fragment_sums.empty();
   parallel_for(dL_dmean2d.size, 4096, [&](std::size_t i) {
     if (!pass.tile_counts[i]) return;
     statistics.visits[i] += 1.0f;
     statistics.gradient_norm[i] += screen_gradient_norm(dL_dmean2d[i], pass.width, pass.height);
-    if (has_sums) pool_with(statistics.sums[i], fragment_sums_of(pass, i), pooling);
+    if (has_sums) add_to(statistics.sums[i], fragment_sums_of(pass, i));
   });
 }
 
@@ -82,8 +82,8 @@ void ScalarBackend::update_photometric(PhotometricState& state, const Update& up
                          gradient);
 }
 
-void ScalarBackend::pool(Span<FragmentSums> all, Span<FragmentSums> more, ScorePooling pooling) {
-  parallel_for(all.size, 4096, [=](std::size_t i) { pool_with(all[i], more[i], pooling); });
+void ScalarBackend::add(Span<FragmentSums> to, Span<FragmentSums> from) {
+  parallel_for(to.size, 4096, [=](std::size_t i) { add_to(to[i], from[i]); });
 }
 
 std::vector<std::string> scalar_losses() { return names_of(kLosses); }

@@ -33,7 +33,7 @@ class ScalarBackend : public Backend {
   void compare_depth(const View& view, const RenderSettings& settings, float weight,
                      RenderPass& pass) override;
   void gather(const DensityStatistics& statistics, const RenderPass& pass,
-              Span<const Vec2f> dL_dmean2d, ScorePooling pooling) override;
+              Span<const Vec2f> dL_dmean2d) override;
   using Backend::add;
   void add(Span<float> to, Span<const float> from, float weight) override;
   CameraGradient<double> camera_gradient(const GaussiansSpan& gaussians, const Camera& camera,
@@ -41,7 +41,7 @@ class ScalarBackend : public Backend {
                                          const RenderPass& pass) override;
   void update_photometric(PhotometricState& state, const Update& update,
                           std::vector<double>& gradient) override;
-  void pool(Span<FragmentSums> all, Span<FragmentSums> more, ScorePooling pooling) override;
+  void add(Span<FragmentSums> to, Span<FragmentSums> from) override;
 
  private:
   std::unique_ptr<Renderer> renderer_;

@@ -85,7 +85,6 @@ Config everything_changed() {
   config.density.recovery_prune = config.density.late_prune_opacity = 0.5f;
   config.density.soft_prune = config.density.hard_prune = 0.5f;
   config.train.resolution_ramp = {4, 2};
-  config.optimizer.position_lr_final_power = 2;
   config.density.strategy = "mcmc";
   config.photometric.model = "gains";
   config.train.device = "cuda:12";
@@ -530,6 +529,8 @@ TEST(Config, SettingsOfOlderVersionsAreReadOverWhereTheyChangedNothing) {
   apply_setting(config, "optimizer.lazy=auto");
   apply_setting(config, "train.offload=none");
   apply_setting(config, "photometric.vignetting=false");
+  apply_setting(config, "density.pooling=sum");
+  apply_setting(config, "optimizer.beta2=0.999");
   apply_setting(config, "density.static_after=0.0");
   apply_setting(config, "optimizer.time_color_lr=0.0025");
   EXPECT_EQ(to_toml(config), to_toml(Config()));

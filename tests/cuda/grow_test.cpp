@@ -112,27 +112,6 @@ TEST_F(CudaGrow, TakesTheSameRowsOfARegion) {
   }
 }
 
-TEST_F(CudaGrow, TakesTheSameShareOfTheRowsThatMayGrow) {
-  for (const float share : {0.0f, 0.07f, 0.25f})
-    for (const std::int64_t target : {0, 2500}) {
-      SCOPED_TRACE(std::to_string(share) + " up to " + std::to_string(target));
-      GrowthRules rules = some_rules(GrowthScore::mask, GrowthSelection::race, target);
-      rules.candidate_share = share;
-      rules.score_threshold = 0.5f;
-      grow_both(random_model(3000, 5), rules);
-    }
-}
-
-TEST_F(CudaGrow, ReplacesTheSameRows) {
-  for (const std::int64_t budget : {0, 2900, 3000}) {
-    SCOPED_TRACE("up to " + std::to_string(budget));
-    GrowthRules rules = some_rules(GrowthScore::error, GrowthSelection::race, 1);
-    rules.replaces = true;
-    rules.budget = budget;
-    grow_both(random_model(3000, 6), rules);
-  }
-}
-
 TEST_F(CudaGrow, PrunesTheSameShare) {
   for (const std::size_t count : {0, 1, 2, 257, 3000})
     for (const PruneOrder order : {PruneOrder::opacity, PruneOrder::sensitivity})
@@ -164,8 +143,8 @@ TEST_F(CudaGrow, MakesTheSameChildren) {
   for (const SplitPlacement place :
        {SplitPlacement::draw, SplitPlacement::axis, SplitPlacement::variance})
     for (const bool keeps_parent : {false, true})
-      for (const float power : {1.0f, 0.5f}) {
-        rules.split = {place, 1.35f, 0.55f, 0.893f, keeps_parent, 0.9f, power};
+      for (const float opacity_factor : {1.0f, 0.9f}) {
+        rules.split = {place, 1.35f, 0.55f, 0.893f, keeps_parent, opacity_factor};
         grow_both(random_model(2000, 3), rules);
       }
 }
@@ -216,9 +195,8 @@ class CudaFragmentSums : public CudaTest {
     number_rows(model.gaussians.sh0, 0.1f);
     return model;
   }
-  static DensityStep gathering(GrowthScore score, ScorePooling pooling) {
+  static DensityStep gathering(GrowthScore score) {
     DensityStep density;
-    density.pooling = pooling;
     density.gather_statistics = true;
     density.score = score;
     density.mask_error = 0.3f;
@@ -233,20 +211,18 @@ class CudaFragmentSums : public CudaTest {
     TrainingModel model =
         copy_to(backend.memory(), model_of(random_gaussians(kTypical, 300, camera, 1)));
     const TrainingPhoto photo{&view, settings, 1};
-    backend.step(model, {&photo, 1}, {0.2f}, {kRates}, gathering(score, ScorePooling::sum));
+    backend.step(model, {&photo, 1}, {0.2f}, {kRates}, gathering(score));
     backend.synchronize(model);
     return on_host(model);
   }
   TrainingModel after(Backend& backend, const Scene& scene, GrowthScore score,
-                      const RenderSettings& settings, std::size_t batch_size, int reduction = 1,
-                      ScorePooling pooling = ScorePooling::sum) {
+                      const RenderSettings& settings, std::size_t batch_size, int reduction = 1) {
     TrainingModel model = copy_to(backend.memory(), start());
     for (std::size_t view = 0; view < 4; view += batch_size) {
       std::vector<TrainingPhoto> batch;
       for (std::size_t k = 0; k < batch_size; ++k)
         batch.push_back({&scene.train_views[view + k], settings, reduction});
-      backend.step(model, {batch.data(), batch.size()}, {0.2f}, {kRates},
-                   gathering(score, pooling));
+      backend.step(model, {batch.data(), batch.size()}, {0.2f}, {kRates}, gathering(score));
     }
     backend.synchronize(model);
     return on_host(model);
@@ -279,22 +255,6 @@ TEST_F(CudaFragmentSums, OfALargePhotoAreThoseOfTheScalarTwin) {
       expect_same_sums(after_large_photo(gpu(), score, is_deterministic),
                        after_large_photo(cpu(), score, false));
     }
-}
-
-TEST_F(CudaFragmentSums, AreTheLargestOfTheScalarTwin) {
-  const Scene scene = this->scene();
-  for (const GrowthScore score : {GrowthScore::error, GrowthScore::edge})
-    for (const bool is_deterministic : {false, true})
-      for (const std::size_t batch : {1, 2, 4}) {
-        SCOPED_TRACE(std::to_string(int(score)) + (is_deterministic ? " fixed" : " float"));
-        RenderSettings settings;
-        settings.deterministic = is_deterministic;
-        const TrainingModel actual =
-            after(gpu(), scene, score, settings, batch, 1, ScorePooling::max);
-        expect_same_sums(actual, after(cpu(), scene, score, settings, batch, 1, ScorePooling::max));
-        EXPECT_FALSE(same_bits(actual.statistics.sums,
-                               after(gpu(), scene, score, settings, batch).statistics.sums));
-      }
 }
 
 TEST_F(CudaFragmentSums, OfReducedPhotosAreThoseOfTheScalarTwin) {
@@ -337,12 +297,6 @@ TEST_F(CudaFragmentSums, HaveTheSameBitsAgainInDeterministicSteps) {
       EXPECT_TRUE(
           same_bits(after(gpu(), scene, score, settings, 2).statistics.sums, once.statistics.sums));
   }
-  const TrainingModel largest =
-      after(gpu(), scene, GrowthScore::edge, settings, 2, 1, ScorePooling::max);
-  for (int again = 0; again < 5; ++again)
-    EXPECT_TRUE(same_bits(
-        after(gpu(), scene, GrowthScore::edge, settings, 2, 1, ScorePooling::max).statistics.sums,
-        largest.statistics.sums));
 }
 
 // ---- runs --------------------------------------------------------------------------------------

@@ -96,7 +96,7 @@ TEST_F(CudaRecovery, AStoppedAndResumedDeterministicRunEndsAsOneNeverInterrupted
   EXPECT_TRUE(same_bits(on_host(second.model()), on_host(whole.model())));
 }
 
-// Within a factor of the ramp, and right before and after its end; also in batches that begin late.
+// Within a factor of the ramp, and right before and after its end; also in batches.
 TEST_F(CudaRecovery, AResumedRunOnReducedPhotosEndsAsOneNeverInterrupted) {
   for (const int batch : {1, 4}) {
     Config config = eventful_run(90);
@@ -105,8 +105,6 @@ TEST_F(CudaRecovery, AResumedRunOnReducedPhotosEndsAsOneNeverInterrupted) {
     config.train.resolution_every = 10000;  // 30 steps
     config.train.resolution_least = 1;
     config.train.batch = batch;
-    config.train.batch_from_step = 15000;
-    config.optimizer.beta2 = 0.99f;
     Trainer whole(scene_, config, gpu());
     whole.run();
     for (const int stop_after : {12, 29, 30, 58, 70}) {

@@ -174,9 +174,9 @@ TEST_F(CudaStep, SteadyStepsOnReducedPhotosNeitherWaitNorAllocate) {
 
 // ---- Adam's rule -------------------------------------------------------------------------------
 
-TEST_F(CudaStep, AStepWithAnotherBetaIsTheScalarOne) {
+TEST_F(CudaStep, AStepByTheRuleOfABatchIsTheScalarOne) {
   const std::vector<View> views = some_views(131, 77, 3);
-  const Update update{kRates, batch_rule(1, 0.99)};
+  const Update update{kRates, batch_rule(4)};
   TrainingModel expected = model_of(random_gaussians(kTypical, 3000, views[0].camera, 4));
   TrainingModel actual = on_gpu(expected), usual = on_gpu(expected);
   for (int step = 0; step < 6; ++step) {

@@ -36,24 +36,6 @@ TEST(Adam, SecondStepIsTheHandValue) {
   EXPECT_NEAR(parameter.value, -0.1 - 0.1 * (0.08 / 0.19) / std::sqrt(0.004996 / 0.001999), 1e-7);
 }
 
-// The corrections undo 0.1 and 1 - beta2 for every beta2.
-TEST(Adam, FirstStepIsTheLearningRateForEveryMemory) {
-  for (const double beta2 : {0.9, 0.99, 0.9999}) {
-    const AdamRule rule = batch_rule(1, beta2);
-    float value = 0, m = 0, v = 0;
-    adam_update(value, m, v, 0.5f, adam_step(1, 0.01f, beta2), rule);
-    EXPECT_NEAR(value, -0.01f, 1e-8f) << beta2;
-    EXPECT_NEAR(v, (1 - beta2) * 0.25, 1e-8) << beta2;
-  }
-}
-
-// A row that joins late moves by 0.1 / sqrt(1 - beta2) learning rates: one with a memory of 100.
-TEST(Adam, NewRowMovesLessWithAShorterMemory) {
-  float value = 0, m = 0, v = 0;
-  adam_update(value, m, v, 0.3f, adam_step(30'000, 1e-3f, 0.99), batch_rule(1, 0.99));
-  EXPECT_NEAR(value, -1e-3, 1e-8);
-}
-
 // Zero moments at a large t: 0.1 g / sqrt(0.001 g^2) = sqrt(10), the corrections being 1.
 TEST(Adam, NewRowAtALateStepFirstMovesByRootTenLearningRates) {
   Parameter parameter;

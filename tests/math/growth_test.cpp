@@ -75,15 +75,6 @@ TEST(ChildOpacity, IsThatOfTheParentBitForBitByDefault) {
   }
 }
 
-TEST(ChildOpacity, OfHalfThePowerLooksLikeTheParentWhenDoubled) {
-  SplitRules rules;
-  rules.opacity_power = 0.5f;
-  for (const float opacity : {0.01f, 0.3f, 0.99f}) {
-    const float child = sigmoid(child_logit_opacity(logit(opacity), rules));
-    EXPECT_NEAR(1 - (1 - child) * (1 - child), opacity, 1e-5f);
-  }
-}
-
 TEST(ChildOpacity, IsAFactorOfTheParents) {
   SplitRules rules;
   rules.opacity_factor = 0.6f;
@@ -92,7 +83,7 @@ TEST(ChildOpacity, IsAFactorOfTheParents) {
 
 TEST(ChildOpacity, StaysFiniteForOpaqueAndTransparentParents) {
   SplitRules rules;
-  rules.opacity_power = 0.5f;
+  rules.opacity_factor = 0.5f;
   EXPECT_TRUE(std::isfinite(child_logit_opacity(100.0f, rules)));
   EXPECT_TRUE(std::isfinite(child_logit_opacity(-100.0f, rules)));
 }
@@ -138,9 +129,7 @@ TEST(GrowthTarget, OfARampFollowsTheSizeOfThePictures) {
   EXPECT_EQ(growth_target(GrowthCurve::ramp, 0, 100, 1700, 1), 1700);
 }
 
-TEST(GrowthTarget, OfAShareIsTheLimitAlone) {
-  EXPECT_EQ(growth_target(GrowthCurve::share, 0.25, 100, 1100), 1100);
-  EXPECT_FALSE(needs_budget(GrowthCurve::share));
+TEST(GrowthTarget, OfCurvesThatRiseNeedsABudget) {
   EXPECT_FALSE(needs_budget(GrowthCurve::none));
   EXPECT_TRUE(needs_budget(GrowthCurve::ramp));
 }
@@ -148,47 +137,12 @@ TEST(GrowthTarget, OfAShareIsTheLimitAlone) {
 TEST(AllowedGrowth, EndsAtTheTargetAndAtAShareOfWhatStays) {
   GrowthRules rules;
   rules.limits.max_gaussians = 130;
-  EXPECT_EQ(allowed_growth(rules, {100, 0, 100}), 30);
-  EXPECT_EQ(allowed_growth(rules, {140, 0, 140}), 0);
+  EXPECT_EQ(allowed_growth(rules, 100), 30);
+  EXPECT_EQ(allowed_growth(rules, 140), 0);
   rules.most_growth = 0.25f;  // exact
-  EXPECT_EQ(allowed_growth(rules, {100, 0, 100}), 25);
+  EXPECT_EQ(allowed_growth(rules, 100), 25);
   rules.limits.max_gaussians = 0;
-  EXPECT_EQ(allowed_growth(rules, {100, 0, 100}), 25);
-}
-
-TEST(AllowedGrowth, MayBeAShareOfTheCandidates) {
-  GrowthRules rules;
-  rules.candidate_share = 0.25f;
-  EXPECT_EQ(allowed_growth(rules, {100, 0, 43}), 10);
-  rules.limits.max_gaussians = 104;
-  EXPECT_EQ(allowed_growth(rules, {100, 0, 43}), 4);
-}
-
-// As many as are pruned grow beyond the curve and the share, but not beyond the budget.
-TEST(AllowedGrowth, MayReplaceWhatIsPruned) {
-  GrowthRules rules;
-  rules.limits.max_gaussians = 105;
-  EXPECT_EQ(allowed_growth(rules, {100, 20, 80}), 5);
-  rules.replaces = true;
-  EXPECT_EQ(allowed_growth(rules, {100, 20, 80}), 20);
-  EXPECT_EQ(allowed_growth(rules, {100, 2, 80}), 5);
-  rules.candidate_share = 0.01f;
-  EXPECT_EQ(allowed_growth(rules, {100, 20, 80}), 20);
-  rules.budget = 112;
-  EXPECT_EQ(allowed_growth(rules, {100, 20, 80}), 12);
-}
-
-TEST(PoolWith, AddsOrTakesTheLargest) {
-  const FragmentSums photo{3, 5, 1};
-  FragmentSums sum{10, 3, 7}, largest = sum;
-  pool_with(sum, photo, ScorePooling::sum);
-  EXPECT_EQ(sum.count, 13.0f);
-  EXPECT_EQ(sum.first, 8.0f);
-  EXPECT_EQ(sum.second, 8.0f);
-  pool_with(largest, photo, ScorePooling::max);
-  EXPECT_EQ(largest.count, 13.0f);
-  EXPECT_EQ(largest.first, 5.0f);
-  EXPECT_EQ(largest.second, 7.0f);
+  EXPECT_EQ(allowed_growth(rules, 100), 25);
 }
 
 TEST(AscendingBits, AreOrderedAsTheFloatsWithNanFirst) {

@@ -120,7 +120,6 @@ inline Config busy_run() {
   density.gradient_threshold = 0;
   density.from_step = density.every = 20;
   density.until_step = 24000;
-  density.replace = true;
   density.split = SplitPlacement::axis;
   density.opacity_cap = 0.9f;
   density.opacity_amount = 0.3f;

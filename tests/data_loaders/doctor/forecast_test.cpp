@@ -31,7 +31,7 @@ TEST(Forecast, GrowsWithThePointsOfTheSceneUpToTheCap) {
   EXPECT_LT(expected_gaussians(config, 100), 50000);
   config.density.curve = GrowthCurve::linear;
   EXPECT_EQ(expected_gaussians(config, 100), 50000);
-  config.density.curve = GrowthCurve::share;
+  config.density.curve = GrowthCurve::none;
   EXPECT_LT(expected_gaussians(config, 100), 50000);
 }
 

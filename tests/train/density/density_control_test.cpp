@@ -211,15 +211,11 @@ TEST(BudgetedControl, ComparesSumsForEachPhotoWithItsThreshold) {
   config.density.gradient_threshold = 0;
   config.density.score_threshold = 6;
   const auto backend = make_scalar_backend();
-  for (const ScorePooling pooling : {ScorePooling::sum, ScorePooling::max}) {
-    config.density.pooling = pooling;
-    TrainingModel model = growing_model();
-    begin_sums(model);
-    for (std::size_t i = 0; i < 30; ++i)
-      model.statistics.sums[i] = {1, 0, i < 10 ? 600.0f : i < 20 ? 599.0f : 5.0f};
-    const std::size_t expected = pooling == ScorePooling::sum ? 10u : 20u;
-    EXPECT_EQ(control_of(config)->after_step(model, *backend, 700).cloned, expected);
-  }
+  TrainingModel model = growing_model();
+  begin_sums(model);
+  for (std::size_t i = 0; i < 30; ++i)
+    model.statistics.sums[i] = {1, 0, i < 10 ? 600.0f : i < 20 ? 599.0f : 5.0f};
+  EXPECT_EQ(control_of(config)->after_step(model, *backend, 700).cloned, 10u);
 }
 
 TEST(BudgetedControl, RemovesTheFaintestAfterAReset) {
@@ -266,21 +262,15 @@ TEST(BudgetedControl, RemovesTheFaintLate) {
   EXPECT_EQ(model.count(), 29u);
 }
 
-TEST(BudgetedControl, RefusesPoolingAndPruningThatItsScoreDoesNotAllow) {
-  Config largest = with_strategy("budgeted"), soft = with_strategy("budgeted");
-  largest.density.pooling = ScorePooling::max;
-  soft.density.soft_prune = 0.5f;
-  soft.density.score = GrowthScore::edge;
-  for (const Config& config : {largest, soft}) {
-    EXPECT_THROW(control_of(config), UsageError);
-    EXPECT_THROW(validate(config), UsageError);
-  }
-  largest.density.score = GrowthScore::error;
-  soft.density.score = GrowthScore::force;
-  for (const Config& config : {largest, soft}) {
-    EXPECT_NE(control_of(config), nullptr);
-    validate(config);
-  }
+TEST(BudgetedControl, RefusesPruningThatItsScoreDoesNotAllow) {
+  Config config = with_strategy("budgeted");
+  config.density.soft_prune = 0.5f;
+  config.density.score = GrowthScore::edge;
+  EXPECT_THROW(control_of(config), UsageError);
+  EXPECT_THROW(validate(config), UsageError);
+  config.density.score = GrowthScore::force;
+  EXPECT_NE(control_of(config), nullptr);
+  validate(config);
 }
 
 TEST(DensityControl, WeighsOpacityAndScaleUnderEveryStrategyAsTheSettingsSay) {

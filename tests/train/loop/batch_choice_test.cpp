@@ -24,7 +24,6 @@ struct Step {
     const Config defaults;
     loss_settings.depth_weight = defaults.loss.depth_weight;
     density.score = defaults.density.score;
-    density.pooling = defaults.density.pooling;
     for (std::size_t i = 0; i < photos; ++i) batch.push_back({&view, RenderSettings()});
   }
   bool is_together() const {
@@ -52,7 +51,6 @@ TEST(BatchChoice, OtherStepsAreNot) {
       {"depth map", [](Step& step) { step.view.has_depth_map = true; }},
       {"time", [](Step& step) { step.model.gaussians.has_time = true; }},
       {"score", [](Step& step) { step.density.score = GrowthScore::error; }},
-      {"pooling", [](Step& step) { step.density.pooling = ScorePooling::max; }},
       {"absolute", [](Step& step) { step.batch[0].settings.absolute_gradient = true; }},
       {"deterministic", [](Step& step) { step.batch[0].settings.deterministic = true; }},
   };

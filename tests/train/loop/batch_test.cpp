@@ -142,33 +142,6 @@ TEST_F(BatchRun, TellsItsObserversOfEveryStepOnceItsBatchIsTaken) {
   EXPECT_EQ(trainer.step(), 10);
 }
 
-TEST_F(BatchRun, MayBeginLate) {
-  Config config = run_of(4);
-  config.train.iterations = 15;
-  config.train.batch_from_step = 10000;  // of 30,000
-  Steps steps;
-  Trainer trainer(scene_, config, *backend_);
-  trainer.add_observer(steps);
-  trainer.run();
-  // The first batch is shorter: batches end at multiples of four.
-  EXPECT_EQ(steps.reached, (std::vector{1, 2, 3, 4, 5, 8, 8, 8, 12, 12, 12, 12, 15, 15, 15}));
-  EXPECT_EQ(trainer.model().adam_steps, 15);
-}
-
-TEST_F(BatchRun, ThatBeginsAfterTheLastStepIsARunWithoutBatches) {
-  Config config = run_of(4);
-  config.train.batch_from_step = 30000;
-  EXPECT_TRUE(same_bits(trained(config), trained(run_of(1))));
-}
-
-TEST_F(BatchRun, ThatBeginsLateGoesOnAfterAnyStep) {
-  Config config = run_of(4);
-  config.train.iterations = 60;
-  config.train.batch_from_step = 10000;
-  config.density.from_step = config.density.every = 20;
-  expect_goes_on_after({3, 18, 19, 20, 21, 22, 41}, config);
-}
-
 // Refinements at step 20, 40, ... lie within batches of seven, and happen after these.
 TEST_F(BatchRun, RefinesAsOftenAsWithoutBatches) {
   Config config = run_of(7);

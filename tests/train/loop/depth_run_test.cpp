@@ -203,11 +203,10 @@ class BackendWithoutDepth final : public Backend {
 
  protected:
   void find_pixel_values(const View&, const DensityStep&, RenderPass&) override {}
-  void gather(const DensityStatistics&, const RenderPass&, Span<const Vec2f>,
-              ScorePooling) override {}
+  void gather(const DensityStatistics&, const RenderPass&, Span<const Vec2f>) override {}
   using Backend::add;
   void add(Span<float>, Span<const float>, float) override {}
-  void pool(Span<FragmentSums>, Span<FragmentSums>, ScorePooling) override {}
+  void add(Span<FragmentSums>, Span<FragmentSums>) override {}
 
  private:
   std::unique_ptr<Backend> inner_ = make_scalar_backend();

@@ -118,7 +118,6 @@ TEST_F(ResolutionRamp, GoesOnAfterAnyStep) {
 TEST_F(ResolutionRamp, GoesOnAfterAnyStepInBatches) {
   Config config = run_with({4, 2});
   config.train.batch = 7;  // photos of one batch have two sizes
-  config.train.batch_from_step = 8000;
   expect_goes_on_after({10, 23, 27, 30, 59, 75}, config);
 }
 

@@ -131,61 +131,6 @@ TEST(ScheduleOfEpochs, RefinesTenTimesHoweverManyPhotosThereAre) {
             from_to_every(1430, 14'300, 1430));
 }
 
-TEST(ScheduleOfEpochs, BeginsRefinementsAfterSomePasses) {
-  Config config = adaptive_config();
-  config.density.first_epochs = 2;
-  const auto first = [&](std::size_t views) {
-    const Schedule schedule(config, 2.0f, views);
-    return steps_where(schedule, [&](int step) { return schedule.refine(step); }).front();
-  };
-  EXPECT_EQ(first(40), 600);
-  EXPECT_EQ(first(500), 1000);
-  EXPECT_EQ(first(5000), 3000);  // a tenth of the run
-}
-
-TEST(ScheduleOfEpochs, RaisesTheShDegreeAfterSomePasses) {
-  Config config = adaptive_config();
-  config.train.sh_degree_epochs = 5;
-  const auto first = [&](std::size_t views) {
-    const Schedule schedule(config, 2.0f, views);
-    return steps_where(schedule, [&](int step) { return schedule.raise_sh_degree(step); }).front();
-  };
-  EXPECT_EQ(first(0), 1000);
-  EXPECT_EQ(first(40), 1000);
-  EXPECT_EQ(first(300), 1500);
-  EXPECT_EQ(first(5000), 5000);  // a sixth of the run
-}
-
-TEST(ScheduleOfFinalSteps, LeavesThemWithoutRefinementsAndResets) {
-  Config config = adaptive_config();
-  config.density.until_step = config.density.reset_opacity_until = 30000;
-  config.density.reset_opacity_every = 1000;
-  config.density.final_steps = 1000;
-  const auto last_of = [&](int steps) {
-    config.train.iterations = steps;
-    const Schedule schedule(config, 2.0f);
-    return std::pair{
-        steps_where(schedule, [&](int step) { return schedule.refine(step); }).back(),
-        steps_where(schedule, [&](int step) { return schedule.reset_opacity(step); }).back()};
-  };
-  EXPECT_EQ(last_of(30'000), (std::pair{29'000, 28'000}));
-  EXPECT_EQ(last_of(10'000), (std::pair{9000, 8000}));
-  EXPECT_EQ(last_of(2000), (std::pair{1500, 1000}));  // a quarter of the run
-}
-
-TEST(ScheduleOfAShortRun, MayEndWithAHigherPositionRate) {
-  Config config = adaptive_config();
-  config.optimizer.position_lr_final_power = 2;
-  const auto last_rate = [&](int steps) {
-    config.train.iterations = steps;
-    return double(Schedule(config, 2.0f).learning_rates(steps).mean);
-  };
-  EXPECT_NEAR(last_rate(30'000) / 3.2e-6, 1, 1e-6);
-  EXPECT_NEAR(last_rate(60'000) / 3.2e-6, 1, 1e-6);
-  EXPECT_NEAR(last_rate(15'000) / 1.28e-5, 1, 1e-6);
-  EXPECT_NEAR(last_rate(7000) / 3.2e-5, 1, 1e-6);  // at most ten times
-}
-
 TEST(ScheduleOfAShortRun, MayKeepThePositionRateAtFirst) {
   Config config = adaptive_config();
   config.train.iterations = 10'000;
@@ -251,21 +196,13 @@ TEST(ScheduleOfPhotoSizes, ReducesNoPhotoTooFar) {
   EXPECT_EQ(Schedule(config, 2.0f).photo_reduction(1, camera), 3);
 }
 
-// The usual rule to the last bit, although 0.999 as a float is not the nearest to it as a double.
-TEST(ScheduleOfAdam, HasTheBetasOfTheConfig) {
-  const AdamRule usual = Schedule(adaptive_config(), 1).adam_rule(1), expected;
-  EXPECT_EQ(usual.beta2, expected.beta2);
-  EXPECT_EQ(usual.one_minus_beta2, expected.one_minus_beta2);
-  EXPECT_EQ(usual.photo_beta2, expected.photo_beta2);
-  EXPECT_EQ(usual.epsilon, expected.epsilon);
+TEST(ScheduleOfAdam, HasTheRuleOfTheBatch) {
   Config config = adaptive_config();
-  config.optimizer.beta2 = 0.99f;
-  EXPECT_EQ(Schedule(config, 1).adam_rule(1).photo_beta2, 0.99);
   EXPECT_EQ(Schedule(config, 1).adam_rule(4).steps, 4);
-  EXPECT_NEAR(Schedule(config, 1).adam_rule(4).beta2, std::pow(0.99, 4), 1e-7);
+  EXPECT_EQ(Schedule(config, 1).adam_rule(4).beta2, batch_rule(4).beta2);
   config.train.batch_rates = false;
   EXPECT_EQ(Schedule(config, 1).adam_rule(4).steps, 1);
-  EXPECT_EQ(Schedule(config, 1).adam_rule(4).beta2, 0.99f);
+  EXPECT_EQ(Schedule(config, 1).adam_rule(4).beta2, AdamRule().beta2);
 }
 
 TEST(GrowthShare, GoesFromZeroToOneOverTheRefinements) {

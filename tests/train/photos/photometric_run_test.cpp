@@ -137,10 +137,9 @@ class OtherBackend final : public Backend {
 
  protected:
   void find_pixel_values(const View&, const DensityStep&, RenderPass&) override {}
-  void gather(const DensityStatistics&, const RenderPass&, Span<const Vec2f>,
-              ScorePooling) override {}
+  void gather(const DensityStatistics&, const RenderPass&, Span<const Vec2f>) override {}
   void add(Span<float>, Span<const float>, float) override {}
-  void pool(Span<FragmentSums>, Span<FragmentSums>, ScorePooling) override {}
+  void add(Span<FragmentSums>, Span<FragmentSums>) override {}
 
  private:
   std::unique_ptr<Backend> scalar_ = make_scalar_backend();

@@ -111,7 +111,6 @@ TEST_F(RankedRun, WithScoresOfPixelsAndReducedPhotosHasTheBytesOfOneRank) {
   config.train.resolution_least = 1;
   config.density.soft_prune = 0;
   config.density.score = GrowthScore::error;
-  config.density.pooling = ScorePooling::max;
   expect_same_for_any_number(config);
 }
 

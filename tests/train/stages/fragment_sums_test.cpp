@@ -296,7 +296,7 @@ class GatheringStep : public ::testing::Test {
   }
   /// One step on some views.
   void step(Backend& backend, TrainingModel& model, const std::vector<int>& views,
-            GrowthScore score, ScorePooling pooling = ScorePooling::sum) const {
+            GrowthScore score) const {
     constexpr LearningRates kRates{1e-4f, 2e-3f, 3e-3f, 4e-2f, 5e-3f, 6e-4f};
     std::vector<TrainingPhoto> batch;
     for (const int view : views) batch.push_back({&scene_.train_views[std::size_t(view)], {}});
@@ -304,13 +304,11 @@ class GatheringStep : public ::testing::Test {
     density.gather_statistics = true;
     density.score = score;
     density.mask_error = 0.1f;
-    density.pooling = pooling;
     backend.step(model, {batch.data(), batch.size()}, {0.2f}, {kRates}, density);
   }
-  TrainingModel after(const std::vector<int>& views, GrowthScore score,
-                      ScorePooling pooling = ScorePooling::sum) {
+  TrainingModel after(const std::vector<int>& views, GrowthScore score) {
     TrainingModel model = start();
-    step(*backend_, model, views, score, pooling);
+    step(*backend_, model, views, score);
     return model;
   }
 
@@ -375,37 +373,6 @@ TEST_F(GatheringStep, AddsTheSumsOfTheViewsOfABatch) {
     }
     EXPECT_GT(total, 0);
   }
-}
-
-TEST_F(GatheringStep, TakesTheLargestOfTheViewsOfABatchWhereAsked) {
-  constexpr ScorePooling kMax = ScorePooling::max;
-  for (const GrowthScore score : {GrowthScore::error, GrowthScore::edge}) {
-    const TrainingModel a = after({1}, score, kMax), b = after({4}, score, kMax),
-                        both = after({1, 4}, score, kMax);
-    bool is_each_largest[2] = {false, false};
-    for (std::size_t i = 0; i < both.count(); ++i) {
-      const FragmentSums &x = a.statistics.sums[i], &y = b.statistics.sums[i],
-                         &most = both.statistics.sums[i];
-      EXPECT_EQ(most.count, x.count + y.count);
-      EXPECT_EQ(most.first, std::max(x.first, y.first));
-      EXPECT_EQ(most.second, std::max(x.second, y.second));
-      is_each_largest[x.first < y.first] = true;
-    }
-    EXPECT_TRUE(is_each_largest[0] && is_each_largest[1]);
-  }
-}
-
-// The first step's sums are of view 4 before any update; the second step has other Gaussians.
-TEST_F(GatheringStep, TakesTheLargestOfSeveralStepsWhereAsked) {
-  TrainingModel model = after({4}, GrowthScore::edge, ScorePooling::max);
-  const std::vector<FragmentSums> before = model.statistics.sums.download();
-  TrainingModel next = copy_to(host_memory(), model);
-  next.statistics.sums.fill_zero();
-  step(*backend_, next, {1}, GrowthScore::edge, ScorePooling::max);
-  step(*backend_, model, {1}, GrowthScore::edge, ScorePooling::max);
-  for (std::size_t i = 0; i < model.count(); ++i)
-    EXPECT_EQ(model.statistics.sums[i].first,
-              std::max(before[i].first, next.statistics.sums[i].first));
 }
 
 TEST_F(GatheringStep, GivesTheSameBitsForAnyNumberOfThreads) {

@@ -178,29 +178,6 @@ TEST(Grow, StopsAtAShareOfTheRowsAndAtAScore) {
   EXPECT_EQ(grow_by(model, rules).cloned, 10u);
 }
 
-TEST(Grow, StopsAtAShareOfTheRowsThatMayGrow) {
-  TrainingModel model = scored_model(100);
-  GrowthRules rules = by_error(0, GrowthSelection::top_k);
-  rules.score_threshold = 60;  // 40 may grow
-  rules.candidate_share = 0.25f;
-  EXPECT_EQ(grow_by(model, rules).cloned, 10u);
-  EXPECT_EQ(origin(model, 100), 90u);
-}
-
-// Ten rows are too faint; the curve is at its end.
-TEST(Grow, ReplacesWhatItPrunesWhereAsked) {
-  for (const bool replaces : {false, true}) {
-    TrainingModel model = scored_model(100);
-    for (std::size_t i = 0; i < 10; ++i) model.gaussians.logit_opacity[i] = logit(0.01f);
-    GrowthRules rules = by_error(90, GrowthSelection::race);
-    rules.replaces = replaces;
-    const RefineReport report = grow_by(model, rules);
-    EXPECT_EQ(report.pruned, 10u);
-    EXPECT_EQ(report.cloned, replaces ? 10u : 0u);
-    EXPECT_EQ(model.count(), replaces ? 100u : 90u);
-  }
-}
-
 TEST(Grow, PrunesWhatWasInNoPixelWhereAsked) {
   TrainingModel model = scored_model(4);
   model.statistics.sums[2].count = 0;
@@ -232,7 +209,7 @@ TrainingModel one_large() {
 
 TEST(Grow, SplitsAlongTheLongestAxis) {
   GrowthRules rules = by_error(0, GrowthSelection::top_k);
-  rules.split = {SplitPlacement::axis, 1.35f, 0.55f, 0.893f, false, 0.6f, 1};
+  rules.split = {SplitPlacement::axis, 1.35f, 0.55f, 0.893f, false, 0.6f};
   TrainingModel model = one_large();
   EXPECT_EQ(grow_by(model, rules).split, 1u);
   ASSERT_EQ(model.count(), 2u);
@@ -280,12 +257,12 @@ TEST(Grow, MayKeepTheParentAsItIsBesideOneChild) {
 
 TEST(Grow, SharesTheOpacityBetweenAnOriginalAndItsCopy) {
   GrowthRules rules = by_error(3, GrowthSelection::top_k);
-  rules.split.opacity_power = 0.5f;
+  rules.split.opacity_factor = 0.6f;
   TrainingModel model = scored_model(2);
   grow_by(model, rules);
   ASSERT_EQ(model.count(), 3u);
   EXPECT_EQ(sigmoid(model.gaussians.logit_opacity[0]), 0.5f);  // did not grow
-  EXPECT_NEAR(sigmoid(model.gaussians.logit_opacity[1]), 1 - std::sqrt(0.5f), 1e-6f);
+  EXPECT_NEAR(sigmoid(model.gaussians.logit_opacity[1]), 0.3f, 1e-6f);
   EXPECT_EQ(model.gaussians.logit_opacity[2], model.gaussians.logit_opacity[1]);
 }
 
@@ -296,7 +273,7 @@ TEST(Grow, GivesTheSameBitsForAnyNumberOfThreads) {
     rules.select = GrowthSelection::race;
     rules.limits.gradient_threshold = 0;
     rules.limits.max_gaussians = 12000;
-    rules.split = {SplitPlacement::axis, 1, 0.5f, 0.9f, false, 0.6f, 1};
+    rules.split = {SplitPlacement::axis, 1, 0.5f, 0.9f, false, 0.6f};
     TrainingModel a = random_model(9000, 4), b = random_model(9000, 4), c = random_model(9000, 4);
     grow_by(a, rules);
     set_thread_count(1);
@@ -432,28 +409,6 @@ TEST_F(BudgetedRun, GoesOnFromAnyStepOfAMeasurement) {
     Trainer rest(scene_, config, *backend_, std::move(kept.state));
     rest.run();
     EXPECT_TRUE(same_bits(copy_to(host_memory(), rest.model()), whole)) << stop;
-  }
-}
-
-TEST_F(BudgetedRun, WithMaximaGoesOnFromACheckpoint) {
-  for (const int batch : {1, 3}) {
-    Config config = run_with(GrowthScore::error);
-    config.density.pooling = ScorePooling::max;
-    config.density.curve = GrowthCurve::share;
-    config.train.batch = batch;
-    config.train.iterations = 90;
-    LastState kept;
-    StopAfter watcher(50);
-    Trainer first(scene_, config, *backend_);
-    first.keep_checkpoints_in(kept);
-    first.add_observer(watcher);
-    first.run();
-    Trainer rest(scene_, config, *backend_, std::move(kept.state));
-    rest.run();
-    const TrainingModel whole = trained(config);
-    EXPECT_TRUE(same_bits(copy_to(host_memory(), rest.model()), whole)) << batch;
-    config.density.pooling = ScorePooling::sum;
-    EXPECT_FALSE(same_bits(trained(config), whole)) << batch;
   }
 }
 
