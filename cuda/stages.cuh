@@ -122,21 +122,11 @@ GS_HD std::uint32_t saturating_sum(std::uint32_t a, std::uint32_t b) {
   return sum < a ? 0xffffffffu : sum;
 }
 
-/// True where lists are divided into segments, with the state of each pixel between two of them.
-inline bool makes_segments(const RenderSettings& settings) {
-  return settings.for_backward || settings.counted_frames;
-}
-
 /// True where blend() works on tensor cores. Truncation by standard deviations gives each splat a
 /// lowest exponent of its own, which the products cannot test.
 inline bool blends_on_tensor_cores(const Context& context, const RenderSettings& settings) {
   return settings.use_tensor_cores && context.has_tensor_cores() &&
          settings.truncation == Truncation::alpha;
-}
-
-/// True where frames of a packed model have splats of 32 bytes.
-inline bool uses_view_splats(const Context& context, const RenderSettings& settings) {
-  return blends_on_tensor_cores(context, settings) && !settings.full_splats;
 }
 
 /// Calls f(splats) with the splats of a pass, of whichever type stage 1 has made.

@@ -25,14 +25,7 @@ struct RenderSettings : SplatSettings {
   // How the CUDA backend blends; the scalar one ignores these.
   // where the GPU has them: exponents as matrix products, blend_gemm.cu
   bool use_tensor_cores = true;
-  // with tensor cores, without a backward pass: colors to some 1e-5 (gemm_variants.cuh)
-  bool fast_blending = false;
-  bool packs_sh = true;      // pack(): SH beyond degree 0 in 16 bits
   bool for_backward = true;  // false: what only the backward pass reads may be skipped
-  // Frames without a backward pass that nevertheless wait for the count of their instances, and
-  // make segments; only for comparisons (gemsplat bench --frame-steps)
-  bool counted_frames = false;
-  bool full_splats = false;  // draw(): splats of 48 bytes in place of 32; only for comparisons
   // false: the CUDA backend may leave RenderPass::depths empty, which only depth maps need
   bool with_depths = true;
   // sums that do not depend on their order, so that a step has one result

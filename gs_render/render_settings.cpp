@@ -10,8 +10,6 @@ RenderSettings render_settings(const Config& config) {
   settings.truncation = render.truncation;
   settings.bounds = render.bounds;
   settings.use_tensor_cores = render.blend == BlendKernel::gemm;
-  settings.fast_blending = render.precision == Precision::fast;
-  settings.packs_sh = render.packed_sh;
   settings.deterministic = config.train.deterministic;
   settings.blend_rule = render.blend_rule;
   settings.antialias = render.antialias;

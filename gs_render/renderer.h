@@ -40,8 +40,8 @@ class Renderer {
   /// themselves.
   virtual std::unique_ptr<PackedScene> pack(const GaussiansSpan& gaussians,
                                             const RenderSettings& settings);
-  /// forward() of a packed model, for pictures without a backward pass. SH may be rounded
-  /// (RenderSettings::packs_sh), and so may be colors. Of the pass only the counts and lists of
+  /// forward() of a packed model, for pictures without a backward pass. SH may be rounded,
+  /// and so may be colors. Of the pass only the counts and lists of
   /// tiles, picture and transmittance are defined; `splats` may be empty.
   virtual void draw(const PackedScene& scene, const Camera& camera, const RenderSettings& settings,
                     RenderPass& pass);

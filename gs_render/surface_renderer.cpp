@@ -53,7 +53,7 @@ SurfaceRenderer::SurfaceRenderer(Renderer& renderer, const GaussiansSpan& gaussi
   gaussians_.sh0 = sh0_.span();
   settings_.sh_degree = 0;
   settings_.background = Vec3f(0);
-  settings_.use_tensor_cores = settings_.fast_blending = false;
+  settings_.use_tensor_cores = false;
   settings_.for_backward = false;
 }
 

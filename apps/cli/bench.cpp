@@ -39,7 +39,7 @@ struct BenchCommand : CommandLine {
   int width = 1280, height = 720, views = 8;
   BenchmarkPlan plan;
   std::vector<std::string> against;
-  bool json = false, blenders = false, frame_steps = false, scores = false;
+  bool json = false, blenders = false, scores = false;
 };
 
 BenchmarkSubject generated_subject(const BenchCommand& command) {
@@ -117,8 +117,6 @@ BenchmarkReport measure(const BenchmarkSubject& subject, const BenchCommand& com
   const std::unique_ptr<Backend> backend = make_training_backend(subject.config.train);
   if (command.blenders && &backend->memory() == &host_memory())
     throw UsageError("--blenders compares the blenders of a GPU; add --device cuda");
-  if (command.frame_steps && &backend->memory() == &host_memory())
-    throw UsageError("--frame-steps compares frames of a GPU; add --device cuda");
   BenchmarkReport report;
   report.device = backend->name();
   {
@@ -135,14 +133,8 @@ BenchmarkReport measure(const BenchmarkSubject& subject, const BenchCommand& com
       log_info("timing rendering: {} views, {} frames each, at scale {:g}",
                subject.rendered_views().size(), 2 * plan.frames + 1, scale);
       const std::vector<View>& views = subject.rendered_views();
-      if (!command.frame_steps) {
-        report.rendering.push_back(time_rendering(*backend, model, views, subject.settings, plan,
-                                                  scale, usual_way(subject.settings)));
-        continue;
-      }
-      for (RenderingFigures& figures :
-           compare_frame_ways(*backend, model, views, subject.settings, plan, scale))
-        report.rendering.push_back(std::move(figures));
+      report.rendering.push_back(time_rendering(*backend, model, views, subject.settings, plan,
+                                                scale, FrameSource::packed));
     }
     if (command.blenders)
       report.blenders =
@@ -234,8 +226,6 @@ void add_bench(CLI::App& program) {
       ->type_name("FILE,...");
   verb.add_flag("--blenders", command->blenders,
                 "compare speed and pictures of the GPU's blenders with each kind of tile bounds");
-  verb.add_flag("--frame-steps", command->frame_steps,
-                "time frames in each way in which the GPU can draw them, and compare the pictures");
   verb.add_option("--lists", command->lists,
                   "also draw how many Gaussians each tile of the first view lists, with each kind "
                   "of tile bounds, into this folder")

@@ -82,7 +82,7 @@ void blend(Context& context, const RenderSettings& settings, RenderPass& pass) {
   const CudaScratch& scratch = pass.scratch<CudaScratch>();
   const Output out{pass.image.data(), pass.transmittance.data(), pass.last_instance.data(),
                    scratch.first_checkpoints.data(),
-                   makes_segments(settings) ? scratch.checkpoints() : nullptr};
+                   settings.for_backward ? scratch.checkpoints() : nullptr};
   with_rule(settings.blend_rule, [&](auto rule) {
     context.launch("blend", blend_kernel<rule()>, blend_blocks(pass.tile_count()), kBlendThreads,
                    tile_lists(pass), scratch.order(), settings.background, out);

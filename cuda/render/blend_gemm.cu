@@ -16,8 +16,7 @@
 //
 // Exponents are as exact as in fp32: the monomials of a pixel are exact in fp16, a coefficient is
 // the sum of two fp16 numbers (together they fill the 16 columns of one product), and sums are
-// fp32. Weights are split into two TF32 parts, or cut off to one with settings.fast_blending
-// (gemm_variants.cuh).
+// fp32. Weights are split into two TF32 parts.
 #include "cuda/render/gemm_pixels.cuh"
 #include "cuda/render/gemm_variants.cuh"
 
@@ -32,9 +31,8 @@ struct Output {
   float* checkpoints;                      // (.., pixels of a tile, 4)
 };
 
-template <BlendRule rule, bool with_history, bool fast, int height, class AnySplat_,
-          int edge_ = kTileWidth>
-struct Variant : PixelVariant<rule, with_history, fast, height> {
+template <BlendRule rule, bool with_history, int height, class AnySplat_, int edge_ = kTileWidth>
+struct Variant : PixelVariant<rule, with_history, height> {
   using AnySplat = AnySplat_;
   static constexpr int edge = edge_;  // of a tile
   static_assert(edge == kTileWidth || (height == kPart && !with_history));
@@ -138,7 +136,7 @@ int tile_edge_of(const Context& context, const RenderSettings& settings, const C
                  std::size_t gaussians) {
   const std::size_t pixels = std::size_t(camera.width) * camera.height;
   // The squares of TileBounds::square end with their tiles.
-  const bool is_wide = uses_view_splats(context, settings) && !makes_segments(settings) &&
+  const bool is_wide = blends_on_tensor_cores(context, settings) && !settings.for_backward &&
                        settings.bounds != TileBounds::square &&
                        gaussians <= kMostListed<kWideTile> && pixels >= kWidePicture &&
                        !has_small_subtiles(context, pixels);
@@ -158,21 +156,21 @@ void blend_gemm(Context& context, const RenderSettings& settings, RenderPass& pa
                    settings.background, out);
   };
   if (pass.tile_edge == kWideTile)
-    return with_rule_and_speed(settings, [&](auto rule, auto fast) {
-      launch(Variant<rule(), false, fast(), kPart, ViewSplat, kWideTile>(),
+    return with_rule(settings.blend_rule, [&](auto rule) {
+      launch(Variant<rule(), false, kPart, ViewSplat, kWideTile>(),
              static_cast<const ViewSplat*>(scratch.view_splats.data()));
     });
   with_constant(has_small_subtiles(context, pass.pixel_count()), [&](auto small) {
     constexpr int height = small() ? 4 : 8;
     if (settings.for_backward)
       return with_rule(settings.blend_rule, [&](auto rule) {
-        launch(Variant<rule(), true, false, height, Splat>(),
+        launch(Variant<rule(), true, height, Splat>(),
                static_cast<const Splat*>(pass.splats.data()));
       });
-    with_rule_and_speed(settings, [&](auto rule, auto fast) {
+    with_rule(settings.blend_rule, [&](auto rule) {
       with_splats(pass, [&](const auto* splats) {
         using AnySplat = std::remove_cvref_t<decltype(*splats)>;
-        launch(Variant<rule(), false, fast(), height, AnySplat>(), splats);
+        launch(Variant<rule(), false, height, AnySplat>(), splats);
       });
     });
   });

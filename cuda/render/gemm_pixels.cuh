@@ -13,7 +13,7 @@ inline constexpr float kClosed = -0.0f;
 /// The pixels of one warp between batches, row by row of the sub-tile. In shared memory.
 template <int height, bool with_history>
 struct PixelShared {
-  // of two rows, before the next batch, or kClosed; fast: of closed pixels, too
+  // of two rows, before the next batch, or kClosed
   float2 transmittance[height / 2][kWarp];
   float4 sums[height / 2][kWarp];     // of the second product: a lane's part of two rows
   std::uint32_t last[height][kWarp];  // 1 + position of a lane's last blended splat; 0: none
@@ -113,14 +113,7 @@ class SubtilePixels {
   __device__ float channel(float sum, float left, float behind) const {
     const float weights = __shfl_sync(kAllLanes, sum, kOwners - 1, kOwners);
     const float color = owner() < 3 ? sum : 0.0f;
-    if constexpr (Kind::fast)
-      return fmaf(left, behind, weights > 0 ? color * ((1.0f - left) / weights) : 0.0f);
-    else
-      return fmaf(left > 0 ? left : transmittance_at_the_end(1.0f - weights), behind, color);
-  }
-  // True if a pixel of this transmittance takes further fragments.
-  __device__ static bool is_open(float transmittance) {
-    return Kind::fast ? transmittance >= float(kMinTransmittance) : transmittance > 0;
+    return fmaf(left > 0 ? left : transmittance_at_the_end(1.0f - weights), behind, color);
   }
   // The transmittance of a closed pixel from 1 - sum of its weights.
   __device__ static float transmittance_at_the_end(float left) {
@@ -158,9 +151,7 @@ class SubtilePixels {
                              const float (&color_columns)[products][2], const Queue& queue) {
     constexpr int batch = 8 * products, owned = owned_of(batch);
     const float2 open_ = *pair.transmittance;
-    float open[2] = {open_.x, open_.y};
-    if (Kind::fast)
-      for (float& one : open) one = is_open(one) ? one : kClosed;
+    const float open[2] = {open_.x, open_.y};
     // This lane's fragments on their own: their weights, and the light that they let through.
     float weights[owned][2], light[2] = {kLight, kLight};
     int last[2] = {-1, -1};
@@ -168,8 +159,7 @@ class SubtilePixels {
     for (int i = 0; i < owned; ++i)
 #pragma unroll
       for (int r = 0; r < 2; ++r) {
-        float kept = exp2_fragment(exponents[i / 2][2 * r + i % 2]);
-        if (!Kind::fast) kept *= kLeast;
+        float kept = exp2_fragment(exponents[i / 2][2 * r + i % 2]) * kLeast;
         if (Kind::rule == BlendRule::classic) kept = fminf(kept, float(kMaxAlphaClassic) / kLight);
         if (Kind::with_history && kept > 0) last[r] = i;
         weights[i][r] = kept * light[r];
@@ -198,21 +188,13 @@ class SubtilePixels {
           continue;
         }
         weigh_to_the_end(weights, r, reaching[r], last[r]);
-        if constexpr (Kind::fast) {
-          const float after = open[r] - sum_of_owners(weights, r);
-          if (ends) left[r] = after;
-        } else if (ends) {
-          left[r] = kClosed;
-        }
+        if (ends) left[r] = kClosed;
       }
-      if (!__any_sync(kAllLanes, is_open(fmaxf(left[0], left[1])))) open_pairs_ &= ~pair.bit;
+      // A closed pixel is -0.
+      if (!__any_sync(kAllLanes, fmaxf(left[0], left[1]) > 0)) open_pairs_ &= ~pair.bit;
     } else {
       scale(weights, 0, reaching[0]);
       scale(weights, 1, reaching[1]);
-    }
-    if (Kind::fast) {
-      if (open[0] == kClosed) left[0] = open_.x;
-      if (open[1] == kClosed) left[1] = open_.y;
     }
     add_colors(*pair.sums, weights, color_columns);
     *pair.transmittance = {left[0], left[1]};
@@ -250,16 +232,6 @@ class SubtilePixels {
     }
   }
 
-  // The sum of a pixel's weights over its four lanes.
-  template <int owned>
-  __device__ static float sum_of_owners(const float (&weights)[owned][2], int r) {
-    float sum = 0;
-#pragma unroll
-    for (int i = 0; i < owned; ++i) sum += weights[i][r];
-    sum += of_partner(sum, 1);
-    return sum + of_partner(sum, 2);
-  }
-
   // sums += [pixels x splats] [splats x colors]
   template <int owned, int products>
   __device__ static void add_colors(float4& sums, const float (&weights)[owned][2],
@@ -269,10 +241,7 @@ class SubtilePixels {
     for (int j = 0; j < products; ++j) {
       const float part[4] = {weights[2 * j][0], weights[2 * j][1], weights[2 * j + 1][0],
                              weights[2 * j + 1][1]};
-      if (Kind::fast)
-        multiply_add_16x8x8(high, part, columns[j]);
-      else
-        multiply_add_in_parts(high, low, part, columns[j]);
+      multiply_add_in_parts(high, low, part, columns[j]);
     }
     sums = {high[0] + low[0], high[1] + low[1], high[2] + low[2], high[3] + low[3]};
   }

@@ -13,20 +13,13 @@ inline constexpr int kHistoryBlocks = 5;  // the same with history
 inline constexpr int kSmallPicture = 3;
 
 /// A variant of the pixels that a warp blends.
-///
-/// In a fast one weights go into the product of colors cut off to TF32, as the tensor cores read
-/// them. The pixel's color is divided by the sum of these weights and multiplied by that of the
-/// uncut ones, which is 1 - transmittance: what remains of the cuts is their scatter, times
-/// differences of color within the pixel.
-template <BlendRule rule_, bool with_history_, bool fast_, int height_>
+template <BlendRule rule_, bool with_history_, int height_>
 struct PixelVariant {
-  static_assert(!fast_ || (!with_history_ && rule_ == BlendRule::faster_gs));
   static constexpr BlendRule rule = rule_;
   static constexpr bool with_history = with_history_;  // for the backward pass: last, checkpoints
-  static constexpr bool fast = fast_;                  // for viewing
   static constexpr int height = height_;               // pixels of a sub-tile
   static constexpr bool has_part = height == kPart;
-  using Queue = SplatQueue<with_history, has_part ? kBatch : 2 * kBatch, fast>;
+  using Queue = SplatQueue<with_history, has_part ? kBatch : 2 * kBatch>;
   static constexpr int blocks = with_history ? kHistoryBlocks : kBlocks;
 };
 
@@ -45,16 +38,4 @@ void with_constant(bool value, F&& f) {
   else
     f(std::false_type());
 }
-/// For a picture without a backward pass: calls f with the blend rule, and with whether blending is
-/// fast. It is exact under the classic rule, where a pixel's end may be worth 1 % of its light.
-template <class F>
-void with_rule_and_speed(const RenderSettings& settings, F&& f) {
-  with_rule(settings.blend_rule, [&](auto rule) {
-    if constexpr (rule() == BlendRule::classic)
-      f(rule, std::false_type());
-    else
-      with_constant(settings.fast_blending, [&](auto fast) { f(rule, fast); });
-  });
-}
-
 }  // namespace gs::cuda

@@ -16,7 +16,7 @@ namespace gs::cuda {
 
 inline Buffer<Vec4f>& sort_room(const RenderSettings& settings, Workspace& workspace,
                                 RenderPass& pass) {
-  return makes_segments(settings) ? pass.scratch<CudaScratch>().room : workspace.sort_room;
+  return settings.for_backward ? pass.scratch<CudaScratch>().room : workspace.sort_room;
 }
 
 /// Checkpoints of lists with at most so many instances, in pixels.
@@ -60,7 +60,7 @@ inline void reserve_instances(const RenderSettings& settings, Buffer<Vec4f>& roo
   const std::size_t bytes = sizeof(std::uint32_t) + 2 * key_bytes;
   const std::size_t instances = (capacity * bytes) / sizeof(Vec4f) + 3;  // three arrays, rounded up
   const std::size_t size =
-      std::max(instances, makes_segments(settings) ? checkpoint_pixels(capacity) : 0);
+      std::max(instances, settings.for_backward ? checkpoint_pixels(capacity) : 0);
   if (room.size() < size) room.resize_discard(size);
   pass.tile_splats.resize_discard(capacity);
 }

@@ -53,10 +53,10 @@ __global__ void __launch_bounds__(kThreads)
   boxes[blockIdx.x] = box;
 }
 
-template <int degree, bool is_float>
+template <int degree>
 __global__ void __launch_bounds__(kThreads)
     pack_colors_kernel(Span<Vec3f> sh0, Span<ShRest> sh_rest, float4* colors) {
-  using Row = ColorRow<degree, is_float>;
+  using Row = ColorRow<degree>;
   const std::size_t i = std::size_t(blockIdx.x) * kThreads + threadIdx.x;
   if (i >= sh0.size) return;
   Row row{};
@@ -65,12 +65,8 @@ __global__ void __launch_bounds__(kThreads)
     const ShRest& rest = sh_rest[i];
     constexpr int kNumbers = kShNumbersInUse<degree>;
     const float* const numbers = &rest.coefficient[0].x;
-    if constexpr (is_float) {
-      for (int k = 0; k < sh_rest_count(degree); ++k) row.rest[k] = rest.coefficient[k];
-    } else {
-      row.scale = packed_sh_scale(numbers, kNumbers);
-      for (int k = 0; k < kNumbers; ++k) row.rest[k] = packed_sh(numbers[k], row.scale);
-    }
+    row.scale = packed_sh_scale(numbers, kNumbers);
+    for (int k = 0; k < kNumbers; ++k) row.rest[k] = packed_sh(numbers[k], row.scale);
   }
   reinterpret_cast<Row*>(colors)[i] = row;
 }
@@ -121,9 +117,9 @@ __device__ void start_color_copy(Shared& shared, const float4* colors, int rows,
 }
 
 // The color of this lane's row.
-template <int degree, bool is_float>
+template <int degree>
 __device__ Vec3f color_of(const float4* from, const Vec3f& direction) {
-  using Row = ColorRow<degree, is_float>;
+  using Row = ColorRow<degree>;
   union Copy {
     __device__ Copy() {}
     float4 vectors[sizeof(Row) / sizeof(float4)];
@@ -134,8 +130,6 @@ __device__ Vec3f color_of(const float4* from, const Vec3f& direction) {
   const Row& row = copy.row;
   if constexpr (degree == 0)
     return sh_color(0, direction, row.sh0, static_cast<const Vec3f*>(nullptr));
-  else if constexpr (is_float)
-    return sh_color(degree, direction, row.sh0, row.rest);
   else
     return packed_sh_color(degree, direction, row.sh0, row.scale, row.rest);
 }
@@ -172,11 +166,11 @@ __device__ void take_color(ViewSplat& splat, const Vec3f& color) {
   splat.color = packed_color(color);
 }
 
-template <int degree, bool is_float, int edge, class AnySplat>
+template <int degree, int edge, class AnySplat>
 __global__ void __launch_bounds__(kThreads)
     preprocess_packed_kernel(Input in, Camera camera, SplatSettings settings, AnySplat* splats,
                              ProjectedRows out) {
-  using Shared = WarpShared<ColorRow<degree, is_float>, edge>;
+  using Shared = WarpShared<ColorRow<degree>, edge>;
   __shared__ Shared shared_of_warps[kThreads / kWarp];
   Shared& shared = shared_of_warps[threadIdx.x / kWarp];
   const std::size_t i = std::size_t(blockIdx.x) * kThreads + threadIdx.x;
@@ -204,9 +198,8 @@ __global__ void __launch_bounds__(kThreads)
     hits = count_hit_tiles(shared, outline_of(splat), pixels, settings.bounds);
     finish_copies();
     if (hits > 0) {
-      const Vec3f color =
-          color_of<degree, is_float>(shared.colors + lane_of_thread() * Shared::kStride,
-                                     unit_direction(camera.position(), ellipsoid.mean));
+      const Vec3f color = color_of<degree>(shared.colors + lane_of_thread() * Shared::kStride,
+                                           unit_direction(camera.position(), ellipsoid.mean));
       if (!is_finite(color)) hits = 0;
       take_color(splat, color);
     }
@@ -217,22 +210,11 @@ __global__ void __launch_bounds__(kThreads)
   store_in_vectors(splats + i, splat);
 }
 
-// Calls f(degree, is_float), two constants.
-template <class F>
-void with_row(const CudaPackedScene& scene, F&& f) {
-  with_sh_degree(scene.sh_degree, [&](auto degree) {
-    if (scene.has_float_sh)
-      f(degree, std::true_type());
-    else
-      f(degree, std::false_type());
-  });
-}
-
 }  // namespace
 
 CudaPackedScene::CudaPackedScene(Context& context, Memory& memory, const GaussiansSpan& gaussians,
                                  const RenderSettings& settings)
-    : PackedScene(gaussians), sh_degree(settings.sh_degree), has_float_sh(!settings.packs_sh),
+    : PackedScene(gaussians), sh_degree(settings.sh_degree),
       ellipsoids(gaussians.mean.size, memory),
       boxes(blocks_for(gaussians.mean.size, kRowsOfBox), memory), colors(memory) {
   GS_CHECK(!gaussians.has_time);
@@ -245,10 +227,10 @@ CudaPackedScene::CudaPackedScene(Context& context, Memory& memory, const Gaussia
     pack_ellipsoids(pack_ellipsoids_kernel<true>);
   else
     pack_ellipsoids(pack_ellipsoids_kernel<false>);
-  with_row(*this, [&](auto degree, auto is_float) {
-    using Row = ColorRow<degree(), is_float()>;
+  with_sh_degree(sh_degree, [&](auto degree) {
+    using Row = ColorRow<degree()>;
     colors.resize(count() * (sizeof(Row) / sizeof(float4)));
-    context.launch("pack colors", pack_colors_kernel<degree(), is_float()>, boxes.size(), kThreads,
+    context.launch("pack colors", pack_colors_kernel<degree()>, boxes.size(), kThreads,
                    gaussians.sh0, gaussians.sh_rest, colors.data());
   });
 }
@@ -257,7 +239,7 @@ void preprocess(Context& context, const CudaPackedScene& scene, const Camera& ca
                 const RenderSettings& settings, Workspace& workspace, RenderPass& pass) {
   const StageScope scope(context, "preprocess");
   CudaScratch& scratch = pass.scratch<CudaScratch>();
-  scratch.has_view_splats = uses_view_splats(context, settings);
+  scratch.has_view_splats = blends_on_tensor_cores(context, settings);
   pass.begin(camera, scene.count(), !scratch.has_view_splats, true,
              tile_edge_of(context, settings, camera, scene.count()));
   scratch.view_splats.resize_discard(scratch.has_view_splats ? scene.count() : 0);
@@ -268,10 +250,10 @@ void preprocess(Context& context, const CudaPackedScene& scene, const Camera& ca
                  scene.colors.data(),
                  pass.tiles_x,
                  pass.tiles_y};
-  with_row(scene, [&](auto degree, auto is_float) {
+  with_sh_degree(scene.sh_degree, [&](auto degree) {
     with_tiles(pass, [&](auto edge, auto* splats) {
       using AnySplat = std::remove_pointer_t<decltype(splats)>;
-      context.launch("preprocess", preprocess_packed_kernel<degree(), is_float(), edge(), AnySplat>,
+      context.launch("preprocess", preprocess_packed_kernel<degree(), edge(), AnySplat>,
                      blocks_for(scene.count(), kThreads), kThreads, in, camera, settings, splats,
                      projected_rows(settings, workspace, pass));
     });

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Gaussians as frames for viewing read them (Renderer::pack): in place of parameters what every
-// view of them begins with. A Gaussian of SH degree 3 takes 152 bytes, or 232 with its SH in float,
-// and preprocess reads the 112 or 192 of its color only where it may be visible. Models in space
+// view of them begins with. A Gaussian of SH degree 3 takes 152 bytes,
+// and preprocess reads the 112 of its color only where it may be visible. Models in space
 // and time have another shape at each moment and are not packed.
 #pragma once
 
@@ -13,28 +13,19 @@ namespace gs::cuda {
 /// Rows that share a box, and are preprocessed by one block of threads.
 inline constexpr int kRowsOfBox = 128;
 
-/// The color of one Gaussian: SH beyond degree 0 in 16 bits with one scale (packed_sh.h), or in
-/// float. Copied 16 bytes at a time.
-template <int degree, bool is_float>
+/// The color of one Gaussian: SH beyond degree 0 in 16 bits with one scale (packed_sh.h). Copied 16
+/// bytes at a time.
+template <int degree>
 struct alignas(16) ColorRow {
   Vec3f sh0;
   float scale;
-  std::int16_t rest[degree > 0 ? 3 * sh_rest_count(degree) : 1];
-};
-template <int degree>
-struct alignas(16) ColorRow<degree, true> {
-  Vec3f sh0;
-  Vec3f rest[degree > 0 ? sh_rest_count(degree) : 1];
+  std::int16_t rest[3 * sh_rest_count(degree)];
 };
 template <>
-struct alignas(16) ColorRow<0, false> {
+struct alignas(16) ColorRow<0> {
   Vec3f sh0;
 };
-template <>
-struct alignas(16) ColorRow<0, true> {
-  Vec3f sh0;
-};
-static_assert(sizeof(ColorRow<3, false>) == 112 && sizeof(ColorRow<3, true>) == 192);
+static_assert(sizeof(ColorRow<3>) == 112);
 
 /// A packed model in device memory.
 class CudaPackedScene final : public PackedScene {
@@ -49,7 +40,6 @@ class CudaPackedScene final : public PackedScene {
   }
 
   int sh_degree;
-  bool has_float_sh;
   Buffer<Ellipsoid> ellipsoids;  // (N)
   Buffer<Box3> boxes;            // (N / kRowsOfBox, rounded up)
   Buffer<float4> colors;         // (N) ColorRows of sh_degree

@@ -74,7 +74,7 @@ void CudaRenderer::draw_frame(std::size_t gaussians, const Camera& camera,
                               const Project& project) {
   pass.background = settings.background;
   const FrameKind kind{camera.width, camera.height, gaussians};
-  const std::uint32_t capacity = makes_segments(settings) ? 0 : forecast_.capacity_for(kind);
+  const std::uint32_t capacity = settings.for_backward ? 0 : forecast_.capacity_for(kind);
   if (capacity > 0 && draw_within(capacity, kind, settings, pass, project)) return;
   project();
   order_by_depth(context_, settings, workspace_, pass, gaussians);

@@ -153,7 +153,7 @@ __global__ void __launch_bounds__(kThreads)
 constexpr std::size_t kMostOrderedTiles = 16'000;
 
 bool are_ordered(const RenderSettings& settings, const RenderPass& pass) {
-  return makes_segments(settings) || pass.tile_count() <= kMostOrderedTiles;
+  return settings.for_backward || pass.tile_count() <= kMostOrderedTiles;
 }
 
 void order_tiles(Context& context, Workspace& workspace, RenderPass& pass) {
@@ -285,7 +285,7 @@ void sort_by_tile(Context& context, const RenderSettings& settings, Workspace& w
     run(std::uint16_t());
   else
     run(std::uint32_t());
-  if (makes_segments(settings))
+  if (settings.for_backward)
     order_for_blending(context, pass, capacity);
   else if (are_ordered(settings, pass))
     order_tiles(context, workspace, pass);

@@ -5,8 +5,7 @@
 //   exponents  [pixels x 6] [6 x splats]
 //              A splat is a column of six coefficients about the sub-tile's center. A coefficient v
 //              is hi + lo, two fp16 numbers with 22 bits together. The first two coefficients are
-//              the largest and get a third fp16 number. The column of 1 has room for a fourth one:
-//              of a fast picture the exponent of kLeast.
+//              the largest and get a third fp16 number.
 //   colors     [pixels x splats] [splats x 8]
 //              A splat is a row: a TF32 part and the rest of each channel, then 1 and 0. The column
 //              of ones sums the weights.
@@ -34,9 +33,8 @@ struct alignas(16) QueueColors {
 
 // A fragment is dropped where 255 alpha < 1. The product (255 alpha) kLeast flushes to zero exactly
 // there, since kLeast is the smallest normal number, so that no comparison is needed. Light is
-// scaled by kLight = 1 / (255 kLeast) to make up for both factors. For fast pictures, exponents
-// contain that of kLeast, which saves the product and costs them three bits.
-inline constexpr float kLeast = 0x1p-126f, kLeastExponent = -126.0f;
+// scaled by kLight = 1 / (255 kLeast) to make up for both factors.
+inline constexpr float kLeast = 0x1p-126f;
 inline constexpr float kLight = float(kMinAlpha) / kLeast;
 
 /// Shared memory of one warp's queue, for one batch or two. Positions are stored only for the
@@ -69,8 +67,8 @@ __device__ inline float log2_opacity(const ViewSplat& splat) { return splat.log2
 __device__ inline Vec3f color_of(const ViewSplat& splat) { return unpacked_color(splat.color); }
 
 /// A queue of one batch must be empty when it takes splats. A queue of two batches takes splats
-/// while less than one batch waits. `fast`: exponents contain that of kLeast.
-template <bool with_positions, unsigned places, bool fast>
+/// while less than one batch waits.
+template <bool with_positions, unsigned places>
 class SplatQueue {
  public:
   using Shared = QueueShared<with_positions, places>;
@@ -194,7 +192,7 @@ class SplatQueue {
     // The third fp16 number of the first two coefficients.
     rest = minus(rest, low[0]);
     high[3] = __floats2half2_rn(rest.x, rest.y);
-    low[3] = __floats2half2_rn(fast ? kLeastExponent : 0.0f, 0.0f);
+    low[3] = __floats2half2_rn(0.0f, 0.0f);
     shared_.high[column] = *reinterpret_cast<const uint4*>(high);
     shared_.low[column] = *reinterpret_cast<const uint4*>(low);
     QueueColors& colors = shared_.colors[place / kBatch];

@@ -82,53 +82,6 @@ Workload of_training(Workload workload, const std::vector<View>& views, const Co
   return workload;
 }
 
-// Draws a model in one way.
-class FrameDrawer {
- public:
-  FrameDrawer(Backend& backend, const TrainingModel& model, const RenderSettings& settings,
-              const FrameWay& way)
-      : backend_(backend), settings_(settings) {
-    settings_.for_backward = false;
-    settings_.counted_frames = way.is_counted;
-    settings_.packs_sh = way.packs_sh;
-    settings_.full_splats = way.full_splats;
-    const GaussiansSpan gaussians = model.gaussians.span();
-    scene_ = way.is_packed ? backend_.renderer().pack(gaussians, settings_)
-                           : std::make_unique<PackedScene>(gaussians);
-  }
-  void draw(const Camera& camera, RenderPass& pass) const {
-    backend_.renderer().draw(*scene_, camera, settings_, pass);
-  }
-
- private:
-  Backend& backend_;
-  RenderSettings settings_;
-  std::unique_ptr<PackedScene> scene_;
-};
-
-// The pictures of one way compared with those of another.
-FrameDifference difference_of(const FrameDrawer& from, const FrameDrawer& to, Memory& memory,
-                              const std::vector<View>& views, double scale) {
-  RenderPass expected(memory), actual(memory);
-  double squares = 0, count = 0;
-  FrameDifference difference;
-  for (const View& view : views) {
-    const Camera camera = at_scale(view.camera, scale);
-    from.draw(camera, expected);
-    to.draw(camera, actual);
-    const std::vector<float> a = expected.image.download(), b = actual.image.download();
-    for (std::size_t i = 0; i < a.size(); ++i) {
-      const double error = std::abs(double(a[i]) - b[i]);
-      squares += error * error;
-      difference.largest = std::max(difference.largest, error);
-    }
-    count += double(a.size());
-  }
-  difference.psnr =
-      squares > 0 ? -10 * std::log10(squares / count) : std::numeric_limits<double>::infinity();
-  return difference;
-}
-
 }  // namespace
 
 double median(std::vector<double> values) {
@@ -243,12 +196,17 @@ double forecast_gpu_bytes(const TrainingModel& model, const std::vector<View>& v
 
 RenderingFigures time_rendering(Backend& backend, TrainingModel& model,
                                 const std::vector<View>& views, const RenderSettings& settings,
-                                const BenchmarkPlan& plan, double scale, const FrameWay& way) {
+                                const BenchmarkPlan& plan, double scale, FrameSource source) {
   RenderPass pass(backend.memory());
-  const FrameDrawer drawer(backend, model, settings, way);
+  RenderSettings viewing = settings;
+  viewing.for_backward = false;
+  const bool is_packed = source == FrameSource::packed;
+  const GaussiansSpan gaussians = model.gaussians.span();
+  const std::unique_ptr<PackedScene> scene = is_packed ? backend.renderer().pack(gaussians, viewing)
+                                                       : std::make_unique<PackedScene>(gaussians);
   const auto milliseconds_of_frame = [&](const Camera& camera) {
     const double begin = milliseconds_now();
-    drawer.draw(camera, pass);
+    backend.renderer().draw(*scene, camera, viewing, pass);
     backend.synchronize(model);
     return milliseconds_now() - begin;
   };
@@ -259,10 +217,11 @@ RenderingFigures time_rendering(Backend& backend, TrainingModel& model,
   };
 
   RenderingFigures figures;
-  figures.way = &backend.memory() == &host_memory() ? "scalar" : way.name;
+  figures.way = &backend.memory() == &host_memory() ? "scalar"
+                : is_packed                         ? "packed"
+                                                    : "parameters";
   figures.scale = scale;
-  figures.mean.is_packed = way.is_packed && !model.gaussians.has_time;
-  figures.mean.has_packed_sh = way.packs_sh;
+  figures.mean.is_packed = is_packed && !model.gaussians.has_time;
   std::vector<Camera> cameras;
   for (const View& view : views) cameras.push_back(at_scale(view.camera, scale));
   figures.width = cameras.front().width;
@@ -278,24 +237,6 @@ RenderingFigures time_rendering(Backend& backend, TrainingModel& model,
   figures.stages = figures_of(backend, figures.mean);
   backend.set_profiling(false);
   return figures;
-}
-
-FrameWay usual_way(const RenderSettings& settings) {
-  return {"packed", false, true, settings.packs_sh, false};
-}
-
-std::vector<RenderingFigures> compare_frame_ways(Backend& backend, TrainingModel& model,
-                                                 const std::vector<View>& views,
-                                                 const RenderSettings& settings,
-                                                 const BenchmarkPlan& plan, double scale) {
-  std::vector<RenderingFigures> all;
-  for (const FrameWay& way : kFrameWays) {
-    all.push_back(time_rendering(backend, model, views, settings, plan, scale, way));
-    const FrameDrawer counted(backend, model, settings, kFrameWays[0]),
-        drawer(backend, model, settings, way);
-    all.back().difference = difference_of(counted, drawer, backend.memory(), views, scale);
-  }
-  return all;
 }
 
 std::optional<double> copy_gb_per_second(Backend& backend) {

@@ -35,37 +35,16 @@ struct TrainingFigures {
   std::vector<StageFigures> stages;  // empty if the backend does not time stages
 };
 
-/// A way to draw frames. The GPU's are those before and after each step that made frames faster up
-/// to "packed", which is what the program does.
-struct FrameWay {
-  const char* name;
-  bool is_counted;  // waits for the count of instances, and makes segments
-  bool is_packed;   // Renderer::pack
-  bool packs_sh;
-  bool full_splats;  // of 48 bytes; false: of 32, from a packed model on tensor cores
-};
-inline constexpr FrameWay kFrameWays[] = {
-    {"counted", true, false, false, true},
-    {"launched at once", false, false, false, true},
-    {"packed, SH in float, splats of 48 bytes", false, true, false, true},
-    {"packed, splats of 48 bytes", false, true, true, true},
-    {"packed", false, true, true, false}};
-inline constexpr FrameWay kPlainFrames = kFrameWays[1];
-
-/// How pictures differ from those of counted frames.
-struct FrameDifference {
-  double psnr = 0;     // dB; infinite where they are the same
-  double largest = 0;  // of a channel
-};
+/// What frames are drawn from.
+enum class FrameSource { packed, parameters };  // Renderer::pack, or the Gaussians as they are
 
 struct RenderingFigures {
-  std::string way;  // name of its FrameWay
+  std::string way;  // packed, parameters, or scalar
   double scale = 1;
   int width = 0, height = 0;  // pixels, of the first view
   Workload mean;              // over the views
   double ms_per_frame = 0;    // median of each view's frames, mean over the views
   std::vector<StageFigures> stages;
-  std::optional<FrameDifference> difference;  // where ways are compared
 };
 
 /// Of an even number of values, the mean of the two in the middle; 0 for none.
@@ -107,19 +86,10 @@ double forecast_gpu_bytes(const TrainingModel& model, const std::vector<View>& v
                           const RenderSettings& settings, const Config& config,
                           const Workload& workload);
 
-/// The way of `settings`: packed, with SH as they say.
-FrameWay usual_way(const RenderSettings& settings);
-
 /// Times frames of every view at `scale` times its size, which check_scales() has accepted.
 RenderingFigures time_rendering(Backend& backend, TrainingModel& model,
                                 const std::vector<View>& views, const RenderSettings& settings,
-                                const BenchmarkPlan& plan, double scale, const FrameWay& way);
-
-/// The same for every way, with the difference of pictures.
-std::vector<RenderingFigures> compare_frame_ways(Backend& backend, TrainingModel& model,
-                                                 const std::vector<View>& views,
-                                                 const RenderSettings& settings,
-                                                 const BenchmarkPlan& plan, double scale);
+                                const BenchmarkPlan& plan, double scale, FrameSource source);
 
 /// Bandwidth of copies within the backend's memory, reads and writes together, in 1e9 bytes per
 /// second. Nothing if there is too little memory for it.

@@ -48,7 +48,7 @@ const Json* frames(const Json& report) {
   const Json* const render = member(report, "render");
   return render && render->is_array() && !render->empty() ? render : nullptr;
 }
-// The fastest way of a size: `bench --frame-steps` times several.
+// The fastest way of a size: reports of older versions may have several.
 std::optional<double> milliseconds_of_frame(const Json& report, const Size& size) {
   std::optional<double> least;
   if (const Json* const all = frames(report))

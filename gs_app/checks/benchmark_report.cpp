@@ -40,21 +40,15 @@ Json stages_json(const std::vector<StageFigures>& stages, const BenchmarkReport&
 }
 
 Json rendering_json(const RenderingFigures& figures, const BenchmarkReport& report) {
-  Json json = {{"way", figures.way},
-               {"scale", figures.scale},
-               {"width", figures.width},
-               {"height", figures.height},
-               {"visible", figures.mean.visible},
-               {"instances", figures.mean.instances},
-               {"longest_list", figures.mean.longest_list},
-               {"ms_per_frame", figures.ms_per_frame},
-               {"stages", stages_json(figures.stages, report)}};
-  if (const auto& difference = figures.difference) {
-    json["psnr_to_counted"] =
-        std::isfinite(difference->psnr) ? Json(difference->psnr) : Json(nullptr);
-    json["largest_difference_to_counted"] = difference->largest;
-  }
-  return json;
+  return {{"way", figures.way},
+          {"scale", figures.scale},
+          {"width", figures.width},
+          {"height", figures.height},
+          {"visible", figures.mean.visible},
+          {"instances", figures.mean.instances},
+          {"longest_list", figures.mean.longest_list},
+          {"ms_per_frame", figures.ms_per_frame},
+          {"stages", stages_json(figures.stages, report)}};
 }
 
 Json blender_json(const BlenderFigures& figures) {
@@ -79,14 +73,11 @@ constexpr const char* kStepProtocol =
     "wall time of the timed steps over their number, with the wait for the device at the end; all "
     "stages from projection to Adam; without loading, decoding and uploading photos, density "
     "control and evaluation";
-std::string frame_protocol(const RenderSettings& settings) {
-  return fmt::format(
-      "the host's clock from a camera to a picture in the device's memory (three channels and "
-      "transmittance in fp32), with the wait for the device at the end of each frame; the median "
-      "of a view's frames, the mean over the views; the model lies ready in memory, SH beyond "
-      "degree 0 in {} bits; blending is {}",
-      settings.packs_sh ? 16 : 32, settings.fast_blending ? "fast" : "exact");
-}
+constexpr const char* kFrameProtocol =
+    "the host's clock from a camera to a picture in the device's memory (three channels and "
+    "transmittance in fp32), with the wait for the device at the end of each frame; the median "
+    "of a view's frames, the mean over the views; the model lies ready in memory, SH beyond "
+    "degree 0 in 16 bits";
 
 // As a table
 
@@ -167,7 +158,7 @@ std::string report_json(const BenchmarkSubject& subject, const BenchmarkPlan& pl
                {"train_views", subject.train_views.size()},
                {"test_views", subject.test_views.size()}};
   json["clock_mhz"] = or_null(report.clock_mhz);
-  json["protocol"] = {{"step", kStepProtocol}, {"frame", frame_protocol(subject.settings)}};
+  json["protocol"] = {{"step", kStepProtocol}, {"frame", kFrameProtocol}};
   json["train"] = {{"steps", plan.steps},
                    {"warmup", plan.warmup},
                    {"ms_per_step", report.training.ms_per_step},
@@ -212,9 +203,6 @@ std::string report_text(const BenchmarkSubject& subject, const BenchmarkPlan& pl
     text += fmt::format("\nrendering: {:.3f} ms per frame, {}x{}, {} {} views, {}\n",
                         figures.ms_per_frame, figures.width, figures.height, rendered,
                         subject.test_views.empty() ? "training" : "test", figures.way);
-    if (const auto& difference = figures.difference)
-      text += fmt::format("  PSNR to counted frames {:.1f} dB, largest difference {:.1e}\n",
-                          difference->psnr, difference->largest);
     text += "  " + workload_text(figures.mean) + "\n" + stages_text(figures.stages, report);
   }
   text += scores_text(report.scores) + blenders_text(report.blenders) + report.list_table + "\n";

@@ -14,10 +14,9 @@ namespace {
 
 struct Blender {
   const char* name;
-  bool use_tensor_cores, fast_blending;
+  bool use_tensor_cores;
 };
-constexpr Blender kBlenders[] = {
-    {"simt", false, false}, {"gemm", true, false}, {"gemm fast", true, true}};
+constexpr Blender kBlenders[] = {{"simt", false}, {"gemm", true}};
 struct Bounds {
   const char* name;
   TileBounds bounds;
@@ -135,12 +134,11 @@ std::vector<BlenderFigures> compare_blenders(Backend& backend, TrainingModel& mo
         log_info("blenders: {}, {} at scale {:g}", bounds.name, blender.name, scale);
         RenderSettings simt = settings;
         simt.bounds = bounds.bounds;
-        simt.for_backward = simt.use_tensor_cores = simt.fast_blending = false;
+        simt.for_backward = simt.use_tensor_cores = false;
         RenderSettings own = simt;
         own.use_tensor_cores = blender.use_tensor_cores;
-        own.fast_blending = blender.fast_blending;
         const RenderingFigures timed =
-            time_rendering(backend, model, views, own, plan, scale, kPlainFrames);
+            time_rendering(backend, model, views, own, plan, scale, FrameSource::parameters);
 
         BlenderFigures figures{bounds.name, blender.name, scale, timed.width, timed.height};
         figures.instances = timed.mean.instances;

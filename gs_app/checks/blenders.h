@@ -13,7 +13,7 @@ namespace gs {
 /// One combination at one scale, over all views.
 struct BlenderFigures {
   std::string bounds;   // exact, box, square
-  std::string blender;  // simt, gemm, gemm fast
+  std::string blender;  // simt, gemm
   double scale = 1;
   int width = 0, height = 0;
   double instances = 0;  // of a view, mean

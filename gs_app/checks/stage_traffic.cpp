@@ -14,15 +14,15 @@ namespace {
 // bytes a Gaussian
 constexpr double kShape = sizeof(Vec3f) + sizeof(Vec3f) + sizeof(Quatf) + sizeof(float);
 constexpr double kCount = 4, kDepth = 4, kIndex = 4;  // bytes each
-constexpr double kGradientSum = 48;                               // bytes; dL/d(splat), padded
-constexpr double kDigit = 8;                                      // bits per pass of a radix sort
+constexpr double kGradientSum = 48;                   // bytes; dL/d(splat), padded
+constexpr double kDigit = 8;                          // bits per pass of a radix sort
 
 double sh_rest_bytes(const Workload& w) { return 12.0 * sh_rest_count(w.sh_degree); }
 /// A packed model's ellipsoid, and its color in whole vectors of 16 bytes.
 constexpr double kEllipsoid = sizeof(Vec3f) + 6 * sizeof(float) + sizeof(float);
 double packed_color_bytes(const Workload& w) {
   const double numbers = 3.0 * sh_rest_count(w.sh_degree);
-  const double bytes = w.has_packed_sh ? 16 + 2 * numbers : 12 + 4 * numbers;
+  const double bytes = 16 + 2 * numbers;
   return 16 * std::ceil(bytes / 16);
 }
 // The size of both moments, as a share of that of the parameters.
@@ -50,8 +50,8 @@ constexpr Rule kRules[] = {
          return w.gaussians * (kEllipsoid + kCount + kDepth) +
                 w.visible * (packed_color_bytes(w) + w.splat_bytes + sizeof(Rect));
        return w.gaussians * (kShape + 12 + kCount + kDepth) +
-              w.visible * (sh_rest_bytes(w) + w.splat_bytes + (w.has_depths ? kDepth : 0) +
-                           sizeof(Rect));
+              w.visible *
+                  (sh_rest_bytes(w) + w.splat_bytes + (w.has_depths ? kDepth : 0) + sizeof(Rect));
      }},
     // Sorts all by the bits of the depth that make its key; sums the counts in that order (reads
     // order and count, writes the sum).

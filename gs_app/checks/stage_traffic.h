@@ -20,10 +20,9 @@ struct Workload {
   double pixels = 0;        // P
   double tiles = 0;
   int sh_degree = 3;
-  bool is_packed = false;     // stage 1 reads a packed model (Renderer::pack)
-  bool has_packed_sh = true;  // whose SH is packed, too
-  bool has_depths = true;     // stage 1 writes depths, which a packed model does not have
-  double splat_bytes = 48;    // one splat
+  bool is_packed = false;   // stage 1 reads a packed model (Renderer::pack)
+  bool has_depths = true;   // stage 1 writes depths, which a packed model does not have
+  double splat_bytes = 48;  // one splat
   MomentForm moments = MomentForm::floats;
 };
 

@@ -76,8 +76,6 @@ struct RenderConfig {
   Truncation truncation = Truncation::alpha;
   TileBounds bounds = TileBounds::exact;
   BlendKernel blend = BlendKernel::gemm;
-  Precision precision = Precision::full;
-  bool packed_sh = true;  // frames for viewing hold SH in 16 bits
   bool antialias = false;
   bool antialias_detach = true;  // no gradient from the opacity compensation to the covariance
   float near_plane = 0.2f;

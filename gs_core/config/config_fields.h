@@ -99,8 +99,6 @@ void visit_fields(AnyConfig& config, Visitor&& visit) {
   field("render.truncation",            render.truncation,            "",            one_of<Truncation>(),    retrain, "where a Gaussian ends: where its alpha falls below 1/255, or at 2, 3 or 4 standard deviations", kFaster);
   field("render.bounds",                render.bounds,                "",            one_of<TileBounds>(),    retrain, "which tiles list a Gaussian: the tiles that it touches, its bounding box, or a square of 3 standard deviations", kFaster);
   field("render.blend",                 render.blend,                 "",            one_of<BlendKernel>(),   retrain, "how the GPU blends: gemm on tensor cores, if there are any; simt without them", "GEMM-GS");
-  field("render.precision",             render.precision,             "",            one_of<Precision>(),     retrain, "fast: a GPU blends pictures for viewing in less time, with errors of some 1e-5; training is always exact");
-  field("render.packed_sh",             render.packed_sh,             "",            any(),                   retrain, "GPU frames of a model that is drawn many times: SH beyond degree 0 in 16 bits, with one scale for each Gaussian; false: in float");
   field("render.antialias",             render.antialias,             "",            any(),                   retrain, "dilate splats less and compensate their opacity", kMip);
   field("render.antialias_detach",      render.antialias_detach,      "",            any(),                   retrain, "stop the gradient from that compensation to the covariance", kFaster);
   field("render.near_plane",            render.near_plane,            "world units", above(0),                retrain, "Gaussians nearer to the camera are not drawn", kKerbl);

@@ -25,8 +25,6 @@ enum class SkyModel { none, sphere };
 /// How the CUDA backend blends: as matrix products on tensor cores (blend_gemm.cu), or pixel by
 /// pixel.
 enum class BlendKernel { gemm, simt };
-/// Of the weights of the gemm kernel.
-enum class Precision { full, fast };
 /// What a masked pixel of a photo means: nothing is known of it, or it shows the background.
 enum class MaskMode { automatic, ignore, background };
 /// Which pairs of photos COLMAP compares.
@@ -72,11 +70,6 @@ template <>
 struct Words<BlendKernel> {
   static constexpr Word<BlendKernel> kTable[] = {{"gemm", BlendKernel::gemm},
                                                  {"simt", BlendKernel::simt}};
-};
-template <>
-struct Words<Precision> {
-  static constexpr Word<Precision> kTable[] = {{"full", Precision::full},
-                                               {"fast", Precision::fast}};
 };
 template <>
 struct Words<MaskMode> {

@@ -530,6 +530,7 @@ TEST(Config, SettingsOfOlderVersionsAreReadOverWhereTheyChangedNothing) {
   apply_setting(config, "train.offload=none");
   apply_setting(config, "photometric.vignetting=false");
   apply_setting(config, "density.pooling=sum");
+  apply_setting(config, "render.precision=full");
   apply_setting(config, "optimizer.beta2=0.999");
   apply_setting(config, "density.static_after=0.0");
   apply_setting(config, "optimizer.time_color_lr=0.0025");

@@ -23,9 +23,13 @@ class CudaFrame : public CudaTest {
     gpu().renderer().forward(gaussians.span(), camera, settings, pass);
     return {pass.image.download(), pass.transmittance.download()};
   }
-  Picture counted(const Gaussians& gaussians, const Camera& camera, RenderSettings settings) {
-    settings.counted_frames = true;
-    return picture(gaussians, camera, settings);
+  // The first frame of a renderer.
+  Picture counted(const Gaussians& gaussians, const Camera& camera,
+                  const RenderSettings& settings) {
+    const std::unique_ptr<Backend> fresh = cuda::make_backend(0);
+    RenderPass pass(fresh->memory());
+    fresh->renderer().forward(gaussians.span(), camera, settings, pass);
+    return {pass.image.download(), pass.transmittance.download()};
   }
   // The first two frames count their instances, the others do not.
   void expect_same_frames(const Gaussians& host, const Camera& camera,

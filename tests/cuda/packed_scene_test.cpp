@@ -36,11 +36,6 @@ RenderSettings pixel_by_pixel() {
   settings.use_tensor_cores = false;
   return settings;
 }
-RenderSettings with_float_sh(RenderSettings settings) {
-  settings.packs_sh = false;
-  return settings;
-}
-
 // The camera in the middle of the Gaussians, so that most of them are outside of the picture.
 Camera inside(Camera camera, const Gaussians& gaussians) {
   camera.cam_from_world_translation =
@@ -67,35 +62,26 @@ class CudaPackedScene : public CudaTest {
     return pass.image.download();
   }
 
-  // With SH in float everything is the same; with SH in 16 bits everything but the colors is.
+  // Everything but the colors is the same.
   void expect_same(const Gaussians& host, const Camera& camera, const RenderSettings& settings) {
     const Gaussians gaussians = on_gpu(host);
     RenderPass expected(gpu().memory()), actual(gpu().memory());
     forward(gaussians, camera, settings, expected);
     const auto counts = expected.tile_counts.download();
     const auto splats = expected.splats.download();
-    for (const bool packs_sh : {false, true}) {
-      SCOPED_TRACE(packs_sh ? "16 bits" : "float");
-      RenderSettings own = settings;
-      own.packs_sh = packs_sh;
-      draw(gaussians, camera, own, actual);
-      ASSERT_TRUE(same_bits(actual.tile_counts.download(), counts));
-      EXPECT_TRUE(same_bits(actual.tile_ranges.download(), expected.tile_ranges.download()));
-      expect_same_lists(actual, expected);
-      EXPECT_TRUE(same_bits(actual.transmittance.download(), expected.transmittance.download()));
-      const auto own_splats = actual.splats.download();
-      for (std::size_t i = 0; i < counts.size(); ++i) {
-        if (!counts[i]) continue;
-        Splat a = own_splats[i], b = splats[i];
-        if (packs_sh) a.color = b.color = Vec3f(0);
-        ASSERT_EQ(std::memcmp(&a, &b, kSplatNumbers * sizeof(float)), 0) << i;
-      }
-      const auto picture = actual.image.download(), other = expected.image.download();
-      if (packs_sh)
-        EXPECT_GT(psnr(picture, other), 110);
-      else
-        EXPECT_TRUE(same_bits(picture, other));
+    draw(gaussians, camera, settings, actual);
+    ASSERT_TRUE(same_bits(actual.tile_counts.download(), counts));
+    EXPECT_TRUE(same_bits(actual.tile_ranges.download(), expected.tile_ranges.download()));
+    expect_same_lists(actual, expected);
+    EXPECT_TRUE(same_bits(actual.transmittance.download(), expected.transmittance.download()));
+    const auto own_splats = actual.splats.download();
+    for (std::size_t i = 0; i < counts.size(); ++i) {
+      if (!counts[i]) continue;
+      Splat a = own_splats[i], b = splats[i];
+      a.color = b.color = Vec3f(0);
+      ASSERT_EQ(std::memcmp(&a, &b, kSplatNumbers * sizeof(float)), 0) << i;
     }
+    EXPECT_GT(psnr(actual.image.download(), expected.image.download()), 110);
   }
   static void expect_same_lists(const RenderPass& a, const RenderPass& b) {
     const auto ranges = b.tile_ranges.download();
@@ -190,7 +176,6 @@ TEST_F(CudaPackedScene, OnTensorCoresPicturesAreThoseOfTheParameters) {
         RenderPass pass(gpu().memory());
         forward(gaussians, camera, settings, pass);
         const std::vector<float> expected = pass.image.download();
-        EXPECT_GT(psnr_of_most(picture(gaussians, camera, with_float_sh(settings)), expected), 105);
         EXPECT_GT(psnr_of_most(picture(gaussians, camera, settings), expected), 105);
       }
 }
@@ -206,29 +191,15 @@ TEST_F(CudaPackedScene, NeedlesOnTensorCoresLookTheSame) {
   }
 }
 
-// What is left out of a splat of 32 bytes is the only difference.
-TEST_F(CudaPackedScene, SplatsOf48BytesOnTensorCoresAreTheSameToTheLastBit) {
-  const Camera camera = random_camera(1300, 900, 4);
-  RenderSettings settings = with_float_sh(pixel_by_pixel());
-  settings.use_tensor_cores = settings.full_splats = true;
-  for (const Recipe& recipe : {kTypical, kNeedles, kHuge}) {
-    const Gaussians gaussians = on_gpu(random_gaussians(recipe, 3000, camera, 8));
-    RenderPass pass(gpu().memory());
-    forward(gaussians, camera, settings, pass);
-    EXPECT_TRUE(same_bits(picture(gaussians, camera, settings), pass.image.download()));
-  }
-}
-
 // Stage 1 counts tiles and stage 2 lists them, both from splats of 32 bytes.
 TEST_F(CudaPackedScene, ListsHoldWhatWasCounted) {
-  const Camera camera = random_camera(1500, 1100, 4);
+  const Camera large = random_camera(1500, 1100, 4), small = random_camera(640, 480, 4);
   RenderSettings settings = pixel_by_pixel();
   settings.use_tensor_cores = true;
   for (const TileBounds bounds : {TileBounds::exact, TileBounds::box, TileBounds::square})
     for (const Recipe& recipe : {kTypical, kSharp, kNeedles, kHuge, kOffScreen})
-      for (const bool is_counted : {false, true}) {  // counted frames have tiles of 16 pixels
+      for (const Camera& camera : {large, small}) {
         settings.bounds = bounds;
-        settings.counted_frames = is_counted;
         const Gaussians gaussians = on_gpu(random_gaussians(recipe, 3000, camera, 8));
         RenderPass expected(gpu().memory()), actual(gpu().memory());
         forward(gaussians, camera, settings, expected);
@@ -237,7 +208,7 @@ TEST_F(CudaPackedScene, ListsHoldWhatWasCounted) {
         const auto own_counts = expected.tile_counts.download();
         std::vector<std::uint32_t> listed(counts.size());
         const auto splats = actual.tile_splats.download();
-        const bool is_wide = !is_counted && bounds != TileBounds::square;
+        const bool is_wide = camera.width == large.width && bounds != TileBounds::square;
         ASSERT_EQ(actual.tile_edge, is_wide ? kWideTile : kTileWidth);
         for (std::uint32_t k = 0; k < ranges.back(); ++k)
           ++listed[is_wide ? gaussian_of<kWideTile>(splats[k]) : gaussian_of(splats[k])];
@@ -265,29 +236,26 @@ TEST_F(CudaPackedScene, WideTilesShowTheSame) {
   for (const auto& [width, height] : {std::pair(1500, 1100), {1209, 1301}, {4000, 401}}) {
     const Camera camera = random_camera(width, height, 4);
     int number = 0;
-    for (const bool fast : {false, true})
-      for (const TileBounds bounds : {TileBounds::exact, TileBounds::box})
-        for (const Recipe& recipe : {kTypical, kSharp, kNeedles, kHuge, kOffScreen}) {
-          RenderSettings settings = with_float_sh(pixel_by_pixel());
-          settings.use_tensor_cores = true;
-          settings.fast_blending = fast;
-          settings.bounds = bounds;
-          SCOPED_TRACE(testing::Message() << width << ", fast " << fast << ", bounds "
-                                          << int(bounds) << ", recipe " << ++number);
-          const Gaussians gaussians = on_gpu(random_gaussians(recipe, 3000, camera, 8));
-          RenderPass wide(gpu().memory()), narrow(gpu().memory());
-          draw(gaussians, camera, settings, wide);
-          settings.counted_frames = true;  // these have tiles of 16 pixels
-          draw(gaussians, camera, settings, narrow);
-          ASSERT_EQ(wide.tile_edge, kWideTile);
-          ASSERT_EQ(narrow.tile_edge, kTileWidth);
-          // A splat in vain in a list moves the splats behind it to other batches. Where rounding
-          // makes a tile lose the edge of a needle, the tiles decide where that is.
-          const double decibels = recipe.stretch == kNeedles.stretch ? 80 : 110;
-          EXPECT_GT(psnr_of_most(wide.image.download(), narrow.image.download()), decibels);
-          EXPECT_GT(psnr_of_most(wide.transmittance.download(), narrow.transmittance.download()),
-                    decibels);
-        }
+    for (const TileBounds bounds : {TileBounds::exact, TileBounds::box})
+      for (const Recipe& recipe : {kTypical, kSharp, kNeedles, kHuge, kOffScreen}) {
+        RenderSettings settings = pixel_by_pixel();
+        settings.use_tensor_cores = true;
+        settings.bounds = bounds;
+        SCOPED_TRACE(testing::Message()
+                     << width << ", bounds " << int(bounds) << ", recipe " << ++number);
+        const Gaussians gaussians = on_gpu(random_gaussians(recipe, 3000, camera, 8));
+        RenderPass wide(gpu().memory()), narrow(gpu().memory());
+        draw(gaussians, camera, settings, wide);
+        forward(gaussians, camera, settings, narrow);
+        ASSERT_EQ(wide.tile_edge, kWideTile);
+        ASSERT_EQ(narrow.tile_edge, kTileWidth);
+        // A splat in vain in a list moves the splats behind it to other batches. Where rounding
+        // makes a tile lose the edge of a needle, the tiles decide where that is.
+        const double decibels = recipe.stretch == kNeedles.stretch ? 80 : 105;
+        EXPECT_GT(psnr_of_most(wide.image.download(), narrow.image.download()), decibels);
+        EXPECT_GT(psnr_of_most(wide.transmittance.download(), narrow.transmittance.download()),
+                  decibels);
+      }
   }
 }
 
@@ -345,10 +313,11 @@ TEST_F(CudaPackedScene, FramesOfAPathAreThoseDrawnAlone) {
     if (frame == 7) camera.cam_from_world_translation.z -= 1e5f;  // a cut, and back
     renderer().draw(*packed, camera, settings, pass);
     const std::vector<float> actual = pass.image.download();
-    RenderSettings counted = settings;
-    counted.counted_frames = true;
-    renderer().draw(*packed, camera, counted, pass);
-    EXPECT_TRUE(same_bits(actual, pass.image.download())) << frame;
+    const std::unique_ptr<Backend> fresh = cuda::make_backend(0);  // counts its instances
+    RenderPass alone(fresh->memory());
+    fresh->renderer().draw(*fresh->renderer().pack(gaussians.span(), settings), camera, settings,
+                           alone);
+    EXPECT_TRUE(same_bits(actual, alone.image.download())) << frame;
   }
 }
 
