@@ -237,8 +237,8 @@ void find_pixel_values(Context& context, const PhotoBytes& bytes, const View& vi
 void gather_fragment_sums(Context& context, const RenderSettings& settings, Workspace& workspace,
                           const RenderPass& pass, const DensityStatistics& to,
                           const Shard& shard = {});
-/// For a batch  fragment_sums.cu: to += from, and clears `from`, unless `halted`, which may be null,
-/// is raised.
+/// For a batch  fragment_sums.cu: to += from, and clears `from`, unless `halted`, which may be
+/// null, is raised.
 void add_fragment_sums(Context& context, Span<FragmentSums> to, Span<FragmentSums> from,
                        const std::uint32_t* halted);
 
@@ -282,8 +282,9 @@ void preprocess_backward_and_add(Context& context, const GaussiansSpan& gaussian
                                  float weight, const BatchSums& sums,
                                  const DevicePose* pose = nullptr, const Shard& shard = {});
 /// 8 for a batch  adam.cu: updates the parameters by the sums, and the statistics but for sums over
-/// fragments, and clears what it took. `all_have_gradients`: sums may have some also in rows that no photo has touched. SH coefficients beyond `sh_degree` have no
-/// gradients and stay. Nothing is updated while `halted` is raised.
+/// fragments, and clears what it took. `all_have_gradients`: sums may have some also in rows that
+/// no photo has touched. SH coefficients beyond `sh_degree` have no gradients and stay. Nothing is
+/// updated while `halted` is raised.
 void update_by_sums(Context& context, TrainingModel& model, const AdamSteps& steps,
                     const AdamRule& rule, const MomentRounding& rounding, int sh_degree,
                     bool all_have_gradients, const std::uint32_t* halted, const BatchSums& sums,

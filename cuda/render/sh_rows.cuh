@@ -42,8 +42,8 @@ __device__ void start_copy(float* to, const float* from, int rows, Which which =
         __pipeline_memcpy_async(to + k, from + k, sizeof(float4));
   } else {
     // Only the last warp of an array comes here, so that speed does not matter. With asynchronous
-    // copies of single numbers, nvcc 13.0 once made a kernel whose results differed from run to run,
-    // and in which racecheck saw numbers copied twice.
+    // copies of single numbers, nvcc 13.0 once made a kernel whose results differed from run to
+    // run, and in which racecheck saw numbers copied twice.
 #pragma unroll 1
     for (int k = lane_of_thread(); k < rows * kInRow; k += kWarp)
       if (which.has(k / kInRow)) to[k] = from[k];

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// photometric.json: what a run has learned of its photos' exposure and white balance, for people and
-// for `gemsplat eval`.
+// photometric.json: what a run has learned of its photos' exposure and white balance, for people
+// and for `gemsplat eval`.
 #pragma once
 
 #include <filesystem>

@@ -48,11 +48,12 @@ std::optional<std::size_t> gpu_bytes(Backend& backend);
 /// (provenance.h). "world_offset" where it is not 0. Where cameras were refined, "refinement" has
 /// the fields of CameraRefinement. Where views have exposures, "test" and "train" also hold each
 /// metric as "psnr_exposure" and so on, and "exposure" is {"samples", "spread_before",
-/// "spread_after"}. With a photometric model "test" and "train" hold PSNR and SSIM as "psnr_photometric" (the picture as the photo shows it: predicted in
-/// "test", learned in "train") and "psnr_cc" (the picture with colors fitted to the photo), and
-/// "photometric" is {"model", "rule", "spreads"}. Where poses were refined while training, "poses"
-/// has the fields of PoseChange, and "train" is measured at the refined poses. Where views have depth
-/// maps, "test" and "train" hold "depth_error", the mean relative error of the rendered depth
+/// "spread_after"}. With a photometric model "test" and "train" hold PSNR and SSIM as
+/// "psnr_photometric" (the picture as the photo shows it: predicted in "test", learned in "train")
+/// and "psnr_cc" (the picture with colors fitted to the photo), and "photometric" is {"model",
+/// "rule", "spreads"}. Where poses were refined while training, "poses" has the fields of
+/// PoseChange, and "train" is measured at the refined poses. Where views have depth maps, "test"
+/// and "train" hold "depth_error", the mean relative error of the rendered depth
 /// (metrics/depth_error.h).
 std::string results_json(const Results& results);
 

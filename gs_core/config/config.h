@@ -239,10 +239,10 @@ struct Config {
 using SettingOrigins = std::map<std::string, std::string, std::less<>>;
 
 /// Merges a config into `config`. `name` is a TOML file, a run's folder or a preset
-/// (config_source.h); its `base` is merged first. Settings of older versions that change nothing are
-/// read over (removed_settings.h). `origins`, if given, notes where each value came from. Throws
-/// UsageError, which names file, line, key and the nearest known key, and Error for a
-/// file that cannot be read.
+/// (config_source.h); its `base` is merged first. Settings of older versions that change nothing
+/// are read over (removed_settings.h). `origins`, if given, notes where each value came from.
+/// Throws UsageError, which names file, line, key and the nearest known key, and Error for a file
+/// that cannot be read.
 void load_config(Config& config, const std::filesystem::path& name,
                  SettingOrigins* origins = nullptr);
 

@@ -10,8 +10,8 @@
 
 namespace gs {
 
-// A TinyCode holds both moments of one number. TinyCode::of(m, v, random) rounds each to one of its two
-// neighbors among the codes:
+// A TinyCode holds both moments of one number. TinyCode::of(m, v, random) rounds each to one of its
+// two neighbors among the codes:
 //
 //   to the one away from zero with the probability (|x| - low) / (high - low)
 //
@@ -47,8 +47,8 @@ GS_HD std::uint32_t random_of_number(std::uint32_t of_row, int number) {
   return of_row + std::uint32_t(number) * 0x9E3779B1u;
 }
 
-/// The place of each quantity's first number in its row, for random_of_number(). Both rotations have
-/// the same.
+/// The place of each quantity's first number in its row, for random_of_number(). Both rotations
+/// have the same.
 template <class T>
 using PlaceOf = int;
 using NumberPlaces = GaussianArrays<PlaceOf>;

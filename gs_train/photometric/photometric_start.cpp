@@ -61,8 +61,7 @@ void begin_photometric(const Config& config, const Scene& scene, TrainingModel& 
   } else if (!(model.photometric.shape == shape)) {
     throw Error(
         fmt::format("the state of the run has {} photos of photometric.model, but {} has {}; train "
-                    "on the scene "
-                    "of the run, or start a new run in another folder (-o)",
+                    "on the scene of the run, or start a new run in another folder (-o)",
                     model.photometric.shape.photos, scene.source, shape.photos));
   }
 }

@@ -10,8 +10,9 @@
 namespace gs {
 
 /// Gives the model the numbers that photometric.model learns: the exposures of the training views
-/// where they were solved for, else those that EXIF promises (stops_gain()), else zeros. Does nothing without such a model, and where the numbers are there
-/// already. Throws Error where those are of other photos.
+/// where they were solved for, else those that EXIF promises (stops_gain()), else zeros. Does
+/// nothing without such a model, and where the numbers are there already. Throws Error where those
+/// are of other photos.
 void begin_photometric(const Config& config, const Scene& scene, TrainingModel& model);
 
 /// The gain of a photo that EXIF says to be exposed by so many stops more than the mean:

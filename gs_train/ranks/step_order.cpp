@@ -104,7 +104,7 @@ void unpack(Unpacker& unpacker, PoseState& state) {
 }  // namespace
 
 Message message_of(const StepOrder& order, const std::vector<View>& views) {
-  GS_CHECK(!order.loss.appearance && !order.loss.photo_on_device && order.update.seen.empty());
+  GS_CHECK(!order.loss.appearance && !order.loss.photo_on_device);
   Packer packer;
   packer.value(order.loss);
   packer.value(order.update);

@@ -62,8 +62,8 @@ void start_new_rows(TrainingModel& model, std::size_t first);
 void gather_rows(TrainingModel& model, Span<const std::uint32_t> source);
 
 /// Row numbers along the Morton curve of the means in their bounding cube. Rows of equal codes keep
-/// their order. Rows in space and time are ordered by their bin of time first; both other arrays are
-/// empty where rows have no time.
+/// their order. Rows in space and time are ordered by their bin of time first; both other arrays
+/// are empty where rows have no time.
 Buffer<std::uint32_t> morton_order(Span<const Vec3f> means, Span<const float> time_means,
                                    Span<const float> log_time_scales = {});
 
