@@ -11,6 +11,7 @@
 #include "gs_core/math/filtered_splat.h"
 #include "gs_core/math/growth.h"
 #include "gs_core/math/pose.h"
+#include "gs_core/math/spacetime_splat.h"
 #include "gs_render/render_pass.h"
 
 namespace gs {
