@@ -19,7 +19,7 @@ using LearningRates = GaussianArrays<RateOf>;
 template <class T>
 using AdamStepOf = AdamStep;
 using AdamSteps = GaussianArrays<AdamStepOf>;
-inline AdamSteps adam_steps(int t, const LearningRates& rates, const AdamRule& rule) {
+inline AdamSteps adam_steps(int t, const LearningRates& rates) {
   AdamSteps steps;
   steps.has_time = true;
   for_each_array([&](const char*, AdamStep& step, float rate) { step = adam_step(t, rate); }, steps,

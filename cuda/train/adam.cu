@@ -163,7 +163,7 @@ class CudaOptimizer final : public Optimizer {
     StageScope scope(context_, "adam");
     const AdamRule& rule = update.rule;
     const int t = model.adam_steps += rule.steps;
-    const AdamSteps steps = adam_steps(t, update.rates, rule);
+    const AdamSteps steps = adam_steps(t, update.rates);
     if (model.moment_form == MomentForm::tiny)
       update_codes(model, gradients, steps, rule, {update.rounding_seed, t});
     else

@@ -38,7 +38,7 @@ struct PendingStep {
   PendingStep(const TrainingModel& model, Span<const TrainingPhoto> batch_,
               const LossSettings& loss_settings_, const Update& update, const DensityStep& density_)
       : batch(batch_.begin(), batch_.end()), loss_settings(loss_settings_),
-        adam(adam_steps(model.adam_steps + update.rule.steps, update.rates, update.rule)),
+        adam(adam_steps(model.adam_steps + update.rule.steps, update.rates)),
         rule(update.rule), rounding{update.rounding_seed, model.adam_steps + update.rule.steps},
         density(density_), position_rate(update.rates.mean) {}
 

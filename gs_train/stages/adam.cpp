@@ -71,7 +71,7 @@ void update_by_adam(TrainingModel& model, const Gaussians& gradients, const Upda
   GS_CHECK(gradients.count() == model.count());
   const AdamRule& rule = update.rule;
   const int t = model.adam_steps += rule.steps;
-  const AdamSteps steps = adam_steps(t, update.rates, rule);
+  const AdamSteps steps = adam_steps(t, update.rates);
   const MomentRounding rounding{update.rounding_seed, t};
   if (model.moment_form == MomentForm::tiny)
     parallel_for(model.count(), 512, [&](std::size_t i) {
