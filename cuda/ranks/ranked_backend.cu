@@ -55,7 +55,6 @@ class RankedCudaBackend final : public Backend {
   }
   void check_refines_poses() const override { refuse("poses.refine"); }
   void check_takes_depth() const override { refuse("depth maps (loss.depth_weight)"); }
-  bool has_updates_bound_by_memory() const override { return true; }
 
   void upload_views(const std::vector<View>& views, std::size_t photo_bytes) override {
     finish_pending();
