@@ -160,7 +160,7 @@ struct DensityConfig {
   float growth = 0.05f;      // of the count, in one refinement
   float noise_scale = 5e5f;  // times the learning rate of the means
   // for all strategies
-  float opacity_regularizer = 0;     // weight of the mean opacity in the loss
+  float opacity_regularizer = 0.001f;  // weight of the mean opacity in the loss
   float scale_regularizer = 0;       // weight of the mean scale in the loss
   float time_scale_regularizer = 0;  // weight of the mean of 1 / scale in time
   float velocity_regularizer = 0;    // weight of the mean squared velocity
