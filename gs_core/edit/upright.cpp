@@ -113,7 +113,7 @@ Vec3d up_of_levels(const Gaussians& gaussians) {
     if (better == up) step /= 2;
     up = better;
   }
-  return up;
+  return inner(up, start) > std::cos(kMostTilt - kDegree) ? up : start;
 }
 
 double floor_height(const Gaussians& gaussians, const Vec3d& up, const Vec3d& center,

@@ -311,6 +311,15 @@ TEST_F(Experiment, SlurmScriptAsksForTheGpusOfARun) {
               AllOf(HasSubstr("#SBATCH --gpus-per-task=2\n"), Not(HasSubstr("--gres"))));
 }
 
+TEST_F(Experiment, AnOptionOfSbatchThatIsNoOptionIsRefused) {
+  write_experiment(5, "slurm = {comment = '" + std::string(1500, 'x') + "'}\n");
+  const Outcome outcome = experiment("--slurm --dry-run");
+  EXPECT_EQ(outcome.code, 2);
+  EXPECT_THAT(outcome.err,
+              AllOf(HasSubstr("e.toml"), HasSubstr("1000 bytes at most"), HasSubstr("1510")));
+  EXPECT_FALSE(fs::exists(path("out/experiment.sbatch")));
+}
+
 TEST_F(Experiment, ANameThatIsNotUtf8IsRefused) {
   write_experiment(5);
   fs::rename(path("e.toml"), path("\xff.toml"));

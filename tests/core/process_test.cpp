@@ -12,6 +12,7 @@
 #include <thread>
 
 #include "gs_core/error.h"
+#include "gs_core/processes/signals.h"
 #include "gs_core/processes/subprocess.h"
 #include "tests/support/temp_folder.h"
 
@@ -89,6 +90,15 @@ TEST(RunProcess, ASignalOfAClosedTerminalEndsTheProgram) {
   EXPECT_THROW(run_process({"sh", "-c", "echo ready; sleep 600"}, {},
                            [](std::string_view) { raise(SIGHUP); }),
                Error);
+}
+
+TEST(LastWords, AreSaidAndTheSignalEndsTheProgramAllTheSame) {
+  const auto end_with = [](int signal) {
+    const LastWords words("nothing was trained\n");
+    ::raise(signal);
+  };
+  EXPECT_EXIT(end_with(SIGINT), testing::KilledBySignal(SIGINT), "nothing was trained");
+  EXPECT_EXIT(end_with(SIGTERM), testing::KilledBySignal(SIGTERM), "nothing was trained");
 }
 
 TEST(RunProcess, GivesEachLineAndTheWholeOutputToTheLog) {
