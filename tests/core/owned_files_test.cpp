@@ -12,6 +12,7 @@
 #include "gs_core/io/move_aside.h"
 #include "gs_core/io/output_lock.h"
 #include "gs_core/io/output_names.h"
+#include "gs_core/io/scratch_folder.h"
 #include "tests/support/temp_folder.h"
 
 namespace gs {
@@ -156,6 +157,42 @@ TEST_F(Owned, AFolderThatIsMovedAsideIsLockedInItsPlace) {
   EXPECT_EQ(read_bytes(path("scene.bak-1/result")), "older");
   EXPECT_EQ(std::distance(fs::directory_iterator(path("scene.bak-1")), {}), 1);
   EXPECT_THROW(lock.move_folder_aside({path("scene/photos")}), UsageError);
+}
+
+// ---- folders for a while -------------------------------------------------------------------------
+
+/// Other tests have theirs at the same time, under another prefix.
+constexpr const char* kPrefix = "gemsplat-owned-test-";
+
+TEST_F(Owned, AScratchFolderThatAKillHasLeftIsRemovedByTheNextOne) {
+  const fs::path note = path("name");
+  const pid_t child = ::fork();
+  if (child == 0) {
+    const ScratchFolder scratch(kPrefix);
+    write_bytes(scratch.path() / "model.rad", "large");
+    write_bytes(note, scratch.path().string());
+    ::kill(::getpid(), SIGKILL);
+  }
+  ::waitpid(child, nullptr, 0);
+  const fs::path left = read_bytes(note);
+  ASSERT_TRUE(fs::exists(left / "model.rad"));
+  const ScratchFolder next(kPrefix);
+  EXPECT_FALSE(fs::exists(left.parent_path()));
+  EXPECT_TRUE(fs::is_empty(next.path()));
+}
+
+TEST_F(Owned, AScratchFolderStaysWhileItsProcessLivesAndWhatIsNotOursAlways) {
+  const ScratchFolder living(kPrefix);
+  const fs::path users = fs::temp_directory_path() / (std::string(kPrefix) + "mything");
+  const fs::path short_one = fs::temp_directory_path() / (std::string(kPrefix) + "result");
+  write_bytes(users / "a.txt", "dear");
+  write_bytes(short_one / "a.txt", "dear");  // as long as a name of ours
+  { const ScratchFolder next(kPrefix); }
+  EXPECT_TRUE(fs::exists(living.path()));
+  EXPECT_EQ(read_bytes(users / "a.txt"), "dear");
+  EXPECT_EQ(read_bytes(short_one / "a.txt"), "dear");
+  fs::remove_all(users);
+  fs::remove_all(short_one);
 }
 
 // ---- files that are being written ---------------------------------------------------------------
