@@ -246,6 +246,21 @@ TEST_F(Files, AFileThatIsNoOutputOfOursIsKeptAside) {
   EXPECT_FALSE(fs::exists(path("mine.html.bak-2")));  // that one was ours
 }
 
+TEST_F(Files, ACopyOfASceneThatWasCutOffIsMadeAgainWithForce) {
+  write_scene(path("scene"));
+  const std::string command = "undistort " + text("scene") + " -o " + text("flat");
+  write_bytes(path("flat/images/view_0.png"), "half of a photo");  // as a kill leaves it
+  const Outcome refused = run(command);
+  EXPECT_EQ(refused.code, 2) << refused.err;
+  EXPECT_THAT(refused.err, HasSubstr("--force"));
+  EXPECT_EQ(run(command + " --force").code, 0);
+  EXPECT_TRUE(fs::exists(path("flat/sparse/0/points3D.bin")));
+  EXPECT_EQ(read_bytes(path("flat.bak-1/images/view_0.png")), "half of a photo");
+  const Outcome into_the_scene = run("undistort " + text("scene") + " --force -o " + text("scene"));
+  EXPECT_EQ(into_the_scene.code, 2) << into_the_scene.err;
+  EXPECT_TRUE(fs::exists(path("scene/images/view_0.png")));
+}
+
 TEST_F(Files, TwoWritersOfOneFileAreRefused) {
   ASSERT_EQ(train("run").code, 0);
   const auto is_refused = [&](const std::string& file, const std::string& arguments) {
