@@ -17,7 +17,7 @@ namespace gs {
 namespace {
 
 namespace fs = std::filesystem;
-constexpr const char* kLock = ".gemsplat.scratch";
+constexpr const char *kLock = ".gemsplat.scratch", *kFiles = "files";
 constexpr std::size_t kRandom = 6;  // characters that mkdtemp() puts in the place of XXXXXX
 
 [[noreturn]] void refuse(const std::string& name, int error) {
@@ -26,16 +26,23 @@ constexpr std::size_t kRandom = 6;  // characters that mkdtemp() puts in the pla
                   std::strerror(error)));
 }
 
+/// The lock goes last, so that the next one finishes what a kill has cut off.
+void remove_with_lock(const fs::path& folder) {
+  std::error_code ignored;
+  fs::remove_all(folder / kFiles, ignored);
+  if (!ignored) ::unlink((folder / kLock).c_str());
+  ::rmdir(folder.c_str());
+}
+
 /// Takes the lock of a folder that another process has left, and removes the folder. Folders of
 /// other users, of processes that live, and without our lock stay.
 void remove_if_abandoned(const fs::path& folder) {
   const int lock = ::open((folder / kLock).c_str(), O_RDWR | O_NOFOLLOW | O_CLOEXEC);
   if (lock < 0) return;
   struct stat status;
-  std::error_code ignored;
   if (::fstat(lock, &status) == 0 && status.st_uid == ::geteuid() &&
       ::flock(lock, LOCK_EX | LOCK_NB) == 0)
-    fs::remove_all(folder, ignored);
+    remove_with_lock(folder);
   ::close(lock);
 }
 
@@ -67,7 +74,7 @@ bool ScratchFolder::make(const std::string& pattern) {
   std::string name = pattern;
   if (!mkdtemp(name.data())) refuse(pattern, errno);
   folder_ = name;
-  path_ = folder_ / "files";
+  path_ = folder_ / kFiles;
   lock_ = ::open((folder_ / kLock).c_str(), O_RDWR | O_CREAT | O_EXCL | O_CLOEXEC, 0600);
   const int error = errno;
   if (lock_ < 0 && error == ENOENT) return false;
@@ -81,8 +88,7 @@ bool ScratchFolder::make(const std::string& pattern) {
 }
 
 void ScratchFolder::remove() const {
-  std::error_code ignored;
-  fs::remove_all(folder_, ignored);
+  remove_with_lock(folder_);
   if (lock_ >= 0) ::close(lock_);
 }
 

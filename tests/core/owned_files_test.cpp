@@ -7,6 +7,8 @@
 #include <sys/wait.h>
 #include <unistd.h>
 
+#include <memory>
+
 #include "gs_core/error.h"
 #include "gs_core/io/atomic_file.h"
 #include "gs_core/io/move_aside.h"
@@ -179,6 +181,36 @@ TEST_F(Owned, AScratchFolderThatAKillHasLeftIsRemovedByTheNextOne) {
   const ScratchFolder next(kPrefix);
   EXPECT_FALSE(fs::exists(left.parent_path()));
   EXPECT_TRUE(fs::is_empty(next.path()));
+}
+
+TEST_F(Owned, ARemovalOfAScratchFolderThatAKillHasCutOffIsFinished) {
+  constexpr int kFiles = 600;  // their removal takes long enough for a kill
+  const fs::path note = path("name");
+  const auto files_in = [](const fs::path& folder) {
+    std::error_code gone;
+    return std::distance(fs::directory_iterator(folder, gone), fs::directory_iterator());
+  };
+  for (int time = 0; time < 6; ++time) {  // which file goes first is the file system's choice
+    fs::remove(note);
+    const pid_t child = ::fork();
+    if (child == 0) {
+      auto scratch = std::make_unique<ScratchFolder>(kPrefix);
+      for (int i = 0; i < kFiles; ++i) write_bytes(scratch->path() / std::to_string(i), "");
+      write_bytes(path("draft"), scratch->path().string());
+      fs::rename(path("draft"), note);
+      ::usleep(20'000);
+      scratch.reset();
+      ::_exit(0);
+    }
+    while (!fs::exists(note)) ::usleep(1000);
+    const fs::path left = read_bytes(note);
+    while (files_in(left) == kFiles) ::usleep(100);
+    ::kill(child, SIGKILL);
+    ::waitpid(child, nullptr, 0);
+    { const ScratchFolder next(kPrefix); }
+    EXPECT_FALSE(fs::exists(left)) << files_in(left) << " files are left";
+    fs::remove_all(left.parent_path());
+  }
 }
 
 TEST_F(Owned, AScratchFolderStaysWhileItsProcessLivesAndWhatIsNotOursAlways) {

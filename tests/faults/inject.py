@@ -68,7 +68,11 @@ def inject(slot, verb, fault):
     if outcome.code == 0:
         result.survived = True
         if not loses_growth:
-            result.wrong += campaign.differences(slot, verb, reference, outcome.errors, True)
+            different = list(campaign.differences(slot, verb, reference, outcome.errors, True))
+            # Temporary files whose folder could not be listed are removed by the next call.
+            if all("left over: tmp/" in what for what in different):
+                different = different and campaign.go_on(slot, verb, reference, False)
+            result.wrong += different
     elif outcome.code > 0:
         result.wrong += campaign.go_on(slot, verb, reference, loses_growth, outcome.errors)
     return [result]
