@@ -364,7 +364,7 @@ PictureHeader read_picture_header(const fs::path& path) {
     JpegWalk(file, header);
   } else if (start.starts_with("\x89PNG\r\n\x1A\n")) {
     read_png(file, start, header);
-  } else if (start.starts_with("GIF87a") || start.starts_with("GIF89a")) {
+  } else if (start.starts_with("GIF")) {  // giflib looks at no more
     header.width = little(start, 6, 2);
     header.height = little(start, 8, 2);
     header.bytes_per_pixel = 8;
