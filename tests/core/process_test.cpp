@@ -28,6 +28,14 @@ TEST(StartChild, FindsTheProgramOnThePathAndTellsItsExitCode) {
   EXPECT_FALSE(end.good());
 }
 
+TEST(StartChild, NoArgumentIsParsedAsACommand) {
+  const TempFolder folder;
+  const auto log = folder.path() / "log";
+  const std::string evil = "$(echo run) `echo run`; echo run | cat > " + log.string() + "; \n*'\"";
+  wait_for_child(start_child({"printf", "%s", evil}, {.output = open_log(log)}));
+  EXPECT_EQ(read_bytes(log), evil);
+}
+
 TEST(StartChild, APathThatCannotRunIsAnErrorThatNamesIt) {
   try {
     start_child({"/no/such/program"});
