@@ -72,10 +72,11 @@ class TerminalHooks final : public SessionHooks {
          is_refining ? "step" : "photo", done, total);
   }
   void show_evaluation(std::size_t done, std::size_t total) override {
-    show("test and training views", "view", done, total);
+    show(has_test_ ? "test and training views" : "training views", "view", done, total);
   }
   void before_writing(const RunFolder& folder, const Scene& scene, const Config& config) override {
     words_.reset();
+    has_test_ = !scene.test_views.empty();
     if (command_.viewer.is_wanted) viewer_.emplace(folder, scene, config, command_.viewer);
   }
   void before_training(Trainer& trainer, const MetricsObserver& metrics,
@@ -97,6 +98,7 @@ class TerminalHooks final : public SessionHooks {
   ColmapBar colmap_;
   std::optional<LastWords> words_{std::in_place,
                                   "\nstopped before the first step: nothing was trained\n"};
+  bool has_test_ = false;
   std::optional<ProgressBar> bar_;
   std::string part_;
 };

@@ -98,6 +98,14 @@ TEST_F(Export, AModelPageHoldsSceneAndModelAndReplacesNothing) {
   ASSERT_EQ(export_run(text("named.html") + " --title 'A <b> & c'").code, 0);
   EXPECT_THAT(read_bytes(path("named.html")), AllOf(HasSubstr("<title>A &lt;b> &amp; c</title>"),
                                                     HasSubstr("\"title\":\"A \\u003cb> & c\"")));
+  fs::copy(path("scene"), path("run/scene"), fs::copy_options::recursive);
+  std::string config = read_bytes(path("run/config.toml"));
+  const std::string source = path("scene").string();
+  write_bytes(path("run/config.toml"),
+              config.replace(config.find(source), source.size(), path("run/scene").string()));
+  ASSERT_EQ(export_run(text("photos.html")).code, 0);
+  EXPECT_THAT(read_bytes(path("photos.html")), HasSubstr("<title>run</title>"))
+      << "as of `train PHOTOS`";
   EXPECT_THAT(export_run(text("a.ply") + " --title x").err, HasSubstr("ends in .html"));
   EXPECT_THAT(export_run(text("moved.html") + " --recenter").err,
               HasSubstr("export a moved model first"));

@@ -79,6 +79,14 @@ ViewScene scene_of(const OpenedModel& opened, Config config) {
   return scene;
 }
 
+/// Whether the scene's folder has a name of its own. That of `train PHOTOS` is OUT/scene.
+bool knows_scene_by_name(const OpenedModel& opened, const Config& config) {
+  if (config.dataset.source.empty()) return false;
+  std::error_code ignored;
+  const fs::path above = fs::absolute(config.dataset.source).lexically_normal().parent_path();
+  return !opened.run || !fs::equivalent(above, opened.run->root(), ignored);
+}
+
 /// The circle on which the page begins: the middle of the arc from which photos were taken, and its
 /// width in radians. Inside of walls, which a circle would cross, it is a short arc.
 Json turn_json(const ViewScene& scene) {
@@ -143,7 +151,7 @@ ModelPage write_model_page(const fs::path& file, const OpenedModel& opened, cons
   check_size(file, page.model_bytes, *inside.format);
 
   ViewScene scene = scene_of(opened, config);
-  if (!config.dataset.source.empty()) scene.title = name_of(config.dataset.source);
+  if (knows_scene_by_name(opened, config)) scene.title = name_of(config.dataset.source);
   if (!title.empty()) scene.title = title;
   Json json = scene_json(scene);
   json["mode"] = "file";
