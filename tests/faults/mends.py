@@ -237,9 +237,9 @@ MENDS = [
     # An attack on the verbs and files that are newer than version 0.1.0.
     Mend("D1", "a rank that hangs while it loads holds its run for ever", "86707ec",
          "train/ranks/peer_ranks_test PeerRun.EndsWhereARankHangsWhileItLoads",
-         "gs_train/ranks/peer_communicator.cpp",
-         "  return answer_of(rank, kind, [&] { return next_answer(rank, [] {}); });",
-         "  return answer_of(rank, kind, [&] { return next_answer(rank, [this] { sign_of_life(); }); });"),
+         "gs_train/ranks/peer_leader.cpp",
+         "others_.receive_from_loading(rank, RankFrame::ready);",
+         "others_.wait_for(rank, RankFrame::ready);"),
     Mend("D2", "a run of an experiment that was killed early is trained twice and counts as failed",
          "ae28c34", "cli/experiment_test "
          "Experiment.ARunKilledBeforeItsFirstCheckpointIsTrainedOnceMoreWithFewerThreads",
@@ -337,4 +337,8 @@ MENDS = [
          "data_loaders/photos/picture_header_test PictureHeaders.HugePicturesInTinyFilesAreRefused",
          "data_loaders/photos/picture_header.cpp",
          '  } else if (start.starts_with("GIF")) {', '  } else if (start.starts_with("GIF8")) {'),
+    Mend("27", "a damaged video is given to readers of pictures, pipelines and cameras", "b9fd2e5",
+         "data_loaders/photos/video_frames_test VideoFrames.AFileThatIsNoVideoIsGivenToNoOtherReader",
+         "data_loaders/video/video_frames.cpp",
+         "cv::CAP_FFMPEG : cv::CAP_ANY;", "cv::CAP_ANY : cv::CAP_ANY;"),
 ]
