@@ -162,9 +162,9 @@ struct DensityConfig {
   float noise_scale = 5e5f;  // times the learning rate of the means
   // for all strategies
   float opacity_regularizer = 0.001f;  // weight of the mean opacity in the loss
-  float scale_regularizer = 0;       // weight of the mean scale in the loss
-  float time_scale_regularizer = 0;  // weight of the mean of 1 / scale in time
-  float velocity_regularizer = 0;    // weight of the mean squared velocity
+  float scale_regularizer = 0;         // weight of the mean scale in the loss
+  float time_scale_regularizer = 0;    // weight of the mean of 1 / scale in time
+  float velocity_regularizer = 0;      // weight of the mean squared velocity
   float static_after = 0;  // durations; Gaussians that live longer become 3D ones; 0: none
   StatisticsWindow window = StatisticsWindow::epoch;
   // for budgeted only: docs/density.md
