@@ -118,7 +118,7 @@ const tests = {
     await page.getByRole('button', {name: 'View 1', exact: true}).click();
     await settled(page);
     await shot(page, 'path-light');
-    await page.getByLabel('seconds of the path').fill('0.5');
+    await page.getByLabel('seconds of the path').fill('2');
     await page.getByLabel('seconds of the path').press('Enter');
     await page.evaluate(() => {
       window.seen = [];
