@@ -5,7 +5,8 @@
 # the whole tree, calls that fail and kills (docs/reliability.md), tests that have to notice when a
 # mend is gone, each test that docs/reliability.md and SECURITY.md name, and the lines that the tests
 # reach. They take some five hours on 2 cores.
-#   scripts/check_more.sh [threads] [sanitizers] [clang] [tidy] [faults] [mends] [claims] [coverage]    only these; without names, all
+#   scripts/check_more.sh [CHECK...]      only these; without names, all of: threads sanitizers clang tidy
+#                                         faults mends claims coverage
 #   scripts/check_more.sh faults-asan                    the faults with a program under AddressSanitizer
 set -euo pipefail
 source "$(dirname "$0")/common.sh"

@@ -120,8 +120,7 @@ void warn_of_two_scenes(const std::string& first, const Config& first_config,
     return;
   log_warning(
       "{} was trained on {}, and {} on {}: places of two scenes have nothing to do with each "
-      "other; "
-      "place one of them with --move, --turn and --scale, and merge them with --as-stored",
+      "other; place one of them with --move, --turn and --scale, and merge them with --as-stored",
       first, first_config.dataset.source, other, config.dataset.source);
 }
 

@@ -3,7 +3,6 @@
 #include <spdlog/fmt/fmt.h>
 
 #include <algorithm>
-#include <cmath>
 #include <map>
 #include <mutex>
 #include <tuple>
@@ -154,11 +153,9 @@ void report_reduced_photos(Examination& examination, const PhotoSize& largest) {
   if (examination.config.dataset.resolution != 0 ||
       std::max(largest.width, largest.height) <= kUsualSide)
     return;
-  const auto side = [&](int pixels) {
-    return int(std::lround(pixels * scale_at_resolution(largest.width, largest.height, 0)));
-  };
+  const Camera reduced = at_resolution(Camera{largest.width, largest.height}, 0);
   examination.add(Level::note, "pictures",
-                  note_on_reduced_photos(largest, {side(largest.width), side(largest.height)}));
+                  note_on_reduced_photos(largest, {reduced.width, reduced.height}));
 }
 
 void match_photo_files(Examination& examination) {

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // What a picture promises, read from its header by us. Decoders ask for memory when they open a
-// file, before anyone could look at its size: 97 bytes of GIF take 2 GB, 527 bytes of JPEG or 377 of
-// EXR as much.
+// file, before anyone could look at its size: 97 bytes of GIF take 2 GB, 527 bytes of JPEG or 377
+// of EXR as much.
 #pragma once
 
 #include <cstdint>
@@ -9,7 +9,8 @@
 
 namespace gs {
 
-/// Of JPEG, PNG, GIF, TIFF, BMP, WebP, JPEG 2000, HEIF and EXR. Other formats take no memory on opening.
+/// Of JPEG, PNG, GIF, TIFF, BMP, WebP, JPEG 2000, HEIF and EXR. Other formats take no memory on
+/// opening.
 struct PictureHeader {
   std::uint64_t width = 0,
                 height = 0;           // pixels, the largest of picture, canvas and tile; 0: unknown

@@ -41,8 +41,8 @@ std::optional<std::size_t> peak_gpu_bytes(Backend& backend);
 std::optional<std::size_t> gpu_bytes(Backend& backend);
 
 /// {"iterations", "num_gaussians", "removed_floaters", "train_seconds", "test": {"psnr", "ssim",
-/// "ms_ssim", "flip", "num_views"}, "train": {...}, "device", "version", "seed", "commit", "cpu", "date",
-/// "scene_hash", "peak_host_bytes", "compiler"}; "cuda" of a build with CUDA, "uncommitted" of one
+/// "ms_ssim", "flip", "num_views"}, "train": {...}, "device", "version", "seed", "commit", "cpu",
+/// "date", "scene_hash", "peak_host_bytes", "compiler"}; "cuda" of a build with CUDA, "uncommitted" of one
 /// with uncommitted changes (their hash); "test" is null where no view was held out, and "ms_ssim"
 /// and "flip" are there where they were measured. So is "lpips", with "lpips_network": {"name",
 /// "file", "hash"} beside "test". On a GPU "peak_gpu_bytes", "forecast_gpu_bytes" and "driver",

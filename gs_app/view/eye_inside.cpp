@@ -32,12 +32,6 @@ struct Profile {
   std::array<double, kSteps> depth{};    // optical depth
 };
 
-/// Two axes across `up`.
-std::array<Vec3d, 2> axes_across(const Vec3d& up) {
-  const Vec3d x = unit(cross(up, std::abs(up.x) < 0.9 ? Vec3d(1, 0, 0) : Vec3d(0, 0, 1)));
-  return {x, cross(up, x)};
-}
-
 std::vector<Profile> profiles_of(const Gaussians& gaussians, const SceneFrame& frame) {
   const auto [x, y] = axes_across(frame.up);
   const std::vector<float> surfaces = coverages_of(gaussians);

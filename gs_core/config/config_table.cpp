@@ -50,6 +50,20 @@ constexpr std::string_view kIntroduction =
 
 std::string section_of(std::string_view key) { return std::string(key.substr(0, key.find('.'))); }
 
+[[noreturn]] void refuse_section_or_key(const std::string& wanted) {
+  std::vector<std::string> sections;
+  Config config;
+  visit_fields(config, [&](const auto& field) {
+    if (sections.empty() || sections.back() != section_of(field.key))
+      sections.emplace_back(section_of(field.key));
+  });
+  const std::string nearest =
+      wanted.find('.') == wanted.npos ? nearest_word(wanted, sections) : std::string();
+  if (nearest.empty()) refuse_key("", wanted);
+  throw UsageError(fmt::format("there is no section of settings {}; did you mean {}?",
+                               shown_word(wanted), nearest));
+}
+
 // Which values a setting takes, in words; empty if it takes any.
 template <class T>
 std::string range_text(const Field<T>& field) {
@@ -119,24 +133,6 @@ std::string origin_of(const SettingOrigins& origins, std::string_view key) {
 std::string config_markdown() {
   return std::string(kIntroduction) + settings_tables() + presets_table();
 }
-
-namespace {
-
-[[noreturn]] void refuse_section_or_key(const std::string& wanted) {
-  std::vector<std::string> sections;
-  Config config;
-  visit_fields(config, [&](const auto& field) {
-    if (sections.empty() || sections.back() != section_of(field.key))
-      sections.emplace_back(section_of(field.key));
-  });
-  const std::string nearest =
-      wanted.find('.') == wanted.npos ? nearest_word(wanted, sections) : std::string();
-  if (nearest.empty()) refuse_key("", wanted);
-  throw UsageError(fmt::format("there is no section of settings {}; did you mean {}?",
-                               shown_word(wanted), nearest));
-}
-
-}  // namespace
 
 std::string explain(const Config& config, const SettingOrigins& origins,
                     const std::string& wanted) {

@@ -72,8 +72,7 @@ double levelness(const HeightSamples& samples, const Vec3d& up) {
 
 // `count` directions at an angle from another one, evenly around it.
 std::vector<Vec3d> directions_around(const Vec3d& axis, double angle, int count) {
-  const Vec3d a = unit(cross(axis, std::abs(axis.x) < 0.5 ? Vec3d(1, 0, 0) : Vec3d(0, 0, 1)));
-  const Vec3d b = cross(axis, a);
+  const auto [a, b] = axes_across(axis);
   std::vector<Vec3d> directions;
   for (int k = 0; k < count; ++k) {
     const double turn = 2 * std::numbers::pi * k / count;

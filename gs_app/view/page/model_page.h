@@ -34,10 +34,10 @@ struct ModelPage {
 
 /// Writes the page; an older file becomes FILE.bak-N. The model inside is a .sog, or an .spz with 8
 /// bits of SH in a build without libwebp, or a .gs4d where it moves, of SH degree `sh_degree` at
-/// most. The page is for visitors: it has a title (by default the name of the scene's folder, or of the run if the scene lies in it) and no
-/// panels, and turns slowly over the arc that was photographed until somebody touches it. It has the
-/// cameras of the run, without photos. Throws Error, with a remedy, where the model is larger than
-/// kMostPageModelBytes.
+/// most. The page is for visitors: it has no panels, and turns slowly over the arc that was
+/// photographed until somebody touches it. An empty title stands for the name of the scene's folder,
+/// or of the run if the scene lies in it. The page has the cameras of the run, without photos.
+/// Throws Error, with a remedy, where the model is larger than kMostPageModelBytes.
 ModelPage write_model_page(const std::filesystem::path& file, const OpenedModel& opened,
                            const Config& config, int sh_degree, const std::string& title);
 
