@@ -43,11 +43,21 @@ PinholeCamera<T> resized(PinholeCamera<T> camera, int width, int height) {
   return camera;
 }
 
-/// The same view at a -r/--resolution: 1 to 8 divides the image's size, a larger number is its new
-/// width in pixels. Sides are rounded to the nearest pixel, and are at least 1.
+/// The longer side, in pixels, to which larger photos are reduced unless a -r says otherwise; the
+/// trainer of Kerbl et al. 2023 reduces the width to it.
+inline constexpr int kUsualSide = 1600;
+
+/// The factor of both sides of a picture at a -r/--resolution: 1 to 8 divides them, a larger number
+/// is the new width in pixels, and 0 leaves the longer side kUsualSide pixels at most.
+inline double scale_at_resolution(int width, int height, int resolution) {
+  if (resolution == 0) return std::min(1.0, double(kUsualSide) / std::max(width, height));
+  return resolution <= 8 ? 1.0 / resolution : double(resolution) / width;
+}
+
+/// The same view at a -r/--resolution. Sides are rounded to the nearest pixel, and are at least 1.
 template <class T>
 PinholeCamera<T> at_resolution(const PinholeCamera<T>& camera, int resolution) {
-  const double scale = resolution <= 8 ? 1.0 / resolution : double(resolution) / camera.width;
+  const double scale = scale_at_resolution(camera.width, camera.height, resolution);
   const auto side = [&](int pixels) { return std::max(1, int(std::lround(pixels * scale))); };
   return resized(camera, side(camera.width), side(camera.height));
 }

@@ -3,10 +3,14 @@
 #pragma once
 
 #include <string>
+#include <vector>
 
 namespace gs {
 
 /// Empty where it is not known.
 std::string host_name();
+
+/// Under which other machines reach this one: its IPv4 addresses but loopback.
+std::vector<std::string> own_addresses();
 
 }  // namespace gs

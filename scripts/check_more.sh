@@ -2,9 +2,11 @@
 # SPDX-License-Identifier: Apache-2.0
 # Checks that CI has no time for: threads under ThreadSanitizer, all tests under AddressSanitizer and
 # UndefinedBehaviorSanitizer, all tests of a program that clang++ has compiled, and clang-tidy over
-# the whole tree, calls that fail and kills (docs/reliability.md), and tests that have to notice when a
-# mend is gone. They take some four hours on 2 cores.
-#   scripts/check_more.sh [threads] [sanitizers] [clang] [tidy] [faults] [mends]    only these; without names, all
+# the whole tree, calls that fail and kills (docs/reliability.md), tests that have to notice when a
+# mend is gone, each test that docs/reliability.md and SECURITY.md name, and the lines that the tests
+# reach. They take some five hours on 2 cores.
+#   scripts/check_more.sh [CHECK...]      only these; without names, all of: threads sanitizers clang tidy
+#                                         faults mends claims coverage
 #   scripts/check_more.sh faults-asan                    the faults with a program under AddressSanitizer
 set -euo pipefail
 source "$(dirname "$0")/common.sh"
@@ -44,8 +46,13 @@ test_mends() {
   tests/faults/undo_mends.py --build build/default
 }
 
+test_claims() {
+  build default all
+  scripts/check_claims.py --build build/default --run
+}
+
 install_packages
-for check in "${@:-threads sanitizers clang tidy faults mends}"; do
+for check in "${@:-threads sanitizers clang tidy faults mends claims coverage}"; do
   for name in $check; do
     say "$name"
     case $name in
@@ -56,7 +63,9 @@ for check in "${@:-threads sanitizers clang tidy faults mends}"; do
       faults) test_faults default ;;
       faults-asan) test_faults debug ;;
       mends) test_mends ;;
-      *) die "there is no check $name; there are threads, sanitizers, clang, tidy, faults, faults-asan and mends" ;;
+      claims) test_claims ;;
+      coverage) scripts/coverage.sh ;;
+      *) die "there is no check $name; there are threads, sanitizers, clang, tidy, faults, faults-asan, mends, claims and coverage" ;;
     esac
   done
 done

@@ -13,6 +13,7 @@
 #include "data_loaders/counted.h"
 #include "data_loaders/scene/find_scene.h"
 #include "gs_core/error.h"
+#include "gs_core/io/output_lock.h"
 
 namespace gs {
 namespace {
@@ -20,6 +21,7 @@ namespace {
 struct ConvertCommand : CommandLine {
   std::string output, camera_model = "OPENCV";
   double max_error = 1;
+  bool force = false;
 };
 
 void convert(const ConvertCommand& command) {
@@ -30,6 +32,11 @@ void convert(const ConvertCommand& command) {
   const CameraModel target =
       command.camera_model == "PINHOLE" ? CameraModel::pinhole : CameraModel::opencv;
   const auto model = find_scene(config.dataset).model;
+  if (command.force) {
+    std::vector<std::filesystem::path> needed = inputs_of(command, config);
+    needed.push_back(model);
+    OutputLock::of_freed_folder(command.output, needed);
+  }
   const std::vector<FittedCamera> fits =
       convert_cameras(model, command.output, target, command.max_error);
   if (command.quiet) return;
@@ -54,6 +61,8 @@ void add_convert_cameras(CLI::App& program) {
                   "folder of the new model; it must be empty or not exist")
       ->type_name("FOLDER")
       ->required();
+  verb.add_flag("--force", command->force,
+                "if the folder is not empty, rename it to FOLDER.bak-N first");
   verb.add_option("--camera-model", command->camera_model, "camera model of the new files [OPENCV]")
       ->check(CLI::IsMember({"PINHOLE", "OPENCV"}))
       ->type_name("PINHOLE|OPENCV");

@@ -108,6 +108,22 @@ struct Opened {
   nlohmann::ordered_json inputs = nlohmann::ordered_json::array();
 };
 
+/// Models of one scene share a frame; those of two have nothing to do with each other.
+void warn_of_two_scenes(const std::string& first, const Config& first_config,
+                        const std::string& other, const Config& config) {
+  const auto scene_of = [](const Config& c) {
+    std::error_code ignored;
+    return std::filesystem::weakly_canonical(c.dataset.source, ignored);
+  };
+  if (first_config.dataset.source.empty() || config.dataset.source.empty() ||
+      scene_of(first_config) == scene_of(config))
+    return;
+  log_warning(
+      "{} was trained on {}, and {} on {}: places of two scenes have nothing to do with each "
+      "other; place one of them with --move, --turn and --scale, and merge them with --as-stored",
+      first, first_config.dataset.source, other, config.dataset.source);
+}
+
 Opened open_all(const EditCommand& command, bool with_cameras) {
   Opened result;
   std::vector<NamedModel> models;
@@ -116,6 +132,8 @@ Opened open_all(const EditCommand& command, bool with_cameras) {
     OpenedModel opened = open_model(input, command.step, command.lod_level);
     const Config config = resolve(command, opened.config);
     if (models.empty()) result.config = config;
+    if (!models.empty() && !command.as_stored && !command.has("dataset.source"))
+      warn_of_two_scenes(command.inputs.front(), result.config, input, config);
     result.inputs.push_back(
         {{"file", opened.ply.string()}, {"gaussians", opened.model.gaussians.count()}});
     const std::optional<RunFolder> run = opened.run;

@@ -179,6 +179,14 @@ void throw_failures(const std::vector<Failure>& failures) {
       fmt::format("{} of the runs failed; run the command again to repeat them", failures.size()));
 }
 
+std::string outcome_text(const Experiment& experiment, std::size_t finished, std::size_t runs) {
+  const auto report = experiment.output / "report.html";
+  std::string text = fmt::format("{} of {} runs finished\ntables: {}\n", finished, runs,
+                                 (experiment.output / "results.md").string());
+  if (std::filesystem::exists(report)) text += fmt::format("report: {}\n", report.string());
+  return text;
+}
+
 void run_all(const ExperimentCommand& command, const Experiment& experiment,
              const std::vector<ExperimentRun>& runs) {
   const OutputLock lock = OutputLock::of_folder(experiment.output);
@@ -189,9 +197,7 @@ void run_all(const ExperimentCommand& command, const Experiment& experiment,
   progress.write();
   const bool is_whole = work(command, todo, progress);
   const std::size_t finished = progress.write();
-  if (!command.quiet)
-    std::cout << fmt::format("{} of {} runs finished\ntables: {}\n", finished, runs.size(),
-                             (experiment.output / "results.md").string());
+  if (!command.quiet) std::cout << outcome_text(experiment, finished, runs.size());
   if (!is_whole) throw_stopped(command);
   throw_failures(progress.failures());
 }
@@ -227,8 +233,7 @@ void run_only(const ExperimentCommand& command, const Experiment& experiment,
 
 void gather(const Experiment& experiment, const std::vector<ExperimentRun>& runs) {
   const std::size_t finished = write_outcome(experiment, runs, {});
-  std::cout << fmt::format("{} of {} runs finished\ntables: {}\n", finished, runs.size(),
-                           (experiment.output / "results.md").string());
+  std::cout << outcome_text(experiment, finished, runs.size());
   const Runs missing = unfinished(runs);
   for (const ExperimentRun* run : missing)
     log_error("no results: {} {}; log: {}", run->index, run->name(), run->log().string());

@@ -39,6 +39,7 @@ struct ExportCommand : CommandLine {
   double scale = 1;
   std::size_t lod_leaf = LodOptions().leaf_rows;
   std::string georef;  // empty: that of the scene, if there is one
+  std::string title;   // of a page; empty: the name of the scene
   std::size_t tile_gaussians = kTileGaussiansAtMost;
   bool recenter = false, force = false, table = false, lod = false, unmeasured = false;
 };
@@ -94,6 +95,8 @@ std::vector<std::filesystem::path> pages_of(const ExportCommand& command, Output
     names.add_file(output);
     pages.emplace_back(output);
   }
+  if (!command.title.empty() && pages.empty())
+    throw UsageError("--title is what a page is called, and no output ends in .html");
   return pages;
 }
 
@@ -251,7 +254,8 @@ void export_tilesets(const ExportCommand& command, const std::vector<TilesetRequ
 void export_pages(const ExportCommand& command, const std::vector<std::filesystem::path>& pages,
                   const OpenedModel& opened, const Config& config) {
   for (const std::filesystem::path& file : pages) {
-    const ModelPage page = write_model_page(file, opened, config, config.model.sh_degree);
+    const ModelPage page =
+        write_model_page(file, opened, config, config.model.sh_degree, command.title);
     if (!command.quiet) std::cout << summary(page) << std::endl;
   }
 }
@@ -328,6 +332,9 @@ void add_export(CLI::App& program) {
       ->check(CLI::Range(std::size_t(100), std::size_t(10'000'000)))
       ->type_name("N")
       ->needs(lod);
+  verb.add_option("--title", command->title,
+                  "what a page (.html) is called [the name of the scene's folder]")
+      ->type_name("TEXT");
   verb.add_flag("--force", command->force,
                 "if a file exists, move it to FILE.bak-N first, and the folder of --lod, too");
   verb.add_option("--spz-version", command->options.spz_version,

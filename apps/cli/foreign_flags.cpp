@@ -47,7 +47,7 @@ struct OtherValue {
 
 constexpr OtherValue kOtherValues[] = {
     // The reference trainer shrinks photos that are wider than 1600 pixels.
-    {"dataset.resolution=-1", "-r 1600, where photos are wider"},
+    {"dataset.resolution=-1", "no -r: photos of more than 1600 pixels are reduced to 1600 anyway"},
 };
 
 // The verbs whose first positional is a model.

@@ -17,7 +17,9 @@
 #include "apps/cli/help_format.h"
 #include "apps/cli/options.h"
 #include "apps/cli/verbs.h"
+#include "data_loaders/photos/photo_names.h"
 #include "gs_app/run/provenance.h"
+#include "gs_app/run/text.h"
 #include "gs_core/config/nearest_word.h"
 #include "gs_core/error.h"
 #include "gs_core/log.h"
@@ -70,6 +72,13 @@ std::string missing_argument(const CLI::App& app) {
   return "";
 }
 
+// Whether a shell has made many arguments of `photos/*.jpg`.
+bool is_one_of_many_photos(const CLI::App& app, const std::string& argument) {
+  const std::string verb = app.get_name();
+  return (verb == "reconstruct" || verb == "train") && is_picture(argument) &&
+         std::filesystem::exists(argument);
+}
+
 int fail_to_parse(const CLI::App& program, const CLI::ParseError& error) {
   const CLI::App& app = active(program);
   std::string message = error.what();
@@ -86,6 +95,9 @@ int fail_to_parse(const CLI::App& program, const CLI::ParseError& error) {
                             : full_name(app) + " takes no further argument ") +
               extra.front() +
               (own.empty() ? suggestion(app, extra.front()) : "; here that is " + own);
+    if (is_one_of_many_photos(app, extra.front()))
+      message += ": name the folder that holds the photos, " +
+                 shell_word((std::filesystem::absolute(extra.front()).parent_path() / "").string());
   }
   return fail(printable(message) + "\n`" + full_name(app) + " --help` shows what there is",
               int(ExitCode::usage));

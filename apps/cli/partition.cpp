@@ -71,11 +71,6 @@ void warn_of(const Config& config) {
     log_warning(
         "model.sky: each block has a sky of its own, and the merged model has a part of each; its "
         "parts may not fit; a model of the whole scene to start from (--from) has one sky");
-  if (!config.model.start_from.empty() && config.density.opacity_regularizer > 0)
-    log_warning(
-        "density.opacity_regularizer fades what a block's photos do not see, such as the sky "
-        "behind "
-        "another block; set it to 0, or take another strategy");
 }
 
 Partition partition_of(const PartitionCommand& command, const Config& config) {

@@ -21,6 +21,7 @@
 #include "gs_app/view/train_viewer.h"
 #include "gs_core/error.h"
 #include "gs_core/processes/process.h"
+#include "gs_core/processes/signals.h"
 
 namespace gs {
 namespace {
@@ -71,9 +72,11 @@ class TerminalHooks final : public SessionHooks {
          is_refining ? "step" : "photo", done, total);
   }
   void show_evaluation(std::size_t done, std::size_t total) override {
-    show("views evaluated", "view", done, total);
+    show(has_test_ ? "test and training views" : "training views", "view", done, total);
   }
   void before_writing(const RunFolder& folder, const Scene& scene, const Config& config) override {
+    words_.reset();
+    has_test_ = !scene.test_views.empty();
     if (command_.viewer.is_wanted) viewer_.emplace(folder, scene, config, command_.viewer);
   }
   void before_training(Trainer& trainer, const MetricsObserver& metrics,
@@ -93,6 +96,9 @@ class TerminalHooks final : public SessionHooks {
   const TrainCommand& command_;
   std::optional<TrainViewer>& viewer_;
   ColmapBar colmap_;
+  std::optional<LastWords> words_{std::in_place,
+                                  "\nstopped before the first step: nothing was trained\n"};
+  bool has_test_ = false;
   std::optional<ProgressBar> bar_;
   std::string part_;
 };

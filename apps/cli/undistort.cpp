@@ -8,9 +8,11 @@
 
 #include "apps/cli/options.h"
 #include "apps/cli/verbs.h"
+#include "data_loaders/scene/find_scene.h"
 #include "data_loaders/scene/undistort_scene.h"
 #include "gs_app/run/progress_bar.h"
 #include "gs_core/error.h"
+#include "gs_core/io/output_lock.h"
 #include "gs_core/threads/parallel.h"
 
 namespace gs {
@@ -19,6 +21,7 @@ namespace {
 struct UndistortCommand : CommandLine {
   std::string output;
   int jpeg_quality = 0;
+  bool force = false;
 };
 
 std::string text_of(const UndistortedScene& scene, const UndistortCommand& command) {
@@ -42,6 +45,10 @@ void undistort(const UndistortCommand& command) {
   if (config.dataset.source.empty())
     throw UsageError("there is no scene; give its folder: gemsplat undistort SCENE -o OUT");
   set_thread_count(config.train.threads);
+  if (command.force) {
+    find_scene(config.dataset);  // a wrong name moves nothing
+    OutputLock::of_freed_folder(command.output, inputs_of(command, config));
+  }
   std::unique_ptr<ProgressBar> bar;
   const UndistortedScene scene =
       undistort_scene(config.dataset, command.output, command.jpeg_quality,
@@ -71,6 +78,8 @@ void add_undistort(CLI::App& program) {
                   "folder of the copy; it must be empty or not exist")
       ->type_name("FOLDER")
       ->required();
+  verb.add_flag("--force", command->force,
+                "if the folder is not empty, rename it to FOLDER.bak-N first");
   verb.add_option("--jpeg", command->jpeg_quality,
                   "write JPEG of this quality, 1 to 100, instead of PNG, and print the loss")
       ->check(CLI::Range(1, 100))

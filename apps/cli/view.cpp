@@ -72,7 +72,7 @@ void view(const ViewCommand& command) {
   const std::unique_ptr<FileView> source = view_of(command, opened, config);
   const HttpServer server(
       command.place, [&](const HttpRequest& request) { return view_answer(*source, request); });
-  warn_if_public(command.place);
+  warn_if_public(command.place, server.port());
   log_info("{}: {} Gaussians, {} cameras; Ctrl-C ends the server", opened.ply.string(),
            with_commas(opened.model.gaussians.count()), source->scene().cameras.size());
   std::cout << server.url() << std::endl;

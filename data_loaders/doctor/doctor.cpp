@@ -6,6 +6,7 @@
 #include <algorithm>
 
 #include "data_loaders/doctor/examination.h"
+#include "gs_core/camera.h"
 #include "gs_core/config/scene_settings.h"
 #include "gs_core/error.h"
 
@@ -32,8 +33,7 @@ SceneSize size_of(const Examination& examination) {
   const int resolution = examination.config.dataset.resolution;
   for (const std::size_t i : examination.usable) {
     const PhotoSize& size = examination.photo_sizes[i];
-    const double scale =
-        resolution <= 8 ? 1.0 / resolution : double(resolution) / double(size.width);
+    const double scale = scale_at_resolution(size.width, size.height, resolution);
     const double of_photo = double(size.width) * double(size.height) * std::min(scale * scale, 1.0);
     const bool is_trained_on = i >= is_test.size() || !is_test[i];
     pixels += of_photo;

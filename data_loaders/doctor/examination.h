@@ -54,8 +54,8 @@ void examine_sight(Examination& examination);
 void match_photo_files(Examination& examination);
 void match_mask_files(Examination& examination);
 void examine_headers(Examination& examination);
-/// Says what large photos cost. `largest` is the size of the largest one.
-void report_large_photos(Examination& examination, const PhotoSize& largest);
+/// Says that large photos are reduced. `largest` is the size of the largest one.
+void report_reduced_photos(Examination& examination, const PhotoSize& largest);
 void examine_pictures(Examination& examination);
 /// Names photos that are much less sharp, darker or brighter than the others.
 void report_quality(Examination& examination, const std::vector<std::string>& names,

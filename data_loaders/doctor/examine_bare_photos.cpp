@@ -55,7 +55,7 @@ void examine_sizes(Examination& examination, const std::vector<PhotoFile>& photo
     if (std::int64_t(photo.size.width) * photo.size.height >
         std::int64_t(largest.width) * largest.height)
       largest = photo.size;
-  report_large_photos(examination, largest);
+  report_reduced_photos(examination, largest);
   if (!turned.empty())
     examination.add(Level::note, "orientation",
                     fmt::format("{} turned upright for the scene, as EXIF says",

@@ -12,6 +12,7 @@
 #include "data_loaders/photos/photo_fit.h"
 #include "data_loaders/scene/view_picture.h"
 #include "data_loaders/video/film_frames.h"
+#include "gs_core/camera.h"
 #include "gs_core/error.h"
 #include "gs_core/threads/parallel.h"
 
@@ -148,9 +149,13 @@ void report_quality(Examination& examination, const std::vector<std::string>& na
                     named(outliers.odd_exposure));
 }
 
-void report_large_photos(Examination& examination, const PhotoSize& largest) {
-  const std::string advice = advice_on_large_photos(largest, examination.config.dataset.resolution);
-  if (!advice.empty()) examination.add(Level::warning, "pictures", advice);
+void report_reduced_photos(Examination& examination, const PhotoSize& largest) {
+  if (examination.config.dataset.resolution != 0 ||
+      std::max(largest.width, largest.height) <= kUsualSide)
+    return;
+  const Camera reduced = at_resolution(Camera{largest.width, largest.height}, 0);
+  examination.add(Level::note, "pictures",
+                  note_on_reduced_photos(largest, {reduced.width, reduced.height}));
 }
 
 void match_photo_files(Examination& examination) {
@@ -263,7 +268,7 @@ void examine_headers(Examination& examination) {
     const PhotoSize& size = examination.photo_sizes[i];
     if (double(size.width) * size.height > double(largest.width) * largest.height) largest = size;
   }
-  if (largest.width > 0) report_large_photos(examination, largest);
+  if (largest.width > 0) report_reduced_photos(examination, largest);
   if (!scaled.empty())
     examination.add(
         Level::note, "photos",

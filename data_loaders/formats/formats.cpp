@@ -31,6 +31,9 @@ namespace {
 namespace fs = std::filesystem;
 using Path = fs::path;
 
+constexpr std::string_view kOtherOutputs =
+    "`gemsplat export` also makes a page (.html) and a tileset (a name that ends in /)";
+
 const AxisSigns kPlyAxes{1, 1, 1};
 
 // Gives a writer that has no options the signature of the table.
@@ -108,7 +111,8 @@ std::string format_names() {
 const ModelFormat& format_named(std::string_view name) {
   for (const ModelFormat& format : model_formats())
     if (format.name == name || format.ending == name) return format;
-  throw UsageError(fmt::format("gemsplat knows no format {}; it has {}", name, format_names()));
+  throw UsageError(fmt::format("gemsplat knows no format {}; it has {}; {}", name, format_names(),
+                               kOtherOutputs));
 }
 
 const ModelFormat* find_format(const Path& path) {
@@ -138,8 +142,9 @@ const ModelFormat& format_to_write(const Path& path) {
   for (const ModelFormat& format : model_formats())
     endings += (endings.empty() ? "" : ", ") + std::string(format.ending);
   const std::string ending = path.extension().string();
-  throw UsageError(fmt::format("{}: gemsplat does not write {}; it writes {}", path.string(),
-                               ending.empty() ? "files without an ending" : ending, endings));
+  throw UsageError(fmt::format("{}: gemsplat does not write {}; it writes {}; {}", path.string(),
+                               ending.empty() ? "files without an ending" : ending, endings,
+                               kOtherOutputs));
 }
 
 Path model_in_folder(const Path& folder) {

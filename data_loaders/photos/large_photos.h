@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What to say before photos are read that are larger than training needs them.
+// What to say of photos that are reduced because they are large.
 #pragma once
 
 #include <string>
@@ -8,8 +8,8 @@
 
 namespace gs {
 
-/// A sentence with the remedy where photos of this size train at more than 6 million pixels; else
-/// empty. `resolution` is dataset.resolution, and `largest` the size of the largest photo.
-std::string advice_on_large_photos(const PhotoSize& largest, int resolution);
+/// A sentence for photos that dataset.resolution = 0 has reduced. `largest` is the size of the
+/// largest photo, and `reduced` its size in training.
+std::string note_on_reduced_photos(const PhotoSize& largest, const PhotoSize& reduced);
 
 }  // namespace gs

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // What a picture promises, read from its header by us. Decoders ask for memory when they open a
-// file, before anyone could look at its size: 97 bytes of GIF take 2 GB, 527 bytes of JPEG as much.
+// file, before anyone could look at its size: 97 bytes of GIF take 2 GB, 527 bytes of JPEG or 377
+// of EXR as much.
 #pragma once
 
 #include <cstdint>
@@ -8,7 +9,8 @@
 
 namespace gs {
 
-/// Of JPEG, PNG, GIF, TIFF, BMP, WebP, JPEG 2000 and HEIF. Other formats take no memory on opening.
+/// Of JPEG, PNG, GIF, TIFF, BMP, WebP, JPEG 2000, HEIF and EXR. Other formats take no memory on
+/// opening.
 struct PictureHeader {
   std::uint64_t width = 0,
                 height = 0;           // pixels, the largest of picture, canvas and tile; 0: unknown
@@ -16,6 +18,7 @@ struct PictureHeader {
   std::uint64_t file_bytes = 0;
   std::uint64_t scans = 1;         // passes over all pixels, of a progressive JPEG
   std::uint64_t packed_texts = 0;  // compressed notes, which unpack to megabytes each, of a PNG
+  bool is_damaged = false;         // a part of an EXR's header has another length than its kind
   bool is_photo_format = true;     // GIF is not: no large picture is a GIF
 };
 

@@ -125,6 +125,15 @@ void take_photos(ColmapPlan& plan, SceneFolder& folder, const ColmapProgress& pr
   if (!to_copy.empty()) complete_plan(plan, plan.files.root);
 }
 
+std::string words_on_frames(std::int64_t wanted, std::int64_t count, const std::string& video) {
+  if (wanted < count)
+    return fmt::format("the sharpest {} of {} frames of {}", wanted, count, video);
+  return fmt::format(
+      "all {} frames of {}, blurred ones, too; where neighbors show nearly the same, --frames {} "
+      "takes the sharpest of each four",
+      count, video, std::max<std::int64_t>(count / 4, 3));
+}
+
 void take_frames_of_videos(ColmapPlan& plan, SceneFolder& folder, const ColmapProgress& progress) {
   const std::vector<std::string> stems = stems_of(plan.videos);
   const auto name_of = [&](std::size_t i) { return "frames of " + stems[i]; };
@@ -135,8 +144,7 @@ void take_frames_of_videos(ColmapPlan& plan, SceneFolder& folder, const ColmapPr
     if (folder.has(name_of(i))) continue;
     progress(ColmapStage::frames, before, all);
     const std::int64_t wanted = share_of(counts[i], all, plan.frames);
-    log_info("the sharpest {} of {} frames of {}", std::min(wanted, counts[i]), counts[i],
-             plan.videos[i].string());
+    log_info("{}", words_on_frames(wanted, counts[i], plan.videos[i].string()));
     take_frames_of(plan.videos[i], counts[i], wanted, stems[i], folder,
                    [&](std::int64_t done) { progress(ColmapStage::frames, before + done, all); });
     folder.complete(name_of(i));

@@ -173,13 +173,16 @@ bool fit_into_ram(const std::vector<PhotoCost>& costs, std::size_t budget) {
          budget;
 }
 
-/// Says what large photos cost, before they are read.
-void report_large_photos(const std::vector<ViewPlan>& plans, int resolution) {
-  PhotoSize largest;
-  for (const ViewPlan& plan : plans)
-    if (pixel_count(plan.photo_size) > pixel_count(largest)) largest = plan.photo_size;
-  if (const std::string advice = advice_on_large_photos(largest, resolution); !advice.empty())
-    log_warning("{}", advice);
+/// Says that large photos are reduced, where no setting asked for it.
+void report_reduced_photos(const std::vector<ViewPlan>& plans, int resolution) {
+  if (resolution != 0) return;
+  PhotoSize largest, reduced;
+  for (const ViewPlan& plan : plans) {
+    if (!plan.is_resized() || pixel_count(plan.photo_size) <= pixel_count(largest)) continue;
+    largest = plan.photo_size;
+    reduced = {plan.target.width, plan.target.height};
+  }
+  if (largest.width > 0) log_info("{}", note_on_reduced_photos(largest, reduced));
 }
 
 /// Views without photos, and a pool that decodes them on demand.
@@ -217,7 +220,7 @@ std::vector<View> make_views(const DatasetConfig& dataset, std::vector<ViewPlan>
         has_frames(plans) ? cache_for(dataset, plans, false) : nullptr;
     return lazy_views(std::move(plans), std::move(costs), budget, kept);
   }
-  report_large_photos(plans, dataset.resolution);
+  report_reduced_photos(plans, dataset.resolution);
   std::size_t budget = photo_ram_bytes(dataset);
   const bool all_fit = fit_into_ram(costs, budget);
   const std::shared_ptr<CachedPictures> cache = cache_for(dataset, plans, all_fit);

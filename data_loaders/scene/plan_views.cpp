@@ -69,20 +69,29 @@ LensCamera fitted_to_photo(LensCamera lens, const ViewPlan& plan) {
       "COLMAP again on these");
 }
 
-/// Refuses a dataset.resolution other than 1, 2, 4, 8 or a width up to that of the photo.
+/// Refuses a dataset.resolution other than 0, 1, 2, 4, 8 or a width up to that of the photo.
 void check_resolution(int resolution, const PinholeCamera<double>& camera,
                       const std::string& name) {
+  if (resolution == 0) return;
   const bool divides = resolution == 1 || resolution == 2 || resolution == 4 || resolution == 8;
   if (!divides && resolution <= 8)
     throw UsageError(fmt::format(
-        "dataset.resolution is {}; give 1, 2, 4 or 8 to divide the photos' size, or a width "
-        "of at least 16 pixels",
+        "dataset.resolution is {}; give 1, 2, 4 or 8 to divide the photos' size, a width of at "
+        "least 16 pixels, or 0 to reduce large photos only",
         resolution));
   if (!divides && resolution > camera.width)
     throw UsageError(
         fmt::format("dataset.resolution asks for a width of {} pixels, but photo '{}' has {}; give "
                     "at most {}, or 1 for the photos' own size",
                     resolution, name, camera.width, camera.width));
+}
+
+/// The view in training. A photo that is not large keeps every pixel, also where it becomes a little
+/// larger without its lens.
+PinholeCamera<double> training_camera(const ViewPlan& plan, int resolution) {
+  const auto [width, height] = plan.photo_size;
+  if (resolution == 0 && std::max(width, height) <= kUsualSide) return plan.undistorted;
+  return at_resolution(plan.undistorted, resolution);
 }
 
 Camera single_precision_camera(const ViewPlan& plan, const ColmapImage& image) {
@@ -206,7 +215,7 @@ std::vector<ViewPlan> plan_views(
     if (is_new) found->second = undistorted_pinhole(plan.lens, plan.name);  // a search: once each
     plan.undistorted = found->second;
     check_resolution(resolution, plan.undistorted, plan.name);
-    plan.target = at_resolution(plan.undistorted, resolution);
+    plan.target = training_camera(plan, resolution);
     plan.camera = single_precision_camera(plan, image);
     plan.may_be_masked = may_be_masked(plan);
     plan.cost = cost_of(plan);

@@ -3,6 +3,8 @@
 
 #include <spdlog/fmt/fmt.h>
 
+#include <algorithm>
+
 #include "data_loaders/photos/photos.h"
 #include "data_loaders/photos/picture_quality.h"
 #include "gs_core/error.h"
@@ -13,6 +15,7 @@
 #include <opencv2/core/utils/logger.hpp>
 #include <opencv2/imgproc.hpp>
 #include <opencv2/videoio.hpp>
+#include <opencv2/videoio/registry.hpp>
 #endif
 
 namespace gs {
@@ -32,13 +35,19 @@ constexpr double kEndedEarly = 0.9;  // of the frames in the header, which may b
       video.string(), what));
 }
 
+/// FFmpeg alone, where OpenCV has it. Its other readers take the name for a row of pictures, which
+/// they decode without our limits, for a pipeline, or for a camera, whose drivers they load.
+int reader_of_videos() {
+  const std::vector<cv::VideoCaptureAPIs> known = cv::videoio_registry::getStreamBackends();
+  return std::ranges::find(known, cv::CAP_FFMPEG) != known.end() ? cv::CAP_FFMPEG : cv::CAP_ANY;
+}
+
 cv::VideoCapture open_capture(const fs::path& video) {
   std::error_code error;
   if (!fs::is_regular_file(video, error)) cannot_read_video(video, "there is no such file");
   cv::utils::logging::setLogLevel(cv::utils::logging::LOG_LEVEL_SILENT);  // we say it ourselves
   cv::VideoCapture capture;
-  if (!capture.open(video.string(), cv::CAP_FFMPEG)) capture.open(video.string(), cv::CAP_ANY);
-  if (!capture.isOpened())
+  if (!capture.open(video.string(), reader_of_videos()))
     cannot_read_video(video, "it is damaged, or has a format that OpenCV does not know");
   capture.set(cv::CAP_PROP_ORIENTATION_AUTO, 1);
   return capture;

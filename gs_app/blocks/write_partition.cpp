@@ -64,6 +64,7 @@ Config settings_of_all_blocks(Config config) {
   density.reset_opacity_until = 0;
   density.prune_unseen = false;
   density.soft_prune = density.hard_prune = 0;
+  density.opacity_regularizer = 0;  // it fades what no photo of the block sees
   return config;
 }
 

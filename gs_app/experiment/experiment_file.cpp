@@ -18,7 +18,8 @@ namespace {
 
 namespace fs = std::filesystem;
 
-constexpr std::uint64_t kDefaultSeed = 42;  // as in TrainConfig
+constexpr std::uint64_t kDefaultSeed = 42;    // as in TrainConfig
+constexpr std::size_t kLongestOption = 1000;  // bytes: longer ones are slips of the pen
 
 [[noreturn]] void refuse(const fs::path& file, const toml::node& node, const std::string& what) {
   throw UsageError(place_in(file, node) + what);
@@ -143,6 +144,10 @@ std::vector<std::string> slurm_options(const fs::path& file, const toml::table& 
     if (!node.is_value() || value.find('\n') != value.npos)
       refuse(file, node, "an option of sbatch is text or a number");
     options.push_back(fmt::format("--{}={}", name, value));
+    if (const std::size_t size = options.back().size(); size > kLongestOption)
+      refuse(file, node,
+             fmt::format("an option of sbatch has {} bytes at most here, and this one has {}",
+                         kLongestOption, size));
   }
   return options;
 }

@@ -34,10 +34,10 @@ void check_output(const OutputRequest& request) {
   const std::string ending = lowercase_ending(request.output);
   for (const char* other : kOtherFilms)
     if (ending == other)
-      throw UsageError(
-          fmt::format("-o {}: films are written as .mp4; name a file with this ending, or a folder "
-                      "for pictures",
-                      request.output.string()));
+      throw UsageError(fmt::format(
+          "-o {}: films are written as .mp4; name a file with this ending, which ffmpeg "
+          "turns into others (ffmpeg -i film.mp4 film{}), or a folder for pictures",
+          request.output.string(), ending));
   for (const char* picture : kPictures)
     if (ending == picture && !fs::is_directory(request.output))
       throw UsageError(

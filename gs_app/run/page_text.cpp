@@ -19,6 +19,19 @@ std::string base64_of(const std::vector<std::uint8_t>& bytes) {
   return text;
 }
 
+std::string html_text(const std::string& text) {
+  std::string result;
+  for (const char c : text) {
+    if (c == '&')
+      result += "&amp;";
+    else if (c == '<')
+      result += "&lt;";
+    else
+      result += c;
+  }
+  return result;
+}
+
 std::string script_json(const nlohmann::ordered_json& data) {
   const std::string text =
       data.dump(-1, ' ', false, nlohmann::ordered_json::error_handler_t::replace);

@@ -44,7 +44,8 @@ std::string cfg_args(const Config& config, const fs::path& root) {
       "white_background={}, data_device={}, eval={})",
       config.model.sh_degree, python_text(config.dataset.source),
       python_text(fs::absolute(root).lexically_normal().string()),
-      python_text(config.dataset.images), config.dataset.resolution,
+      python_text(config.dataset.images),
+      config.dataset.resolution == 0 ? -1 : config.dataset.resolution,  // -1 caps the width there
       truth(config.render.background == Background::white),
       config.train.device == "cpu" ? "'cpu'" : "'cuda'", truth(config.dataset.eval));
 }

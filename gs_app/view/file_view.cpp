@@ -9,9 +9,12 @@
 #include "data_loaders/colmap/world_offset.h"
 #include "data_loaders/photos/photo_names.h"
 #include "data_loaders/scene/load_scene.h"
+#include "gs_app/edit/edit_model.h"
 #include "gs_app/export/cameras.h"
 #include "gs_app/run/photometric_file.h"
+#include "gs_app/view/eye_inside.h"
 #include "gs_app/view/photo_looks.h"
+#include "gs_core/edit/upright.h"
 #include "gs_core/error.h"
 #include "gs_core/log.h"
 
@@ -118,6 +121,14 @@ double scale_of(const std::optional<Mat4d>& input_from_model) {
   return std::sqrt(m[0][0] * m[0][0] + m[1][0] * m[1][0] + m[2][0] * m[2][0]);
 }
 
+// Without cameras the model itself says which way is up, and whether it is a place to be in.
+void guess_first_view(ViewScene& scene, const GaussianModel& model) {
+  std::optional<Gaussians> storage;
+  const Gaussians& gaussians = drawn_gaussians(model, storage);
+  scene.frame.up = up_of_levels(gaussians);
+  scene.eye = eye_inside(gaussians, scene.frame);
+}
+
 std::string title_of(const OpenedModel& opened) {
   return name_of(opened.run ? opened.run->root() : opened.ply);
 }
@@ -143,6 +154,7 @@ ViewScene view_scene_of(const OpenedModel& opened, const Config& config, bool ha
   take_meters(scene, config.dataset.source, scale_of(opened.input_from_model));
   scene.moves = opened.model.gaussians.has_time;
   scene.frame = frame_of(scene.cameras, opened.model.gaussians.mean.span());
+  if (scene.cameras.empty()) guess_first_view(scene, opened.model);
   return scene;
 }
 

@@ -16,7 +16,7 @@ TrainViewer::TrainViewer(const RunFolder& folder, const Scene& scene, const Conf
               [this](const HttpRequest& request) { return view_answer(view_, request); }),
       waits_(options.waits) {
   view_.let_control(control_);
-  warn_if_public(options.place);
+  warn_if_public(options.place, server_.port());
   log_info("viewer: {}#control={}", server_.url(), control_.token());
 }
 

@@ -22,8 +22,6 @@ Vec3d position_of(const Camera& camera) {
   return -multiply_transposed(rotation_of(camera), Vec3d(camera.cam_from_world_translation));
 }
 
-Json list_of(const Vec3d& v) { return {v.x, v.y, v.z}; }
-
 Json camera_json(const ViewedCamera& viewed, std::size_t index) {
   const Camera& camera = viewed.camera;
   const Mat3<float>& R = camera.cam_from_world_rotation;
@@ -52,6 +50,8 @@ std::string name_of(const std::filesystem::path& path) {
   return (whole.has_filename() ? whole : whole.parent_path()).filename().string();
 }
 
+Json list_of(const Vec3d& v) { return {v.x, v.y, v.z}; }
+
 Json cameras_json(const std::vector<ViewedCamera>& cameras) {
   Json json = Json::array();
   for (std::size_t i = 0; i < cameras.size(); ++i) json.push_back(camera_json(cameras[i], i));
@@ -68,6 +68,8 @@ Json scene_json(const ViewScene& scene) {
                {"far", scene.far_plane},
                {"moves", scene.moves},
                {"notes", scene.notes}};
+  if (!scene.cameras.empty()) json["up_is_known"] = scene.frame.up_is_known;
+  if (scene.eye) json["eye"] = list_of(*scene.eye);
   if (scene.time) json["time"] = *scene.time;
   json["world_offset"] = list_of(scene.world_offset);
   if (scene.meters_per_unit) json["meters_per_unit"] = *scene.meters_per_unit;

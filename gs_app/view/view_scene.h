@@ -39,6 +39,7 @@ struct ViewScene {
   float near_plane = 0.2f, far_plane = 10000;
   std::vector<ViewedCamera> cameras;
   SceneFrame frame;
+  std::optional<Vec3d> eye = {};    // where to begin if the scene has no cameras; else from outside
   bool moves = false;               // the model has a time, which the page can choose
   std::optional<double> time = {};  // at which the page begins; it plays if there is none
   std::vector<std::string> notes;   // sentences for the user: what is missing, and why
@@ -53,6 +54,8 @@ struct ViewScene {
 /// "a", "." -> the name of the current folder.
 std::string name_of(const std::filesystem::path& path);
 
+/// [x, y, z]
+nlohmann::ordered_json list_of(const Vec3d& v);
 /// The list "cameras" of it, by itself.
 nlohmann::ordered_json cameras_json(const std::vector<ViewedCamera>& cameras);
 /// /scene.json without "mode", "model" and "path".

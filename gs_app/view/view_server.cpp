@@ -10,6 +10,7 @@
 #include "data_loaders/photos/photos.h"
 #include "gs_core/error.h"
 #include "gs_core/foreign_text.h"
+#include "gs_core/host_name.h"
 #include "gs_core/log.h"
 #include "gs_train/metrics.h"
 
@@ -131,12 +132,15 @@ void check_can_view() {
   if (!can_view()) throw Error(cannot_view());
 }
 
-void warn_if_public(const HttpPlace& place) {
-  if (!is_loopback(place.host))
-    log_warning(
-        "other machines can reach {}: everyone who opens the viewer there sees the model and the "
-        "photos",
-        place.host);
+void warn_if_public(const HttpPlace& place, int port) {
+  if (is_loopback(place.host)) return;
+  log_warning(
+      "other machines can reach {}: everyone who opens the viewer there sees the model and the "
+      "photos",
+      place.host);
+  if (place.host != "0.0.0.0" && place.host != "::") return;
+  for (const std::string& address : own_addresses())
+    log_info("from another machine or a phone: http://{}:{}/", address, port);
 }
 
 }  // namespace gs

@@ -44,6 +44,6 @@ std::string cannot_view();
 void check_can_view();
 
 /// Warns if other machines can reach the server.
-void warn_if_public(const HttpPlace& place);
+void warn_if_public(const HttpPlace& place, int port);
 
 }  // namespace gs

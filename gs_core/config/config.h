@@ -27,8 +27,9 @@ struct DatasetConfig {
   std::string depth;
   DepthKind depth_kind = DepthKind::automatic;
   float depth_unit = 1e-3f;  // world units of a step of the integers in PNG files
-  std::string model;       // the COLMAP model's folder; empty: sparse/0, sparse or the scene itself
-  int resolution = 1;      // 1, 2, 4, 8: divides the photos' size; 16 and more: the width in pixels
+  std::string model;   // the COLMAP model's folder; empty: sparse/0, sparse or the scene itself
+  int resolution = 0;  // 1, 2, 4, 8: divides the photos' size; 16 and more: the width in pixels;
+                       // 0: kUsualSide for the longer side of larger photos
   std::string photo_list;  // a file with names of photos: the run uses no others; empty: all
   bool eval = false;       // hold out every test_every-th view, sorted by name
   int test_every = 8;
@@ -149,10 +150,10 @@ struct DensityConfig {
   float growth = 0.05f;      // of the count, in one refinement
   float noise_scale = 5e5f;  // times the learning rate of the means
   // for all strategies
-  float opacity_regularizer = 0;     // weight of the mean opacity in the loss
-  float scale_regularizer = 0;       // weight of the mean scale in the loss
-  float time_scale_regularizer = 0;  // weight of the mean of 1 / scale in time
-  float velocity_regularizer = 0;    // weight of the mean squared velocity
+  float opacity_regularizer = 0.001f;  // weight of the mean opacity in the loss
+  float scale_regularizer = 0;         // weight of the mean scale in the loss
+  float time_scale_regularizer = 0;    // weight of the mean of 1 / scale in time
+  float velocity_regularizer = 0;      // weight of the mean squared velocity
   StatisticsWindow window = StatisticsWindow::epoch;
   // for budgeted only: docs/density.md
   GrowthScore score = GrowthScore::force;

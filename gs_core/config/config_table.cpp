@@ -2,6 +2,8 @@
 // Visitors over the list in config_fields.h that write texts for people.
 #include "gs_core/config/config_table.h"
 
+#include <spdlog/fmt/fmt.h>
+
 #include <algorithm>
 #include <vector>
 
@@ -10,6 +12,9 @@
 #include "gs_core/config/config_presets.h"
 #include "gs_core/config/config_text.h"
 #include "gs_core/config/markdown.h"
+#include "gs_core/config/nearest_word.h"
+#include "gs_core/error.h"
+#include "gs_core/foreign_text.h"
 
 namespace gs {
 namespace {
@@ -44,6 +49,20 @@ constexpr std::string_view kIntroduction =
     "```\n";
 
 std::string section_of(std::string_view key) { return std::string(key.substr(0, key.find('.'))); }
+
+[[noreturn]] void refuse_section_or_key(const std::string& wanted) {
+  std::vector<std::string> sections;
+  Config config;
+  visit_fields(config, [&](const auto& field) {
+    if (sections.empty() || sections.back() != section_of(field.key))
+      sections.emplace_back(section_of(field.key));
+  });
+  const std::string nearest =
+      wanted.find('.') == wanted.npos ? nearest_word(wanted, sections) : std::string();
+  if (nearest.empty()) refuse_key("", wanted);
+  throw UsageError(fmt::format("there is no section of settings {}; did you mean {}?",
+                               shown_word(wanted), nearest));
+}
 
 // Which values a setting takes, in words; empty if it takes any.
 template <class T>
@@ -132,7 +151,7 @@ std::string explain(const Config& config, const SettingOrigins& origins,
     text += fmt::format("  default  {}\n", usual);
     if (!field.source.empty()) text += fmt::format("  source   {}\n", field.source);
   });
-  if (text.empty()) refuse_key("", key);
+  if (text.empty()) refuse_section_or_key(key);
   return text;
 }
 

@@ -72,8 +72,7 @@ double levelness(const HeightSamples& samples, const Vec3d& up) {
 
 // `count` directions at an angle from another one, evenly around it.
 std::vector<Vec3d> directions_around(const Vec3d& axis, double angle, int count) {
-  const Vec3d a = unit(cross(axis, std::abs(axis.x) < 0.5 ? Vec3d(1, 0, 0) : Vec3d(0, 0, 1)));
-  const Vec3d b = cross(axis, a);
+  const auto [a, b] = axes_across(axis);
   std::vector<Vec3d> directions;
   for (int k = 0; k < count; ++k) {
     const double turn = 2 * std::numbers::pi * k / count;
@@ -113,7 +112,7 @@ Vec3d up_of_levels(const Gaussians& gaussians) {
     if (better == up) step /= 2;
     up = better;
   }
-  return up;
+  return inner(up, start) > std::cos(kMostTilt - kDegree) ? up : start;
 }
 
 double floor_height(const Gaussians& gaussians, const Vec3d& up, const Vec3d& center,

@@ -3,6 +3,7 @@
 // and whether a matrix is a rotation.
 #pragma once
 
+#include <array>
 #include <cmath>
 
 #include "gs_core/types.h"
@@ -18,6 +19,12 @@ GS_HD T length(const Vec3<T>& v) {
 template <class T>
 GS_HD Vec3<T> unit(const Vec3<T>& v) {
   return v / length(v);
+}
+
+/// Two axes of unit length at right angles to `axis` (unit length) and to each other.
+inline std::array<Vec3d, 2> axes_across(const Vec3d& axis) {
+  const Vec3d x = unit(cross(axis, std::abs(axis.x) < 0.5 ? Vec3d(1, 0, 0) : Vec3d(0, 0, 1)));
+  return {x, cross(axis, x)};
 }
 
 /// The x with S x = b, by Cramer's rule. S must be far from singular.

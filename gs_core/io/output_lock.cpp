@@ -98,8 +98,9 @@ OutputLock OutputLock::of_new_folder(const fs::path& folder) {
     std::error_code ignored;
     if (fs::exists(folder, ignored) && !is_empty_output(folder))
       throw UsageError(
-          fmt::format("{} exists already, and nothing is overwritten; name a new folder with -o",
-                      folder.string()));
+          fmt::format("{} exists already, and nothing is overwritten; name a new folder with -o, "
+                      "or add --force, which renames it to {}.bak-1 or the like",
+                      folder.string(), folder.string()));
   };
   check();
   OutputLock lock = of_folder(folder);

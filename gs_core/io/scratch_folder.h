@@ -2,40 +2,31 @@
 // A folder for files that are only needed for a while.
 #pragma once
 
-#include <stdlib.h>
-
-#include <cerrno>
-#include <cstring>
 #include <filesystem>
 #include <string>
-
-#include "gs_core/error.h"
 
 namespace gs {
 
 /// A new folder under the system's folder for temporary files ($TMPDIR), which only this user may
-/// enter. It is removed at the end with all that it holds.
+/// enter. It is removed at the end with all that it holds; where a kill prevents that, by the next
+/// one of the same prefix. A lock beside the files tells which folders belong to a process that
+/// lives: TMPDIR/PREFIXxxxxxx/ has `.gemsplat.scratch` and `files/`.
 class ScratchFolder {
  public:
   /// Its name begins with `prefix`. Throws Error if it cannot be made.
-  explicit ScratchFolder(const std::string& prefix = "gemsplat-") {
-    std::string name = (std::filesystem::temp_directory_path() / (prefix + "XXXXXX")).string();
-    if (!mkdtemp(name.data()))
-      throw Error("cannot make a folder " + name + ": " + std::strerror(errno) +
-                  "; set TMPDIR to a folder that you may write to");
-    path_ = name;
-  }
-  ~ScratchFolder() {
-    std::error_code ignored;
-    std::filesystem::remove_all(path_, ignored);
-  }
+  explicit ScratchFolder(const std::string& prefix = "gemsplat-");
+  ~ScratchFolder();
   ScratchFolder(const ScratchFolder&) = delete;
   ScratchFolder& operator=(const ScratchFolder&) = delete;
 
   const std::filesystem::path& path() const { return path_; }
 
  private:
-  std::filesystem::path path_;
+  bool make(const std::string& pattern);
+  void remove() const;
+
+  std::filesystem::path folder_, path_;
+  int lock_ = -1;  // held until the folder is gone
 };
 
 }  // namespace gs

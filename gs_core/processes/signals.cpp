@@ -5,6 +5,7 @@
 #include <unistd.h>
 
 #include <cerrno>
+#include <cstring>
 #include <ctime>
 
 #include "gs_core/error.h"
@@ -55,6 +56,14 @@ SignalHandlers::~SignalHandlers() {
   for (std::size_t i = 0; i < kStopSignals.size(); ++i)
     sigaction(kStopSignals[i], &old_[i], nullptr);
   current_ = before_;
+}
+
+void LastWords::say(int signal) {
+  if (const char* const line = line_) {
+    [[maybe_unused]] const auto written = ::write(STDERR_FILENO, line, std::strlen(line));
+  }
+  std::signal(signal, SIG_DFL);
+  ::raise(signal);  // takes effect when this handler has returned
 }
 
 SignalWait::Pipe::Pipe() {

@@ -44,6 +44,20 @@ class SignalHandlers {
   std::array<struct sigaction, kStopSignals.size()> old_;
 };
 
+/// While it lives, the first signal writes a line to standard error and then ends the program as it
+/// would have without this. One at a time.
+class LastWords {
+ public:
+  /// `line` ends in a line end, and outlives this.
+  explicit LastWords(const char* line) { line_ = line; }
+
+ private:
+  static void say(int signal);
+
+  static inline std::atomic<const char*> line_ = nullptr;
+  SignalHandlers handlers_{say};
+};
+
 /// While it lives, signals are counted and do nothing else. One at a time.
 class SignalCount {
  public:

@@ -317,6 +317,24 @@ TEST_F(View, TheBodyOfARefusedRequestIsNoRequest) {
 
 // --- Large models, lengths, looks
 
+TEST_F(View, AFileWithoutCamerasSaysWhichWayIsUp) {
+  const double tilt = 20 * M_PI / 180;
+  GaussianModel floor = random_model(2000, 0);
+  for (std::size_t i = 0; i < 2000; ++i) {
+    const Vec3f p = floor.gaussians.mean[i];
+    floor.gaussians.mean[i] = {float(std::cos(tilt)) * p.x, float(std::sin(tilt)) * p.x, p.z};
+    floor.gaussians.log_scale[i] = Vec3f(-3);
+    floor.gaussians.logit_opacity[i] = 2;
+  }
+  write_model(path("floor.ply"), floor);
+  const Served served = serve("floor.ply");
+  const Json scene = served.json("/scene.json");
+  EXPECT_NEAR(scene.at("up").at(0), std::sin(tilt), 0.02);
+  EXPECT_NEAR(scene.at("up").at(1), -std::cos(tilt), 0.02);
+  EXPECT_FALSE(scene.contains("eye")) << "nothing hides its middle";
+  EXPECT_FALSE(scene.contains("up_is_known"));
+}
+
 TEST_F(View, ALargeModelIsMadeALevelledOneWhichIsSentInRanges) {
   ASSERT_EQ(train("out").code, 0);
   const OpenedModel opened = open_model(path("out"), std::nullopt);

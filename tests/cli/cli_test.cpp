@@ -134,6 +134,12 @@ TEST_F(Program, UnknownFlagsKeysAndVerbsAreUsageErrorsThatNameTheNearest) {
   EXPECT_THAT(verb.err, HasSubstr("there is no command trian"));
   EXPECT_THAT(run("train scene more -o out").err,
               HasSubstr("gemsplat train takes no further argument more"));
+  write_bytes(path("photos/1.jpg"), "");
+  write_bytes(path("photos/2.jpg"), "");
+  for (const char* verb : {"reconstruct", "train"})
+    EXPECT_THAT(
+        run(std::string(verb) + " " + text("photos") + "/*.jpg -o " + text("o")).err,
+        HasSubstr("name the folder that holds the photos, " + path("photos").string() + "/"));
   const Outcome nothing = run("");
   EXPECT_EQ(nothing.code, 2);
   EXPECT_THAT(nothing.err, HasSubstr("a command is missing"));
@@ -193,8 +199,8 @@ TEST_F(Program, TrainingWritesTheWholeFolder) {
 
   EXPECT_THAT(read_bytes(path("out/cfg_args")),
               AllOf(HasSubstr("Namespace(sh_degree=3, source_path='" + text("scene") + "'"),
-                    HasSubstr("images='images'"), HasSubstr("white_background=False"),
-                    HasSubstr("eval=True)")));
+                    HasSubstr("images='images'"), HasSubstr("resolution=-1"),
+                    HasSubstr("white_background=False"), HasSubstr("eval=True)")));
   EXPECT_THAT(read_bytes(path("out/config.toml")), HasSubstr("iterations = 20"));
 }
 

@@ -93,6 +93,20 @@ TEST_F(EditVerb, SeveralModelsAreMergedWhereTheyWereTrained) {
   EXPECT_EQ(far, count("a.ply"));
 }
 
+TEST_F(EditVerb, ModelsOfTwoScenesAreMergedWithAWarning) {
+  const std::string both = "edit " + text("run") + " " + text("other");
+  fs::copy(path("run"), path("other"), fs::copy_options::recursive);
+  EXPECT_THAT(run(both + " -o " + text("a.ply")).err, Not(HasSubstr("two scenes")));
+  std::string config = read_bytes(path("other/config.toml"));
+  const std::string scene = path("scene").string();
+  ASSERT_NE(config.find(scene), config.npos);
+  write_bytes(path("other/config.toml"), config.replace(config.find(scene), scene.size(), "/else"));
+  const Outcome outcome = run(both + " -o " + text("b.ply"));
+  EXPECT_EQ(outcome.code, 0);
+  EXPECT_THAT(outcome.err, AllOf(HasSubstr("two scenes"), HasSubstr("--as-stored")));
+  EXPECT_THAT(run(both + " --as-stored -o " + text("c.ply")).err, Not(HasSubstr("two scenes")));
+}
+
 TEST_F(EditVerb, AMovedFileSaysSoAndExportKeepsTheWayBack) {
   ASSERT_EQ(edit("--move 5,0,0 -o " + text("a.ply")).code, 0);
   EXPECT_EQ(json("a.ply.transforms.json")["was_moved"], true);

@@ -120,6 +120,8 @@ TEST_F(Experiment, TablesHaveEveryRunMeansOverSeedsAndProvenance) {
   const Outcome outcome = experiment();
   ASSERT_EQ(outcome.code, 0) << outcome.err;
   EXPECT_THAT(outcome.out, HasSubstr("8 of 8 runs finished"));
+  if (fs::exists(path("out/report.html")))
+    EXPECT_THAT(outcome.out, HasSubstr("report: " + path("out/report.html").string()));
   EXPECT_THAT(outcome.err, AllOf(HasSubstr("[8/8] b/flat/seed2: psnr "), HasSubstr("train.log")));
   expect_complete_tables();
 
@@ -309,6 +311,15 @@ TEST_F(Experiment, SlurmScriptAsksForTheGpusOfARun) {
   ASSERT_EQ(experiment("--slurm --dry-run --gpus-per-run 2").code, 0);
   EXPECT_THAT(read_bytes(path("out/experiment.sbatch")),
               AllOf(HasSubstr("#SBATCH --gpus-per-task=2\n"), Not(HasSubstr("--gres"))));
+}
+
+TEST_F(Experiment, AnOptionOfSbatchThatIsNoOptionIsRefused) {
+  write_experiment(5, "slurm = {comment = '" + std::string(1500, 'x') + "'}\n");
+  const Outcome outcome = experiment("--slurm --dry-run");
+  EXPECT_EQ(outcome.code, 2);
+  EXPECT_THAT(outcome.err,
+              AllOf(HasSubstr("e.toml"), HasSubstr("1000 bytes at most"), HasSubstr("1510")));
+  EXPECT_FALSE(fs::exists(path("out/experiment.sbatch")));
 }
 
 TEST_F(Experiment, ANameThatIsNotUtf8IsRefused) {

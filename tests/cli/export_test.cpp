@@ -82,6 +82,10 @@ TEST_F(Export, AModelPageHoldsSceneAndModelAndReplacesNothing) {
   EXPECT_EQ(scene["model"]["format"], "sog");
   EXPECT_GT(scene["cameras"].size(), 0u);
   EXPECT_TRUE(scene["cameras"][0]["photo"].is_null());
+  EXPECT_EQ(scene["title"], "scene") << "the folder that it was trained on";
+  EXPECT_EQ(scene["visitors"], true);
+  EXPECT_GE(scene["turn"]["width"], 0);
+  EXPECT_THAT(page, HasSubstr("<title>scene</title>"));
   const std::string model = element("<script id=\"gemsplat-model\" type=\"text/plain\">");
   EXPECT_THAT(model, testing::StartsWith("UEsD"));  // "PK\3" of a zip file
   EXPECT_EQ(model.size(), (scene["model"]["bytes"].get<std::size_t>() + 2) / 3 * 4);
@@ -91,6 +95,18 @@ TEST_F(Export, AModelPageHoldsSceneAndModelAndReplacesNothing) {
   EXPECT_EQ(read_bytes(path("page.html")), page);
   ASSERT_EQ(export_run(text("page.html") + " --force").code, 0);
   EXPECT_TRUE(fs::exists(path("page.html.bak-1")));
+  ASSERT_EQ(export_run(text("named.html") + " --title 'A <b> & c'").code, 0);
+  EXPECT_THAT(read_bytes(path("named.html")), AllOf(HasSubstr("<title>A &lt;b> &amp; c</title>"),
+                                                    HasSubstr("\"title\":\"A \\u003cb> & c\"")));
+  fs::copy(path("scene"), path("run/scene"), fs::copy_options::recursive);
+  std::string config = read_bytes(path("run/config.toml"));
+  const std::string source = path("scene").string();
+  write_bytes(path("run/config.toml"),
+              config.replace(config.find(source), source.size(), path("run/scene").string()));
+  ASSERT_EQ(export_run(text("photos.html")).code, 0);
+  EXPECT_THAT(read_bytes(path("photos.html")), HasSubstr("<title>run</title>"))
+      << "as of `train PHOTOS`";
+  EXPECT_THAT(export_run(text("a.ply") + " --title x").err, HasSubstr("ends in .html"));
   EXPECT_THAT(export_run(text("moved.html") + " --recenter").err,
               HasSubstr("export a moved model first"));
 }
@@ -143,6 +159,7 @@ TEST_F(Export, NamesWithoutAFormatAreUsageErrorsThatListThem) {
       outcome.err,
       HasSubstr("gemsplat does not write .obj; it writes .ply, .csv, .glb, .compressed.ply, "
                 ".spz, .sog, .rad, .splat"));
+  EXPECT_THAT(outcome.err, HasSubstr("a page (.html)"));
   EXPECT_EQ(run("train " + text("scene") + " -o " + text("b") + kTrain + " --export obj").code, 2);
   EXPECT_FALSE(fs::exists(path("b")));
 }

@@ -117,6 +117,25 @@ TEST_F(Files, AClosedTerminalStopsTrainingAsCtrlCDoes) {
   EXPECT_FALSE(fs::exists(path("out/.gemsplat.lock")));
 }
 
+TEST_F(Files, ASignalKeepsThePicturesSoFarAndNoHalfOfAFilm) {
+  ASSERT_EQ(train("run").code, 0);
+  const std::string render =
+      "render " + text("run") + " --device cpu --path orbit --frames 100000 --size 320x256 -o ";
+  const pid_t pictures = start(render + text("views"));
+  ASSERT_TRUE(wait_for_file(path("views/00000.png"), pictures)) << read_bytes(path("log.txt"));
+  ::kill(pictures, SIGTERM);
+  EXPECT_EQ(end_of(pictures), 5) << read_bytes(path("log.txt"));
+  EXPECT_TRUE(fs::exists(path("views/00000.png")));
+  EXPECT_FALSE(fs::exists(path("views/.gemsplat.lock")));
+  if (!can_read_videos()) GTEST_SKIP() << "built without OpenCV's videoio";
+  fs::create_directories(path("films"));
+  const pid_t film = start(render + text("films/orbit.mp4"));
+  while (std::distance(fs::directory_iterator(path("films")), {}) < 2) ::usleep(10'000);
+  ::kill(film, SIGTERM);
+  EXPECT_EQ(end_of(film), 5) << read_bytes(path("log.txt"));
+  EXPECT_TRUE(fs::is_empty(path("films")));
+}
+
 TEST_F(Files, ASceneThatDisappearsWhileARunGoesOnDoesNotFailIt) {
   write_scene(path("scene"));
   const pid_t child =
@@ -246,6 +265,21 @@ TEST_F(Files, AFileThatIsNoOutputOfOursIsKeptAside) {
   EXPECT_FALSE(fs::exists(path("mine.html.bak-2")));  // that one was ours
 }
 
+TEST_F(Files, ACopyOfASceneThatWasCutOffIsMadeAgainWithForce) {
+  write_scene(path("scene"));
+  const std::string command = "undistort " + text("scene") + " -o " + text("flat");
+  write_bytes(path("flat/images/view_0.png"), "half of a photo");  // as a kill leaves it
+  const Outcome refused = run(command);
+  EXPECT_EQ(refused.code, 2) << refused.err;
+  EXPECT_THAT(refused.err, HasSubstr("--force"));
+  EXPECT_EQ(run(command + " --force").code, 0);
+  EXPECT_TRUE(fs::exists(path("flat/sparse/0/points3D.bin")));
+  EXPECT_EQ(read_bytes(path("flat.bak-1/images/view_0.png")), "half of a photo");
+  const Outcome into_the_scene = run("undistort " + text("scene") + " --force -o " + text("scene"));
+  EXPECT_EQ(into_the_scene.code, 2) << into_the_scene.err;
+  EXPECT_TRUE(fs::exists(path("scene/images/view_0.png")));
+}
+
 TEST_F(Files, TwoWritersOfOneFileAreRefused) {
   ASSERT_EQ(train("run").code, 0);
   const auto is_refused = [&](const std::string& file, const std::string& arguments) {
@@ -261,6 +295,12 @@ TEST_F(Files, TwoWritersOfOneFileAreRefused) {
   is_refused("e.json", "eval " + text("run") + " --device cpu -o " + text("e.json"));
   is_refused("b.json", "bench --gaussians 10 --device cpu -o " + text("b.json"));
   is_refused("r.html", "report " + text("run") + " -o " + text("r.html"));
+  is_refused("m.spz", "export " + text("run") + " " + text("m.spz") + " --no-measure --force");
+  fs::create_directories(path("views"));
+  const OutputLock first = OutputLock::of_folder(path("views"));
+  const Outcome second = run("render " + text("run") + " --device cpu -o " + text("views"));
+  EXPECT_EQ(second.code, 3) << second.err;
+  EXPECT_THAT(second.err, HasSubstr("another process"));
   EXPECT_EQ(run("georef " + text("scene") + " --origin 15,48,0").code, 0);
   EXPECT_FALSE(fs::exists(path("scene/.georef.json.lock")));
 }

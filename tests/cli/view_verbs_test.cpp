@@ -16,6 +16,7 @@
 #include "data_loaders/formats/ply/ply.h"
 #include "gs_app/view/view_server.h"
 #include "gs_core/error.h"
+#include "gs_core/host_name.h"
 #include "gs_core/processes/process.h"
 #include "tests/support/program.h"
 #include "tests/support/raw_connection.h"
@@ -86,6 +87,22 @@ TEST_F(Verbs, ViewServesUntilASignalAndThenReturns0) {
     EXPECT_EQ(view.end(signal), 0) << view.said();
     fs::remove(path("view.log"));
   }
+}
+
+TEST_F(Verbs, ViewForOthersNamesTheAddressesOfThisMachine) {
+  const std::vector<std::string> addresses = own_addresses();
+  if (addresses.empty()) GTEST_SKIP() << "this machine has no address but loopback";
+  ASSERT_EQ(train("out").code, 0);
+  const fs::path log = path("view.log");
+  const pid_t view = start_child(
+      {GS_PROGRAM, "view", text("out"), "--no-open", "--port", "0", "--host", "0.0.0.0"},
+      {.output = open_log(log)});
+  for (int i = 0; i < 600 && read_bytes(log).find("http://localhost:") == std::string::npos; ++i)
+    std::this_thread::sleep_for(std::chrono::milliseconds(50));
+  kill(view, SIGTERM);
+  waitpid(view, nullptr, 0);
+  for (const std::string& address : addresses)
+    EXPECT_THAT(read_bytes(log), HasSubstr("http://" + address + ":"));
 }
 
 TEST_F(Verbs, ViewOpensTheBrowserWhereItIsAskedTo) {

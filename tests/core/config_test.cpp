@@ -360,6 +360,8 @@ TEST(ConfigTable, ExplainsASettingASectionOrEverything) {
   };
   EXPECT_EQ(settings("loss"), field_count<LossConfig>());
   EXPECT_EQ(settings(""), fields_of(config).size());
+  EXPECT_EQ(message_of([&] { explain(config, {}, "densty"); }),
+            "there is no section of settings densty; did you mean density?");
   EXPECT_THAT(message_of([&] { explain(config, {}, "density.evry"); }),
               HasSubstr("did you mean density.every?"));
 }
@@ -469,7 +471,7 @@ TEST(Setting, RefusesWhatItCannotUse) {
   EXPECT_THAT(refusal("train.iterations=soon"),
               AllOf(HasSubstr("train.iterations"), HasSubstr("soon"), HasSubstr("a whole number")));
   EXPECT_THAT(refusal("dataset.resolution=3"),
-              HasSubstr("must be 1, 2, 4, 8, or from 16 to 65536"));
+              HasSubstr("must be 0, 1, 2, 4, 8, or from 16 to 65536"));
   EXPECT_THAT(refusal("train.device=tpu"), HasSubstr("cuda:N"));
   EXPECT_THAT(refusal("train.device=cuda:N"), HasSubstr("cuda:N"));
   EXPECT_THAT(refusal("train.device=cuda:"), HasSubstr("cuda:N"));

@@ -7,11 +7,14 @@
 #include <sys/wait.h>
 #include <unistd.h>
 
+#include <memory>
+
 #include "gs_core/error.h"
 #include "gs_core/io/atomic_file.h"
 #include "gs_core/io/move_aside.h"
 #include "gs_core/io/output_lock.h"
 #include "gs_core/io/output_names.h"
+#include "gs_core/io/scratch_folder.h"
 #include "tests/support/temp_folder.h"
 
 namespace gs {
@@ -156,6 +159,72 @@ TEST_F(Owned, AFolderThatIsMovedAsideIsLockedInItsPlace) {
   EXPECT_EQ(read_bytes(path("scene.bak-1/result")), "older");
   EXPECT_EQ(std::distance(fs::directory_iterator(path("scene.bak-1")), {}), 1);
   EXPECT_THROW(lock.move_folder_aside({path("scene/photos")}), UsageError);
+}
+
+// ---- folders for a while -------------------------------------------------------------------------
+
+/// Other tests have theirs at the same time, under another prefix.
+constexpr const char* kPrefix = "gemsplat-owned-test-";
+
+TEST_F(Owned, AScratchFolderThatAKillHasLeftIsRemovedByTheNextOne) {
+  const fs::path note = path("name");
+  const pid_t child = ::fork();
+  if (child == 0) {
+    const ScratchFolder scratch(kPrefix);
+    write_bytes(scratch.path() / "model.rad", "large");
+    write_bytes(note, scratch.path().string());
+    ::kill(::getpid(), SIGKILL);
+  }
+  ::waitpid(child, nullptr, 0);
+  const fs::path left = read_bytes(note);
+  ASSERT_TRUE(fs::exists(left / "model.rad"));
+  const ScratchFolder next(kPrefix);
+  EXPECT_FALSE(fs::exists(left.parent_path()));
+  EXPECT_TRUE(fs::is_empty(next.path()));
+}
+
+TEST_F(Owned, ARemovalOfAScratchFolderThatAKillHasCutOffIsFinished) {
+  constexpr int kFiles = 600;  // their removal takes long enough for a kill
+  const fs::path note = path("name");
+  const auto files_in = [](const fs::path& folder) {
+    std::error_code gone;
+    return std::distance(fs::directory_iterator(folder, gone), fs::directory_iterator());
+  };
+  for (int time = 0; time < 6; ++time) {  // which file goes first is the file system's choice
+    fs::remove(note);
+    const pid_t child = ::fork();
+    if (child == 0) {
+      auto scratch = std::make_unique<ScratchFolder>(kPrefix);
+      for (int i = 0; i < kFiles; ++i) write_bytes(scratch->path() / std::to_string(i), "");
+      write_bytes(path("draft"), scratch->path().string());
+      fs::rename(path("draft"), note);
+      ::usleep(20'000);
+      scratch.reset();
+      ::_exit(0);
+    }
+    while (!fs::exists(note)) ::usleep(1000);
+    const fs::path left = read_bytes(note);
+    while (files_in(left) == kFiles) ::usleep(100);
+    ::kill(child, SIGKILL);
+    ::waitpid(child, nullptr, 0);
+    { const ScratchFolder next(kPrefix); }
+    EXPECT_FALSE(fs::exists(left)) << files_in(left) << " files are left";
+    fs::remove_all(left.parent_path());
+  }
+}
+
+TEST_F(Owned, AScratchFolderStaysWhileItsProcessLivesAndWhatIsNotOursAlways) {
+  const ScratchFolder living(kPrefix);
+  const fs::path users = fs::temp_directory_path() / (std::string(kPrefix) + "mything");
+  const fs::path short_one = fs::temp_directory_path() / (std::string(kPrefix) + "result");
+  write_bytes(users / "a.txt", "dear");
+  write_bytes(short_one / "a.txt", "dear");  // as long as a name of ours
+  { const ScratchFolder next(kPrefix); }
+  EXPECT_TRUE(fs::exists(living.path()));
+  EXPECT_EQ(read_bytes(users / "a.txt"), "dear");
+  EXPECT_EQ(read_bytes(short_one / "a.txt"), "dear");
+  fs::remove_all(users);
+  fs::remove_all(short_one);
 }
 
 // ---- files that are being written ---------------------------------------------------------------

@@ -12,6 +12,7 @@
 #include <thread>
 
 #include "gs_core/error.h"
+#include "gs_core/processes/signals.h"
 #include "gs_core/processes/subprocess.h"
 #include "tests/support/temp_folder.h"
 
@@ -25,6 +26,14 @@ TEST(StartChild, FindsTheProgramOnThePathAndTellsItsExitCode) {
   EXPECT_EQ(end.exit_code, 3);
   EXPECT_EQ(end.signal, 0);
   EXPECT_FALSE(end.good());
+}
+
+TEST(StartChild, NoArgumentIsParsedAsACommand) {
+  const TempFolder folder;
+  const auto log = folder.path() / "log";
+  const std::string evil = "$(echo run) `echo run`; echo run | cat > " + log.string() + "; \n*'\"";
+  wait_for_child(start_child({"printf", "%s", evil}, {.output = open_log(log)}));
+  EXPECT_EQ(read_bytes(log), evil);
 }
 
 TEST(StartChild, APathThatCannotRunIsAnErrorThatNamesIt) {
@@ -89,6 +98,15 @@ TEST(RunProcess, ASignalOfAClosedTerminalEndsTheProgram) {
   EXPECT_THROW(run_process({"sh", "-c", "echo ready; sleep 600"}, {},
                            [](std::string_view) { raise(SIGHUP); }),
                Error);
+}
+
+TEST(LastWords, AreSaidAndTheSignalEndsTheProgramAllTheSame) {
+  const auto end_with = [](int signal) {
+    const LastWords words("nothing was trained\n");
+    ::raise(signal);
+  };
+  EXPECT_EXIT(end_with(SIGINT), testing::KilledBySignal(SIGINT), "nothing was trained");
+  EXPECT_EXIT(end_with(SIGTERM), testing::KilledBySignal(SIGTERM), "nothing was trained");
 }
 
 TEST(RunProcess, GivesEachLineAndTheWholeOutputToTheLog) {

@@ -132,6 +132,16 @@ TEST(Upright, LevelSurfacesSayWhichWayIsUpAndWallsDoNot) {
   }
 }
 
+TEST(Upright, AWallThatIsMostOfAModelDoesNotSayWhichWayIsUp) {
+  Draws draws(5);
+  std::vector<Vec3f> means;  // leaning by 60 degrees
+  for (int i = 0; i < 900; ++i) {
+    const float a = draws.uniform(-2, 2), b = draws.uniform(-2, 2);
+    means.push_back({a, 0.87f * b, 0.5f * b});
+  }
+  EXPECT_EQ(up_of_levels(spheres(means)), Vec3d(0, -1, 0));
+}
+
 TEST(Upright, WithoutGaussiansThatCountUpIsMinusY) {
   EXPECT_EQ(up_of_levels(spheres({})), Vec3d(0, -1, 0));
   EXPECT_EQ(up_of_levels(spheres({{1, 2, 3}})), Vec3d(0, -1, 0));

@@ -13,11 +13,13 @@ import sys
 import tempfile
 import threading
 import time
+import zlib
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
 from pathlib import Path
 
 import scenarios
+from visitor import Visitor
 
 HANGS_AFTER = 60  # seconds
 EXIT_CODES = (0, 2, 3, 4, 5)  # docs/conventions.md; 1 would be a bug of the program
@@ -55,15 +57,23 @@ class Slot:
 
     # ---- processes -------------------------------------------------------------------------------
 
-    def start(self, arguments, variables=None):
+    def start(self, verb, variables=None, more=(), stops=False):
+        """Starts the command, and a visitor where the verb has one, who may stop the run."""
         environment = {k: v for k, v in os.environ.items() if not k.startswith("GS_FAULT")}
         environment.update(TMPDIR=str(self.case / "tmp"), XDG_CACHE_HOME=str(self.case / "cache"),
                            OMP_NUM_THREADS="1", OPENBLAS_NUM_THREADS="1", LC_ALL="C.UTF-8")
         environment.update(variables or {})
-        self.errors = open(self.folder / "stderr.txt", "w+b")
-        return subprocess.Popen([str(self.program), *arguments], cwd=self.case, env=environment,
-                                stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL,
-                                stderr=self.errors, start_new_session=True)
+        outputs = [self.folder / "stdout.txt", self.folder / "stderr.txt"]
+        self.errors = open(outputs[1], "w+b")
+        with open(outputs[0], "wb") as said:
+            process = subprocess.Popen([str(self.program), *verb.arguments, *more], cwd=self.case,
+                                       env=environment, stdin=subprocess.DEVNULL, stdout=said,
+                                       stderr=self.errors, start_new_session=True)
+        self.visitor = None
+        if verb.visit:
+            self.visitor = Visitor(process, outputs, verb.visit, stops)
+            self.visitor.start()
+        return process
 
     def wait(self, process, begin):
         hung = False
@@ -73,13 +83,16 @@ class Slot:
             hung = True
             os.killpg(process.pid, signal.SIGKILL)
             process.wait()
+        if self.visitor:
+            self.visitor.join()
         self.errors.seek(0)
         text = self.errors.read().decode(errors="replace")
         self.errors.close()
         return Outcome(process.returncode, text, time.monotonic() - begin, hung)
 
     def run(self, verb, fault=None, counted=False, more=()):
-        """The command of a verb, with or without a fault."""
+        """The command of a verb, with or without a fault. Of the runs that a visitor controls and
+        that meet a fault, every other one is stopped."""
         variables = {}
         log = self.folder / "faults.log"
         log.unlink(missing_ok=True)
@@ -89,7 +102,8 @@ class Slot:
                          "GS_FAULT_DEPTH": str(int(verb.faults_in_children)),
                          "ASAN_OPTIONS": "verify_asan_link_order=0:detect_leaks=0"}
         begin = time.monotonic()
-        outcome = self.wait(self.start([*verb.arguments, *more], variables), begin)
+        stops = fault is not None and zlib.crc32(fault.encode()) % 2 == 1
+        outcome = self.wait(self.start(verb, variables, more, stops), begin)
         if verb.faults_in_children:
             for file in sorted(self.case.rglob("train.log")):
                 outcome.errors += file.read_text(errors="replace")
@@ -117,6 +131,10 @@ class Slot:
         shutil.rmtree(self.case, ignore_errors=True)
         scenarios.write_inputs(verb, self.case)
         self.make_run(verb)
+        for arguments in verb.before:
+            made = self.run(scenarios.Verb("before", arguments))
+            if made.code != 0:
+                raise SystemExit(f"{' '.join(arguments)} fails without a fault:\n{made.errors}")
         scenarios.write_user_files(verb, self.case)
         shutil.copytree(self.case, self.folder / verb.name)
         before, folders = self.hashes(), self.folders()
@@ -204,11 +222,19 @@ def differences(slot, verb, reference, errors, may_lack, is_going_on=False):
     """How the files differ from those of the undisturbed command. With `may_lack`, a file may be
     missing, or an older one left over, if a warning says so. After going on, an older checkpoint may
     stay beside the newest one, and the model of a run that was stopped."""
-    now = {name: c for name, c in slot.contents().items() if not is_backup_or_lock(name)}
-    wanted = {name: c for name, c in reference.after.items() if not is_backup_or_lock(name)}
+    def counts(name):
+        return not is_backup_or_lock(name) and not re.match(verb.varies, name)
+
+    all_now = slot.contents()
+    now = {name: c for name, c in all_now.items() if counts(name)}
+    aside = {c for name, c in all_now.items() if is_backup_or_lock(name)}
+    wanted = {name: c for name, c in reference.after.items() if counts(name)}
     told = "\n".join(line for line in errors.splitlines() if TELLS_A_LOSS.search(line))
     for name, content in wanted.items():
         if now.get(name) == content:
+            continue
+        # A run that saved a model and no checkpoint is moved aside with what the user put there.
+        if is_going_on and name in verb.user_files and content in aside:
             continue
         is_ours_to_lack = may_lack and verb.may_lack and name.startswith(verb.may_lack)
         base = Path(name).name

@@ -14,7 +14,8 @@ from pathlib import Path
 import campaign
 import scenarios
 
-VERBS = ("train", "export", "reconstruct", "experiment")
+VERBS = ("train", "export", "reconstruct", "experiment", "edit", "merge", "partition", "georef",
+         "tiles", "levels", "undistort", "view", "control")  # fmt: skip
 CALLS = ("open", "write", "rename", "sync", "folder", "spawn")  # a kill in place of one
 MOST_KILLS = 4  # of one run, before it may end
 
@@ -38,7 +39,7 @@ def children_of(process):
 def kill_at_a_moment(slot, verb, seconds, draw, of_child):
     """Starts the command, and kills it or one of its children after a random time."""
     begin = time.monotonic()
-    process = slot.start(verb.arguments)
+    process = slot.start(verb, stops=draw.random() < 0.5)
     time.sleep(draw.random() * seconds)
     targets = [process.pid]
     if of_child:  # it waits for one

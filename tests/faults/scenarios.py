@@ -79,11 +79,14 @@ def write_photos(folder):
         write_png(folder / f"view_{v}.png", rows)
 
 
-def write_model(folder):
-    """Cameras on a line, looking along z at points between 3 and 5 world units away."""
+def write_model(folder, has_lens=False):
+    """Cameras on a line, looking along z at points between 3 and 5 world units away. With a lens,
+    every other photo was taken through it."""
     folder.mkdir(parents=True)
-    (folder / "cameras.txt").write_text(f"1 PINHOLE {WIDTH} {HEIGHT} 40 40 20 16\n")
-    images = [f"{v + 1} 1 0 0 0 {-0.1 * v:g} 0 0 1 view_{v}.png\n\n" for v in range(VIEWS)]
+    lens = f"2 SIMPLE_RADIAL {WIDTH} {HEIGHT} 40 20 16 -0.05\n" if has_lens else ""
+    (folder / "cameras.txt").write_text(f"1 PINHOLE {WIDTH} {HEIGHT} 40 40 20 16\n{lens}")
+    images = [f"{v + 1} 1 0 0 0 {-0.1 * v:g} 0 0 {1 + v % 2 * has_lens} view_{v}.png\n\n"
+              for v in range(VIEWS)]
     (folder / "images.txt").write_text("".join(images))
     points = []
     for p in range(POINTS):
@@ -92,6 +95,9 @@ def write_model(folder):
         x, y = (u - 0.5) * z, (v - 0.5) * z * 0.8
         points.append(f"{p + 1} {x:.5f} {y:.5f} {z:.5f} 120 130 140 0.5\n")
     (folder / "points3D.txt").write_text("".join(points))
+
+
+OF_THE_USER = "a file of the user's"
 
 
 # ---- bytes that have to be the same --------------------------------------------------------------
@@ -108,6 +114,8 @@ def comparable(name, data):
     base = name.rsplit("/", 1)[-1]
     if base in LOGS:
         return b""
+    if data.startswith(OF_THE_USER.encode()):
+        return data
     if base.endswith(".json"):
         return json.dumps(without_times(json.loads(data))).encode()
     if base.endswith(".csv"):
@@ -161,7 +169,6 @@ def files_below(folder):
 
 # ---- the verbs -----------------------------------------------------------------------------------
 
-USER = "a file of the user's, %s\n"
 
 
 @dataclass(frozen=True)
@@ -170,17 +177,30 @@ class Verb:
 
     name: str
     arguments: tuple
-    needs: tuple = ()  # made before: "scene", "photos", "run", "cut" (a run that was killed)
+    needs: tuple = ()  # made before: "scene", "lens", "photos", "run", "cut" (a run that was killed)
     user_files: tuple = ()  # files of the user's in and beside the output
     faults_in_children: bool = False  # in the runs of an experiment, and not in itself
     may_lack: tuple = ()  # beginnings of names of files that a warning may replace
     again: tuple = ()  # flags that the error names for going on
+    before: tuple = ()  # commands that are given before, undisturbed
+    visit: str = ""  # who looks at the page meanwhile (visitor.py): "look", which ends it, "control"
+    varies: str = "$^"  # names of files that depend on the moment of a visitor's request
 
 
 def train(*more):
     return ("train", "scene", "-o", "run", *TRAIN, "--iterations", str(STEPS), "--export",
             "spz,sog", "--resume", "auto", *more)
 
+
+# Far more steps than a visitor needs to pause the run.
+WATCHED_STEPS = 120
+WATCHED = [*TRAIN[:TRAIN.index("--save-steps")], *TRAIN[TRAIN.index("--test-steps") + 2:],
+           "--iterations", str(WATCHED_STEPS), "--viewer", "--viewer-port", "0"]  # fmt: skip
+SAVED_BY_A_VISITOR = rf"run/point_cloud/iteration_(?!{WATCHED_STEPS}/)"
+
+PARTITION = ("partition", "scene", "--blocks", "2", "--eval", "--test-every", "3", "--iterations",
+             "8", "--device", "cpu", "--threads", "2")  # fmt: skip
+PLACE = ("georef", "scene", "--origin", "8.5,47.4,400")
 
 RUN_FILES = ("run/point_cloud/", "run/metrics.csv", "run/profile.csv", "run/report.html",
              "run/comparison.png", "run/test/", "run/checkpoints/",
@@ -200,6 +220,27 @@ VERBS = {verb.name: verb for verb in [
     Verb("edit", ("edit", "run", "-o", "out/part.ply", "--straighten", "--keep", "seen=1..",
                   "--picture", "out/part.png", "--force"),
          ("scene", "run"), ("out/part.ply", "out/part.png", "out/notes.txt")),
+    Verb("partition", (*PARTITION, "-o", "city", "--force"), ("scene",),
+         ("city/block0.toml", "city/notes.txt", "notes.txt")),
+    Verb("merge", ("merge", "city", "-o", "out/whole.ply", "--force"), ("scene",),
+         ("out/whole.ply", "out/notes.txt"),
+         before=((*PARTITION, "-o", "city"), ("experiment", "city/blocks.toml"))),
+    Verb("georef", (*PLACE, "-o", "out/georef.json", "--force"), ("scene",),
+         ("out/georef.json", "out/notes.txt")),
+    Verb("tiles", ("export", "run", "out/tiles/", "--georef", "place.json", "--tile-gaussians",
+                   "100", "--device", "cpu", "--force"),
+         ("scene", "run"), ("out/tiles/tileset.json", "out/tiles/notes.txt", "out/notes.txt"),
+         before=((*PLACE, "-o", "place.json"),)),
+    Verb("levels", ("export", "run", "out/lod", "--lod", "--lod-leaf", "100", "--device", "cpu",
+                    "--force"),
+         ("scene", "run"), ("out/lod/lod-meta.json", "out/lod/notes.txt", "out/notes.txt")),
+    Verb("undistort", ("undistort", "scene", "-o", "flat"), ("scene", "lens"), ("notes.txt",),
+         again=("--force",)),
+    Verb("view", ("view", "run", "--port", "0", "--no-open", "--stream-from", "1"),
+         ("scene", "run"), ("run/notes.txt", "notes.txt"), visit="look"),
+    Verb("control", ("train", "scene", "-o", "run", *WATCHED, "--resume", "auto"), ("scene",),
+         ("run/notes.txt", "notes.txt"), may_lack=RUN_FILES, visit="control",
+         varies=SAVED_BY_A_VISITOR),
     Verb("render", ("render", "run", "-o", "out", "--split", "test"), ("scene", "run"),
          ("out/notes.txt",), again=("--force",)),
     Verb("film", ("render", "run", "-o", "out/film.mp4", "--path", "orbit", "--frames", "3"),
@@ -222,7 +263,7 @@ def write_inputs(verb, folder):
         (folder / name).mkdir()
     if "scene" in verb.needs:
         write_photos(folder / "scene/images")
-        write_model(folder / "scene/sparse/0")
+        write_model(folder / "scene/sparse/0", "lens" in verb.needs)
     if "photos" in verb.needs:
         write_photos(folder / "photos")
         write_model(folder / "model")
@@ -235,4 +276,4 @@ def write_inputs(verb, folder):
 def write_user_files(verb, folder):
     for name in verb.user_files:
         (folder / name).parent.mkdir(parents=True, exist_ok=True)
-        (folder / name).write_text(USER % name)
+        (folder / name).write_text(f"{OF_THE_USER}, {name}\n")

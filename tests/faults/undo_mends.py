@@ -110,7 +110,7 @@ def main():
     if arguments.table:
         return table()
     chosen = [mend for mend in MENDS if not arguments.defects or
-              mend.defect in arguments.defects or mend.defect.rstrip("abcd") in arguments.defects]
+              mend.defect in arguments.defects or mend.defect.rstrip("abcde") in arguments.defects]
     for mend in [mend for mend in chosen if not is_built_here(arguments.build, mend)]:
         print(f"skip   {mend.defect:4} {mend.test}: this build does not have it")
         chosen.remove(mend)

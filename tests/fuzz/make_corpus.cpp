@@ -11,11 +11,14 @@
 #include "data_loaders/formats/sog/webp.h"
 #include "data_loaders/formats/sog/zip_file.h"
 #include "data_loaders/formats/spz/spz_layout.h"
+#include "data_loaders/photos/exr.h"
 #include "data_loaders/photos/photo_cache.h"
+#include "data_loaders/photos/photos.h"
 #include "gs_app/checkpoints/checkpoint_file.h"
 #include "gs_app/ranks/shared_scene.h"
 #include "gs_core/processes/packing.h"
 #include "tests/fuzz/fuzz_target.h"
+#include "tests/support/avi_writer.h"
 #include "tests/support/colmap_writer.h"
 #include "tests/support/glb_parts.h"
 #include "tests/support/ksplat_writer.h"
@@ -190,6 +193,43 @@ void write_pictures() {
              "\xFF\x4F\xFF\x51\0\x29\0\0\0\0\0\x02\0\0\0\x01"s + std::string(24, '\0') + "\0\x03"s);
 }
 
+/// Whole photos behind the byte that chooses their ending in photos.cpp, and a video of three frames
+/// behind those that choose what is asked of it in videos.cpp.
+void write_photos_and_videos() {
+  Image8 photo(8, 4, 4);
+  for (std::size_t i = 0; i < photo.pixels.size(); ++i) photo.pixels[i] = std::uint8_t(5 * i);
+  Image8 frame(8, 4, 3);
+  const auto jpeg = encode_jpeg(frame, 90);
+  write_seed("photos/jpeg", "\0"s + std::string(jpeg.begin(), jpeg.end()));
+  write_seed("photos/jpeg_turned", "\0"s + bytes_of(kTurnedJpeg));
+  write_seed("photos/png_alpha", "\1"s + bytes_of(kRgbaPng));
+  write_seed("photos/tiff",
+             "\2II*\0\x08\0\0\0\x08\0"
+             "\0\x01\x03\0\x01\0\0\0\x02\0\0\0\x01\x01\x03\0\x01\0\0\0\x01\0\0\0"
+             "\x02\x01\x03\0\x01\0\0\0\x08\0\0\0\x03\x01\x03\0\x01\0\0\0\x01\0\0\0"
+             "\x06\x01\x03\0\x01\0\0\0\x01\0\0\0\x11\x01\x04\0\x01\0\0\0\x6E\0\0\0"
+             "\x16\x01\x03\0\x01\0\0\0\x01\0\0\0\x17\x01\x04\0\x01\0\0\0\x02\0\0\0"
+             "\0\0\0\0\x40\x80"s);
+  write_seed("photos/bmp",
+             "\3BM\x3E\0\0\0\0\0\0\0\x36\0\0\0\x28\0\0\0\x02\0\0\0\x01\0\0\0\x01\0\x18"
+             "\0\0\0\0\0\x08\0\0\0\0\0\0\0\0\0\0\0\0\0\0\0\0\0\0\0"
+             "abcdef\0\0"s);
+  write_seed("photos/webp", "\4"s + webp_of(photo));
+  write_seed("photos/hdr", "\6#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y 1 +X 2\nabc\x80xyz\x80"s);
+  write_seed("photos/tga", "\7\0\0\x02\0\0\0\0\0\0\0\0\0\x02\0\x01\0\x18\0xyzabc"s);
+  ImageF depth(4, 3, 1);
+  for (std::size_t i = 0; i < depth.pixels.size(); ++i) depth.pixels[i] = float(i);
+  if (can_write_exr()) {
+    write_exr(folder() / "a.exr", depth, {"Z"});
+    write_seed("photos/exr", "\5"s + read_bytes(folder() / "a.exr"));
+  }
+  std::vector<Image8> frames(3, frame);
+  for (std::size_t i = 0; i < frames[1].pixels.size(); ++i)
+    frames[1].pixels[i] = std::uint8_t(37 * i);
+  write_avi(folder() / "a.avi", frames);
+  write_seed("videos/avi", "\1\2\0"s + read_bytes(folder() / "a.avi"));
+}
+
 /// A frame as PeerSocket sends it: its kind, a zero, the size.
 void write_hello() {
   const std::vector<std::byte> hello =
@@ -216,6 +256,7 @@ int main() {
   write_colmap();
   write_run_files();
   write_pictures();
+  write_photos_and_videos();
   write_hello();
   std::puts("the binary seeds of tests/fuzz/corpus were written");
 }

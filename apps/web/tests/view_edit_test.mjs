@@ -45,6 +45,26 @@ const tests = {
     await page.close();
   },
 
+  async 'the box of a tilted scene stands upright, and its command turns the model up and back'(browser) {
+    const page = await shown(browser, {scene: sceneFor('file', {cameras: withPhotos, up: [0, -0.9271839, 0.3746066]})}, {at: 'camera=0'});
+    await ready(page);
+    await tool(page, 'Crop');
+    // Under the turn the blob at y = 0.8 has the height 0.74.
+    for (const [label, value] of [['x from', -0.5], ['y from', 0.7], ['z from', -0.5], ['x to', 1.5], ['y to', 0.78], ['z to', 0.5]]) {
+      await page.getByLabel(label, {exact: true}).fill(String(value));
+      await page.getByLabel(label, {exact: true}).press('Enter');
+    }
+    await page.getByText('1 of 4 Gaussians remain.').waitFor();
+    assert.equal(await command(page), "gemsplat edit 'a scene' --up 0,-0.9271839,0.3746066 --keep box=-0.5,0.7,-0.5,1.5,0.78,0.5 --restore-frame -o cropped.ply");
+    await page.evaluate(() => document.activeElement.blur());
+    await settled(page);
+    assert.deepEqual(await Promise.all(BLOBS.map(async ({at}) => await lit(page, at) > 60)), [false, false, true, false]);
+    await shot(page, 'crop-upright');
+    await page.getByRole('group', {name: 'shape'}).getByRole('button', {name: 'Sphere'}).click();
+    assert.doesNotMatch(await command(page), /--up/);  // a sphere has no axes
+    await page.close();
+  },
+
   async 'a sphere, a handle that is dragged, coordinates far from the origin, and names that shells would split'(browser) {
     const scene = sceneFor('file', {cameras: withPhotos, world_offset: [500000, 5400000, 0]});
     Object.assign(scene, {title: 'a model.ply', path: "it's in/a model.ply"});
@@ -98,7 +118,7 @@ const tests = {
     await page.getByRole('button', {name: 'View 1', exact: true}).click();
     await settled(page);
     await shot(page, 'path-light');
-    await page.getByLabel('seconds of the path').fill('0.5');
+    await page.getByLabel('seconds of the path').fill('2');
     await page.getByLabel('seconds of the path').press('Enter');
     await page.evaluate(() => {
       window.seen = [];

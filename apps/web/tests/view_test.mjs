@@ -72,6 +72,8 @@ const tests = {
   async 'a click on a frustum leads to its camera, keys to the next and back'(browser) {
     const page = await shown(browser, {});
     await ready(page);
+    assert.equal(await page.evaluate(() => app.viewer.stage.frusta.isShown), false, 'frusta are off until asked for');
+    await page.keyboard.press('f');
     const {lens} = await state(page), target = CAMERAS[3].world_from_camera;
     const [x, y] = seenAt({...CAMERAS[0], ...lens}, [target[3], target[7], target[11]]);
     const box = await page.evaluate(() => app.viewer.stage.lens().picture);
@@ -92,6 +94,57 @@ const tests = {
     await page.keyboard.press('n');
     assert.equal((await state(page)).camera, 0);
     await page.close();
+  },
+
+  async 'the first view is upright where the way up is known, and inside where the server says so'(browser) {
+    const lying = {...CAMERAS[0], world_from_camera: [0, -1, 0, 0, 1, 0, 0, 0, 0, 0, 1, -4, 0, 0, 0, 1]};
+    const tilt = page => page.evaluate(() => app.viewer.rig.axis(0, 1, 0).dot(app.viewer.rig.up));
+    for (const [known, wanted] of [[true, 1], [false, 0]]) {
+      const page = await shown(browser, {scene: sceneFor('file', {cameras: [lying], up_is_known: known})});
+      await ready(page);
+      assert.ok(Math.abs(await tilt(page) - wanted) < 1e-6, `up is ${known ? 'known' : 'a guess'}: ${await tilt(page)}`);
+      assert.deepEqual((await state(page)).position, [0, 0, -4]);
+      await page.close();
+    }
+    for (const eye of [undefined, [0.5, 0, -1]]) {
+      const page = await shown(browser, {scene: sceneFor('file', {cameras: [], eye})});
+      await ready(page);
+      const {position, target} = await state(page);
+      assert.deepEqual(target, [0, 0, 0]);
+      assert.ok(eye ? distance(position, eye) < 1e-6 : Math.abs(distance(position, target) - 5) < 1e-6, String(position));
+      await page.close();
+    }
+  },
+
+  async 'a page for visitors has a title and no panels, and turns until somebody touches it'(browser) {
+    const scene = sceneFor('file', {title: 'Our garden', cameras: CAMERAS, visitors: true, turn: {middle: [0, 0, -4], width: 1}});
+    const still = await shown(browser, {scene}, {at: 'camera=1', reducedMotion: 'no-preference'});
+    await ready(still);
+    assert.equal((await state(still)).camera, 1, 'an address that names a place is kept');
+    await still.close();
+    const page = await shown(browser, {scene}, {reducedMotion: 'no-preference', colorScheme: 'dark'});
+    await page.waitForFunction(() => gemsplatViewer.ready.then(() => true));
+    assert.equal(await page.title(), 'Our garden');
+    assert.equal(await page.locator('h1').innerText(), 'Our garden');
+    assert.equal(await page.locator('.panel, .camera-bar').count(), 0);
+    assert.deepEqual(await page.locator('.head button').evaluateAll(all => all.map(each => each.title.replace(/ \(.*/, ''))), ['reset view', 'mouse, fingers and keys', 'full screen']);
+    const before = (await state(page)).position;
+    await page.waitForFunction(([x, , z]) => { const [nx, , nz] = gemsplatViewer.state().position; return Math.hypot(nx - x, nz - z) > 0.02; }, before);
+    await shot(page, 'visitors');
+    assert.ok(Math.abs(distance((await state(page)).position, [0, 0, 0]) - 4) < 1e-6, 'on the circle');
+    for (const key of ['g', 'p', 'i', 't', 'k', 'f', 'ArrowRight']) await page.keyboard.press(key);  // nothing to open
+    await settled(page);
+    const rest = (await state(page)).position;
+    await page.waitForTimeout(300);
+    assert.deepEqual((await state(page)).position, rest, 'touched: it stands still');
+    await page.keyboard.press('?');
+    assert.deepEqual(await helpGroups(page), ['Mouse', 'Keys that move the view', 'Fingers']);
+    await shot(page, 'visitors-help');
+    await page.close();
+    const calm = await shown(browser, {scene});  // who wants little motion
+    await ready(calm);
+    assert.deepEqual((await state(calm)).position, [0, 0, -4]);
+    await calm.close();
   },
 
   async 'the view flies to a camera, and arrives exactly there'(browser) {

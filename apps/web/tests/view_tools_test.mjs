@@ -59,14 +59,18 @@ const tests = {
     await page.mouse.down();
     await page.mouse.move(760, 400, {steps: 6});
     await page.mouse.up();
-    for (const [name, value] of [['background', 'white'], ['scale', 0.5], ['frusta', false], ['navigation', 'fly'], ['show', 'normal']]) await set(page, name, value);
+    await page.mouse.move(5, 890);  // on no frustum
+    for (const [name, value] of [['background', 'white'], ['scale', 0.5], ['frusta', true], ['navigation', 'fly'], ['show', 'normal']]) await set(page, name, value);
     await page.waitForFunction(() => /p=.*show=normal/.test(location.hash) && /navigation=fly/.test(location.hash));
+    const closePanel = each => each.evaluate(() => app.viewer.panels.model.toggle(false));  // it has the speed of drawing
+    await closePanel(page);
     const wanted = await state(page), picture = await page.screenshot();
     const again = await browser.openServer(page.server.url, {at: (await hash(page)).slice(1)});
     await ready(again);
+    await closePanel(again);
     const found = await state(again);
     for (const part of ['position', 'quaternion', 'target']) assert.ok(distance(found[part], wanted[part]) < 1e-4, part);
-    assert.deepEqual(await again.evaluate(() => app.viewer.switches.changes), [['show', 'normal'], ['scale', '0.5'], ['background', 'white'], ['frusta', '0'], ['navigation', 'fly']]);
+    assert.deepEqual(await again.evaluate(() => app.viewer.switches.changes), [['show', 'normal'], ['scale', '0.5'], ['background', 'white'], ['frusta', '1'], ['navigation', 'fly']]);
     await settled(again);
     assert.ok(await psnr(page, picture, await again.screenshot()) > 40);
     await page.close();

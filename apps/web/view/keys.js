@@ -1,8 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
 // Binds keys to actions. help.js lists them for people: change both together.
 
+const OF_PAGES = ['r', 'l', 'u', 'o', 'h', '?', 'j', ',', '.', '[', ']', 'Home', 'End'];  // for visitors, too
+
 export function bindKeys(viewer) {
-  const {panels, rig, controls, compare, player, switches, tools} = viewer;
+  const {panels, rig, controls, compare, player, switches, tools, scene} = viewer;
   const actions = {
     ArrowLeft: () => viewer.stepCamera(-1), ArrowRight: () => viewer.stepCamera(1), n: () => viewer.goToNearest(),
     f: () => switches.set('frusta', !switches.get('frusta')), c: () => compare.next(), g: () => panels.cameras?.toggle(), p: () => panels.settings.toggle(),
@@ -31,7 +33,8 @@ export function bindKeys(viewer) {
     if (controls.press(event)) return event.preventDefault();
     const ranges = event.target.closest?.('input[type=range]') && event.key.startsWith('Arrow');
     const steps = [',', '.'].includes(event.key);
-    const act = actions[event.key.length === 1 ? event.key.toLowerCase() : event.key];
+    const key = event.key.length === 1 ? event.key.toLowerCase() : event.key;
+    const act = !scene.visitors || OF_PAGES.includes(key) ? actions[key] : null;
     if (!act || event.repeat && !steps && !event.key.startsWith('Arrow') || ranges || event.altKey) return;
     event.preventDefault();
     act();

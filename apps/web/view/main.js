@@ -9,7 +9,7 @@ const app = document.getElementById('app');
 
 async function start() {
   const scene = await askForScene();
-  document.title = `${scene.title} · gemsplat`;
+  document.title = scene.visitors ? scene.title : `${scene.title} · gemsplat`;
   const viewer = new Viewer(app, scene);
   await viewer.start(new URLSearchParams(location.hash.slice(1)));
   return viewer;

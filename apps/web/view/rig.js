@@ -108,20 +108,28 @@ export class Rig {
     this.changed();
   }
 
-  // Goes to a camera of scene.json. The target becomes the point on its line of sight at the depth
+  // The view of a camera of scene.json. The target is the point on its line of sight at the depth
   // of `center`.
-  goToCamera(camera, index, center, options) {
+  viewOf(camera, center) {
     const pose = poseFromRows(camera.world_from_camera);
     const forward = new Vector3(0, 0, -1).applyQuaternion(pose.quaternion);
     const depth = Math.max(center.clone().sub(pose.position).dot(forward), 0.2 * center.distanceTo(pose.position), 1e-3);
-    this.go({...pose, lens: lensOf(camera), at: index, target: pose.position.clone().addScaledVector(forward, depth)}, options);
+    return {...pose, lens: lensOf(camera), target: pose.position.clone().addScaledVector(forward, depth)};
+  }
+  goToCamera(camera, index, center, options) { this.go({...this.viewOf(camera, center), at: index}, options); }
+
+  // To where a camera stood, with the horizon level.
+  goLevelTo(camera, center, options) {
+    const view = this.viewOf(camera, center), forward = view.target.clone().sub(view.position);
+    this.go({...view, quaternion: this.facing(forward)}, options);
   }
 
-  // To where a model of this radius is seen as a whole, a little from above.
-  goInFrontOf(center, radius, lens, options) {
+  // To a place from which the view looks at `center`; without one to where a model of this radius is
+  // seen as a whole, a little from above.
+  goInFrontOf(center, radius, place, lens, options) {
     const away = new Vector3(0.6, 0, 1).projectOnPlane(this.up).addScaledVector(this.up, 0.35).normalize();
-    const position = center.clone().addScaledVector(away, 2.5 * radius);
-    this.go({position, quaternion: this.facing(away.negate()), target: center.clone(), lens}, options);
+    const position = place ?? center.clone().addScaledVector(away, 2.5 * radius);
+    this.go({position, quaternion: this.facing(center.clone().sub(position)), target: center.clone(), lens}, options);
   }
 
   arrive({position, quaternion, lens, at = null, target}) {

@@ -20,7 +20,7 @@ const tableFor = ({scene, stage}) => ({
   points: {first: 0, read: text => within(POINT_SIZES, text), apply: ({stage}, size) => stage.splats?.setPoints(size)},
   background: {first: 'scene', read: oneOf(GROUND_NAMES), apply: ({stage, scene}, name) => stage.splats?.setBackground(GROUNDS[name] ?? scene.background)},
   sh: {first: scene.model?.sh_degree ?? 3, read: text => within({min: 0, max: scene.model?.sh_degree ?? 3}, text), apply: ({stage}, degree) => stage.splats?.setShDegree(degree)},
-  frusta: {first: true, read: text => ({1: true, 0: false})[text] ?? null, apply: ({stage}, on) => stage.showFrusta(on)},
+  frusta: {first: false, read: text => ({1: true, 0: false})[text] ?? null, apply: ({stage}, on) => stage.showFrusta(on)},
   navigation: {first: 'orbit', read: oneOf(['orbit', 'fly']), apply: ({controls}, mode) => { controls.mode = mode; }},
   up: {first: 'up', read: oneOf(['up', 'down']), apply: ({rig}, way) => rig.up.set(...scene.up).normalize().multiplyScalar(way === 'up' ? 1 : -1)},
 });

@@ -23,6 +23,7 @@ import {askForModel, askForScene, modelAddress} from './server.js';
 import {settings} from './panels/settings.js';
 import {Stage} from './picture/stage.js';
 import {Switches} from './switches.js';
+import {Turn} from './turn.js';
 import {makeTools, ToolPanel} from './tools/tool_panel.js';
 
 const FIELD_OF_VIEW = 60;  // degrees, where there is no camera to take it from
@@ -53,7 +54,7 @@ export class Viewer {
     this.bar = cameraBar(scene.cameras, {step: by => this.stepCamera(by), nearest: () => this.goToNearest()}, this.compare.controls);
     if (scene.moves) this.player = new Player({time: scene.time ?? (scene.mode === 'live' ? 0.5 : 0), show: time => this.stage.setTime(time), wake: () => this.stage.request()});
     this.facts = modelFacts(this);
-    this.help = helpDialog();
+    this.help = helpDialog(scene);
     this.address = new Address(this, options => this.show(options));
     this.hasLooks = scene.cameras.some(camera => camera.look);
     this.switches = new Switches(this, () => { this.settings.sync(); this.address.note(); });
@@ -72,8 +73,12 @@ export class Viewer {
       if (name === 'tools') this.toolPanel.show(open);
       if (open) this.opened(name);
     });
-    this.panels = {model: make('model', title, this.modelBody()), settings: make('settings', 'Settings', this.settings.node), tools: make('tools', 'Tools', this.toolPanel.node)};
+    this.panels = {};  // in the order of their buttons; visitors of an exported page have none
+    if (this.scene.visitors) return;
+    this.panels.model = make('model', title, this.modelBody());
     if (this.scene.cameras.length) this.panels.cameras = make('cameras', 'Cameras', this.list.node);
+    this.panels.tools = make('tools', 'Tools', this.toolPanel.node);
+    this.panels.settings = make('settings', 'Settings', this.settings.node);
     matchMedia(`(max-width: ${NARROW - 1}px)`).addEventListener('change', () => this.opened(this.lastOpened));
   }
 
@@ -95,12 +100,13 @@ export class Viewer {
   compose() {
     const full = iconButton('full', 'full screen', () => document.fullscreenElement ? document.exitFullscreen() : this.app.requestFullscreen());
     this.mat = el('div.mat', {'aria-hidden': 'true'});
+    const buttons = Object.values(this.panels).map(each => each.button);
     this.head = el('header.head', {}, el('div.title-card', {}, el('span.mark', {'aria-hidden': 'true'}), el('div.title-text', {}, el('span.brand', {}, 'gemsplat'), el('h1', {title: this.scene.title}, this.scene.title))),
-        el('div.tools', {role: 'toolbar', 'aria-label': 'panels'}, this.panels.model.button, this.panels.cameras?.button, this.panels.tools.button, this.panels.settings.button,
+        el('div.tools', {role: 'toolbar', 'aria-label': 'panels'}, buttons,
            iconButton('reset', 'reset view (R)', () => this.reset()), iconButton('help', 'mouse, fingers and keys (?)', () => this.help.showModal()),
            document.fullscreenEnabled && full));
     this.app.replaceChildren(this.stage.node, this.mat, this.compare.node, this.overlay.node,
-        el('div.interface', {onclick: releaseFocus}, this.head, Object.values(this.panels).map(each => each.node), el('div.bottom', {}, this.player?.node, this.bar.node), this.messages.node), this.help);
+        el('div.interface', {onclick: releaseFocus}, this.head, Object.values(this.panels).map(each => each.node), el('div.bottom', {}, this.player?.node, !this.scene.visitors && this.bar.node), this.messages.node), this.help);
   }
 
   async start(options) {
@@ -108,7 +114,8 @@ export class Viewer {
     if (this.player) this.startPlayer(options);
     this.stage.resize();
     this.show(options, {jump: true});
-    if (innerWidth >= NARROW) this.panels.model.toggle(true);
+    if (innerWidth >= NARROW) this.panels.model?.toggle(true);
+    if (Turn.isWanted(this.scene, options)) this.turn = new Turn(this.scene, this.rig, this.stage);
     for (const note of this.scene.notes ?? []) this.messages.add(note);
     this.address.isOn = true;
     if (this.live) this.live.start();
@@ -134,19 +141,20 @@ export class Viewer {
     this.player.play(options.has('play') ? options.get('play') !== '0' : !isStill);
   }
 
-  // The first view: that of the first camera, free to move; without cameras, one that has the whole
-  // model in front of it.
+  // The first view: where the first camera stood, upright if the way up is known; without cameras,
+  // one that has the whole model in front of it, or the place inside that the server names.
   reset(options) {
     this.address.leave();
     this.place(options);
   }
   place(options) {
     const [first] = this.scene.cameras;
-    if (first) {
-      this.rig.goToCamera(first, null, this.center, options);
-      return;
+    if (!first) {
+      const {radius, eye} = this.scene, lens = plainLens(this.stage.width, this.stage.height, FIELD_OF_VIEW);
+      return this.rig.goInFrontOf(this.center, radius, eye ? new Vector3(...eye) : null, lens, options);
     }
-    this.rig.goInFrontOf(this.center, this.scene.radius, plainLens(this.stage.width, this.stage.height, FIELD_OF_VIEW), options);
+    if (this.scene.up_is_known === false) return this.rig.goToCamera(first, null, this.center, options);
+    this.rig.goLevelTo(first, this.center, options);
   }
 
   async load(version) {
@@ -178,8 +186,9 @@ export class Viewer {
 
   step(seconds) {
     this.controls.step(seconds);
+    this.turn?.step(seconds);
     this.player?.step(performance.now());
-    return this.tools.path.step(performance.now()) || this.controls.isHeld || Boolean(this.player?.isPlaying);
+    return this.tools.path.step(performance.now()) || this.controls.isHeld || Boolean(this.turn?.isOn) || Boolean(this.player?.isPlaying);
   }
 
   drawn(view) {
@@ -286,6 +295,7 @@ export class Viewer {
   margins() {
     if (this.isBare) return {above: 0, below: 0};
     const hasPhotos = this.scene.cameras.some(camera => camera.photo), time = this.player ? TIME_BAR : 0;
+    if (this.scene.visitors) return {above: 0, below: 0};
     return innerWidth < NARROW ? {above: HEAD_NARROW, below: (hasPhotos ? BAR_NARROW : HEAD_NARROW) + time} : {above: HEAD, below: HEAD + time};
   }
 

@@ -9,6 +9,7 @@
 #include <map>
 
 #include "gs_app/report/report_curves.h"
+#include "gs_app/run/page_text.h"
 #include "gs_core/error.h"
 
 namespace gs {
@@ -69,19 +70,6 @@ Curve mean_of(const std::vector<Curve>& curves) {
   return mean;
 }
 
-std::string escaped(const std::string& text) {
-  std::string result;
-  for (const char c : text) {
-    if (c == '&')
-      result += "&amp;";
-    else if (c == '<')
-      result += "&lt;";
-    else
-      result += c;
-  }
-  return result;
-}
-
 /// From a value to a pixel, with round values as ticks.
 class Axis {
  public:
@@ -135,8 +123,8 @@ std::string chart_svg(const Chart& chart, const std::string& title, double left,
       }
   const double right = left + kWidth, bottom = top + kHeight;
   const Axis x(low.seconds, high.seconds, left, right), y(low.value, high.value, bottom, top);
-  std::string text =
-      fmt::format("<text x='{}' y='{}' class='title'>{}</text>\n", left, top - 12, escaped(title));
+  std::string text = fmt::format("<text x='{}' y='{}' class='title'>{}</text>\n", left, top - 12,
+                                 html_text(title));
   for (const double tick : x.ticks())
     text += fmt::format(
         "<line x1='{0:.1f}' x2='{0:.1f}' y1='{1}' y2='{2}'/>"
@@ -166,7 +154,7 @@ std::string legend(const std::vector<std::string>& configs, double top) {
     const double y = top + kLegendRow * double(i);
     text += fmt::format(
         "<rect x='{}' y='{}' width='18' height='4' fill='{}'/><text x='{}' y='{}'>{}</text>\n",
-        kLeft, y - 5, kColors[i % std::size(kColors)], kLeft + 26, y, escaped(configs[i]));
+        kLeft, y - 5, kColors[i % std::size(kColors)], kLeft + 26, y, html_text(configs[i]));
   }
   return text;
 }

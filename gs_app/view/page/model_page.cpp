@@ -20,6 +20,7 @@
 #include "gs_core/io/byte_reader.h"
 #include "gs_core/io/output_lock.h"
 #include "gs_core/io/scratch_folder.h"
+#include "gs_render/camera_path.h"
 
 namespace gs {
 namespace {
@@ -27,7 +28,10 @@ namespace {
 namespace fs = std::filesystem;
 using Json = nlohmann::ordered_json;
 
-constexpr std::string_view kBody = "<div id=\"app\">";  // of apps/web/view/page.html
+// Of apps/web/view/page.html.
+constexpr std::string_view kBody = "<div id=\"app\">", kTitle = "<title>gemsplat view</title>";
+constexpr double kElevation = 20;  // degrees: of the turn around a model without cameras
+constexpr double kOutside = 2.5;   // times the model's radius: the distance of that turn
 
 // The page asks its server for scene.json and model; this answers from the two elements before it.
 // The text of the model is given up when it was read.
@@ -75,6 +79,33 @@ ViewScene scene_of(const OpenedModel& opened, Config config) {
   return scene;
 }
 
+/// Whether the scene's folder has a name of its own. That of `train PHOTOS` is OUT/scene.
+bool knows_scene_by_name(const OpenedModel& opened, const Config& config) {
+  if (config.dataset.source.empty()) return false;
+  std::error_code ignored;
+  const fs::path above = fs::absolute(config.dataset.source).lexically_normal().parent_path();
+  return !opened.run || !fs::equivalent(above, opened.run->root(), ignored);
+}
+
+/// The circle on which the page begins: the middle of the arc from which photos were taken, and its
+/// width in radians. Inside of walls, which a circle would cross, it is a short arc.
+Json turn_json(const ViewScene& scene) {
+  SceneFrame frame = scene.frame;
+  CameraArc arc;
+  if (scene.eye) return {{"middle", list_of(*scene.eye)}, {"width", 0}};
+  if (scene.cameras.empty()) {
+    frame.radius *= kOutside;
+    frame.elevation = kElevation;
+    arc = arc_of_cameras(frame, {});
+  } else {
+    std::vector<CameraPose> poses;
+    for (const ViewedCamera& viewed : scene.cameras) poses.push_back(pose_of(viewed.camera));
+    arc = arc_of_cameras(frame, poses);
+  }
+  Orbit circle{frame, 1, arc.middle};
+  return {{"middle", list_of(orbit(circle, 1).front().position)}, {"width", arc.width}};
+}
+
 void check_size(const fs::path& file, std::uint64_t bytes, const ModelFormat& format) {
   if (bytes <= kMostPageModelBytes) return;
   throw Error(fmt::format(
@@ -106,7 +137,7 @@ void check_model_page(const fs::path& file, bool force) {
 }
 
 ModelPage write_model_page(const fs::path& file, const OpenedModel& opened, const Config& config,
-                           int sh_degree) {
+                           int sh_degree, const std::string& title) {
   const OutputLock lock = OutputLock::of_file(file);
   const Inside inside = inside_of(opened.model);
   const ScratchFolder scratch;
@@ -119,17 +150,24 @@ ModelPage write_model_page(const fs::path& file, const OpenedModel& opened, cons
   page.model_bytes = fs::file_size(packed);
   check_size(file, page.model_bytes, *inside.format);
 
-  const ViewScene scene = scene_of(opened, config);
+  ViewScene scene = scene_of(opened, config);
+  if (knows_scene_by_name(opened, config)) scene.title = name_of(config.dataset.source);
+  if (!title.empty()) scene.title = title;
   Json json = scene_json(scene);
   json["mode"] = "file";
+  json["visitors"] = true;
+  json["turn"] = turn_json(scene);
   json["model"] = model_json(*inside.format, scene.title, page.gaussians, page.model_bytes,
                              model.sh_degree, model.antialiased);
   const std::string_view viewer = view_page();
-  const std::size_t body = viewer.find(kBody);
-  GS_CHECK(body != viewer.npos);
+  const std::size_t body = viewer.find(kBody), name = viewer.find(kTitle);
+  GS_CHECK(body != viewer.npos && name < body);
+  const std::size_t after_name = name + kTitle.size();
   keep_older_aside(file);
   AtomicFile output(file);
-  output.write(viewer.substr(0, body));
+  output.write(viewer.substr(0, name));
+  output.write("<title>" + html_text(scene.title) + "</title>");
+  output.write(viewer.substr(after_name, body - after_name));
   output.write("<script id=\"gemsplat-scene\" type=\"application/json\">");
   output.write(script_json(json));
   output.write("</script>\n<script id=\"gemsplat-model\" type=\"text/plain\">");

@@ -3,7 +3,7 @@
 // model and the scene inside. A browser opens it from a disk; it loads nothing from the network.
 //
 //   check_model_page(file, force);                   // before the work starts
-//   const ModelPage page = write_model_page(file, opened, config, sh_degree);
+//   const ModelPage page = write_model_page(file, opened, config, sh_degree, title);
 #pragma once
 
 #include <cstdint>
@@ -34,10 +34,12 @@ struct ModelPage {
 
 /// Writes the page; an older file becomes FILE.bak-N. The model inside is a .sog, or an .spz with 8
 /// bits of SH in a build without libwebp, or a .gs4d where it moves, of SH degree `sh_degree` at
-/// most. The page has the cameras of the run, without photos. Throws Error, with a remedy, where
-/// the model is larger than kMostPageModelBytes.
+/// most. The page is for visitors: it has no panels, and turns slowly over the arc that was
+/// photographed until somebody touches it. An empty title stands for the name of the scene's folder,
+/// or of the run if the scene lies in it. The page has the cameras of the run, without photos.
+/// Throws Error, with a remedy, where the model is larger than kMostPageModelBytes.
 ModelPage write_model_page(const std::filesystem::path& file, const OpenedModel& opened,
-                           const Config& config, int sh_degree);
+                           const Config& config, int sh_degree, const std::string& title);
 
 /// "out/a.html: 7.1 MB, of which 3.7 MB of .sog are 79,879 Gaussians; a browser opens it"
 std::string summary(const ModelPage& page);

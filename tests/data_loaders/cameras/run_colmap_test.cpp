@@ -568,6 +568,14 @@ TEST_F(VideoColmap, FramesBecomeThePhotosAndNeighborsAreMatched) {
   EXPECT_THAT(read_bytes(scene() / "colmap.log"), HasSubstr("--ImageReader.single_camera 1"));
 }
 
+TEST_F(VideoColmap, AShortFilmGivesAllOfItsFramesAndSaysSo) {
+  testing::internal::CaptureStdout();
+  run_colmap(video_job(100), kSilent);
+  EXPECT_THAT(testing::internal::GetCapturedStdout(),
+              AllOf(HasSubstr("all 12 frames of"), HasSubstr("--frames 3")));
+  EXPECT_THAT(images(), SizeIs(12));
+}
+
 TEST_F(VideoColmap, FinishedSceneIsNotMadeAgainAndOtherFramesNeedForce) {
   run_colmap(video_job(6), kSilent);
   take_calls();

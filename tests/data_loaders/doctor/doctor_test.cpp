@@ -281,6 +281,27 @@ TEST(Doctor, RefusesWhatLoadingRefuses) {
   EXPECT_FALSE(examine(config, false).can_train());
 }
 
+TEST(Doctor, CountsLargePhotosAtTheSizeThatTheyTrainAt) {
+  const TempFolder temp;
+  ColmapModel model = small_model(24);
+  model.cameras[7].width = 3200;
+  model.cameras[7].height = 20;
+  write_scene(temp.path(), model);
+  for (const ColmapImage& image : model.images)
+    write_png(temp.path() / "images" / image.name, plain_photo(3200, 20, 90));
+  Config config = adaptive_config();
+  config.dataset.source = temp.path().string();
+  const Diagnosis reduced = examine(config, false);
+  EXPECT_EQ(the(reduced, Level::note, "pictures").text,
+            "photos of 3200x20 are trained at 1600x10; -r 1 keeps all of their pixels");
+  config.dataset.resolution = 2;
+  const Diagnosis half = examine(config, false);
+  EXPECT_EQ(the(reduced, Level::note, "forecast").text, the(half, Level::note, "forecast").text);
+  config.dataset.resolution = 1;
+  EXPECT_NE(the(examine(config, false), Level::note, "forecast").text,
+            the(half, Level::note, "forecast").text);
+}
+
 TEST(Doctor, NamesAPhotoOfTheCameraThatItRefuses) {
   const TempFolder temp;
   ColmapModel model = small_model(24);

@@ -6,7 +6,6 @@
 #include <numeric>
 
 #include "data_loaders/photos/cut_short.h"
-#include "data_loaders/photos/large_photos.h"
 #include "data_loaders/photos/photo_names.h"
 #include "gs_core/error.h"
 #include "gs_core/threads/parallel.h"
@@ -191,16 +190,6 @@ TEST(Photos, AFileThatIsCutShortIsToldFromAWholeOne) {
   EXPECT_TRUE(is_cut(jpeg.substr(0, jpeg.size() - 2) + std::string(2 << 20, 'x')));
   EXPECT_TRUE(is_cut(""));
   EXPECT_FALSE(is_cut("some other format"));
-}
-
-TEST(Photos, LargeOnesGetAdviceAtTheResolutionThatTheyTrainAt) {
-  EXPECT_THAT(advice_on_large_photos({3213, 5712}, 1),
-              AllOf(HasSubstr("18 megapixels"), HasSubstr("-r 1600"), HasSubstr("25 %")));
-  EXPECT_THAT(advice_on_large_photos({8000, 6000}, 2), HasSubstr("12 megapixels"));
-  EXPECT_EQ(advice_on_large_photos({3213, 5712}, 2), "");
-  EXPECT_EQ(advice_on_large_photos({3213, 5712}, 1600), "");
-  EXPECT_EQ(advice_on_large_photos({1920, 1080}, 1), "");
-  EXPECT_EQ(advice_on_large_photos({1200, 9000}, 1), "");  // not wider than the remedy
 }
 
 TEST(Photos, TruncatedPngIsAnError) {

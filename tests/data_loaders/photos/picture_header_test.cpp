@@ -63,10 +63,12 @@ TEST_F(PictureHeaders, SmallPhotosAreReadAndAllowed) {
 TEST_F(PictureHeaders, HugePicturesInTinyFilesAreRefused) {
   const std::string gif = "GIF89a\xFF\xFF\xFF\xFF"s + std::string(80, '\0');
   const std::string large_gif = "GIF89a\x00\x40\x00\x40"s + std::string(80, '\0');
+  const std::string odd_gif = "GIFxyz\xFF\xFF\xFF\xFF"s + std::string(80, '\0');
   const std::string webp = "RIFF\0\0\0\0WEBPVP8X\x0A\0\0\0\0\0\0\0\xFF\x3F\0\xFF\x3F\0"s;
   const std::string tiff =
       "II*\0\x08\0\0\0\x02\0\0\x01\x03\0\x01\0\0\0\xFF\xFF\0\0\x01\x01\x03\0\x01\0\0\0\xFF\xFF\0\0"s;
-  for (const std::string& bytes : {gif, large_gif, webp, tiff, jpeg_of(20'000, 20'000, 10)})
+  for (const std::string& bytes :
+       {gif, large_gif, odd_gif, webp, tiff, jpeg_of(20'000, 20'000, 10)})
     EXPECT_THAT(refusal_of(bytes), AllOf(HasSubstr("photo.jpg"), HasSubstr("its header says")));
 }
 
@@ -97,11 +99,44 @@ TEST_F(PictureHeaders, AProgressiveJpegOfThousandsOfScansIsRefused) {
   EXPECT_THAT(refusal_of(jpeg_of(100, 100, 3000)), HasSubstr("scans"));
 }
 
+/// The header of an EXR of one channel of halves, with one more attribute.
+std::string exr_of(unsigned width, unsigned height, const std::string& more = "") {
+  const auto four = [](unsigned value) {
+    return std::string{char(value), char(value >> 8), char(value >> 16), char(value >> 24)};
+  };
+  return "\x76\x2F\x31\x01\x02\0\0\0"s + "channels\0chlist\0"s + four(19) + "Z\0"s + four(1) +
+         std::string(12, '\0') + "\0"s + "dataWindow\0box2i\0"s + four(16) + four(0) + four(0) +
+         four(width - 1) + four(height - 1) + more + "\0"s;
+}
+
+TEST_F(PictureHeaders, AnExrThatPromisesMoreThanItHoldsIsRefused) {
+  const PictureHeader header = header_of(exr_of(40, 30));
+  EXPECT_EQ(header.width, 40u);
+  EXPECT_EQ(header.height, 30u);
+  EXPECT_GE(header.bytes_per_pixel, 2u);
+  EXPECT_EQ(refusal_of(exr_of(40, 30)), "");
+  EXPECT_EQ(refusal_of(exr_of(40, 30, "note\0string\0\x04\0\0\0text"s)), "");
+  EXPECT_THAT(refusal_of(exr_of(40, 30, "note\0string\0\x6C\x6C\x6E\x65text"s)),
+              AllOf(HasSubstr("photo.jpg"), HasSubstr("longer than the file")));
+  EXPECT_THAT(refusal_of(exr_of(40, 30, "note\0string\0\xFF\xFF\xFF\xFFtext"s)),
+              HasSubstr("longer than the file"));
+  // OpenEXR takes four bytes here, and the channels up to an empty name.
+  EXPECT_THAT(refusal_of(exr_of(40, 30, "note\0int\0\x03\0\0\0abc"s)), HasSubstr("than its kind"));
+  std::string long_name = exr_of(40, 30);
+  long_name.replace(long_name.find("Z\0"s), 2, "ZZ");
+  EXPECT_THAT(refusal_of(long_name), HasSubstr("than its kind"));
+  EXPECT_THAT(refusal_of(exr_of(40, 30, "n\0stringvector\0\x08\0\0\0\x40\0\0\0abcd"s)),
+              HasSubstr("than its kind"));
+  EXPECT_THAT(refusal_of(exr_of(20'000, 20'000)), HasSubstr("its header says"));
+  EXPECT_THAT(refusal_of(exr_of(1, 1u << 28)), HasSubstr("its header says"));
+}
+
 TEST_F(PictureHeaders, AHeaderMayEndAnywhere) {
   const std::string webp = "RIFF\0\0\0\0WEBPVP8X\x0A\0\0\0\0\0\0\0\x01\0\0\0\0\0"s;
   const std::string tiff = "II*\0\x08\0\0\0\x01\0\0\x01\x03\0\x01\0\0\0\x02\0\0\0"s;
   const std::string bmp = "BM"s + std::string(12, '\0') + "\x28\0\0\0\x02\0\0\0\x01\0\0\0"s;
-  for (const std::string& bytes : {webp, tiff, bmp, jpeg_of(2, 1, 2), png_of(2, 1, 0)})
+  for (const std::string& bytes :
+       {webp, tiff, bmp, jpeg_of(2, 1, 2), png_of(2, 1, 0), exr_of(2, 1)})
     for (std::size_t length = 0; length < bytes.size(); ++length)
       EXPECT_NO_THROW(header_of(bytes.substr(0, length))) << bytes.substr(0, 4) << length;
 }

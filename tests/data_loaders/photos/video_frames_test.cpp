@@ -99,6 +99,12 @@ TEST_F(VideoFrames, DamagedFileIsNamedWithARemedy) {
   EXPECT_THAT(error_of_take(), HasSubstr("no such file"));
 }
 
+TEST_F(VideoFrames, AFileThatIsNoVideoIsGivenToNoOtherReader) {
+  const fs::path picture = temp_.path() / "walk_01.avi";  // as a row of pictures is named
+  write_bytes(picture, "#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y 1 +X 2\nabc\x80xyz\x80");
+  EXPECT_THROW(read_frame(picture, 0), Error);
+}
+
 TEST_F(VideoFrames, AnyFrameIsTheOneOfItsNumber) {
   write(20, {0, 7, 19});
   for (const int i : {19, 0, 7}) EXPECT_EQ(read_frame(video(), i).pixels, sharp(i).pixels);

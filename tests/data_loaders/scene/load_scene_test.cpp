@@ -188,11 +188,47 @@ TEST(LoadScene, ResolutionDividesOrIsTheWidth) {
   EXPECT_EQ(camera_at(9).width, 9);
   EXPECT_EQ(camera_at(9).height, 6);
   EXPECT_EQ(camera_at(12).width, 12);
-  for (int wrong : {-1, 0, 3, 5, 6, 7, 13}) {
+  for (int wrong : {-1, 3, 5, 6, 7, 13}) {
     DatasetConfig dataset = dataset_at(temp.path());
     dataset.resolution = wrong;
     EXPECT_THROW(load_scene(dataset), UsageError) << wrong;
   }
+}
+
+/// The size of the only photo in training, and what is logged meanwhile.
+std::pair<PhotoSize, std::string> trained_size(const PhotoSize& photo,
+                                               const DatasetConfig& dataset) {
+  ColmapModel model = small_model(1);
+  ColmapCamera& camera = model.cameras.begin()->second;
+  camera.width = photo.width;
+  camera.height = photo.height;
+  write_scene(dataset.source, model);
+  write_png(std::filesystem::path(dataset.source) / "images" / model.images[0].name,
+            plain_photo(photo.width, photo.height, 50));
+  testing::internal::CaptureStdout();
+  const View view = load_scene(dataset).train_views[0];
+  const std::string log = testing::internal::GetCapturedStdout();
+  EXPECT_EQ(view.photo.width, view.camera.width);
+  return {{view.camera.width, view.camera.height}, log};
+}
+
+TEST(LoadScene, LargePhotosAreReducedUnlessAResolutionIsAskedFor) {
+  const TempFolder temp;
+  DatasetConfig dataset = dataset_at(temp.path());
+  const auto size_of = [&](int width, int height) {
+    const auto [size, log] = trained_size({width, height}, dataset);
+    const bool is_reduced = size.width != width || size.height != height;
+    EXPECT_EQ(log.find("are trained at") != log.npos, is_reduced && dataset.resolution == 0) << log;
+    return std::pair(size.width, size.height);
+  };
+  EXPECT_EQ(size_of(1602, 90), std::pair(1600, 90));
+  EXPECT_EQ(size_of(100, 3200), std::pair(50, 1600));
+  EXPECT_EQ(size_of(1600, 70), std::pair(1600, 70));
+  dataset.resolution = 1;
+  EXPECT_EQ(size_of(100, 3200), std::pair(100, 3200));
+  dataset.resolution = 0;
+  EXPECT_THAT(trained_size({3200, 100}, dataset).second,
+              HasSubstr("photos of 3200x100 are trained at 1600x50; -r 1 keeps all"));
 }
 
 /// A scene with transforms.json and two photos, taken at these times.

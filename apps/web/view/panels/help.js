@@ -34,8 +34,13 @@ const KEYS = [
 
 const TOUCH = '(pointer: coarse), (max-width: 719px)';  // a phone or tablet
 
-export function helpDialog() {
-  const groups = matchMedia(TOUCH).matches ? [FINGERS, MOUSE, ...KEYS] : [MOUSE, ...KEYS, FINGERS];
+const forVisitors = ([title, entries]) => [title, entries.filter(([, effect]) => effect !== 'fly to it')];
+
+/// Visitors of an exported page have no cameras, panels and tools to know about.
+export function helpDialog({visitors, moves}) {
+  const keys = visitors ? KEYS.filter(([title]) => title === 'Keys that move the view' || moves && title.startsWith('Time')) : KEYS;
+  const [mouse, fingers] = visitors ? [MOUSE, FINGERS].map(forVisitors) : [MOUSE, FINGERS];
+  const groups = matchMedia(TOUCH).matches ? [fingers, mouse, ...keys] : [mouse, ...keys, fingers];
   const dialog = el('dialog.help', {'aria-label': 'mouse, fingers and keys'},
     el('div.panel-head', {}, el('h2', {}, 'Mouse, fingers and keys'), iconButton('close', 'close', () => dialog.close())),
     el('div.help-columns', {}, groups.map(([title, entries]) => el('section', {}, el('h3', {}, title),

@@ -24,7 +24,7 @@ export function settings(viewer) {
     follow(name, made.set);
     return made.node;
   };
-  const frusta = toggleSwitch('frusta of the cameras', true, on => switches.set('frusta', on));
+  const frusta = toggleSwitch('frusta of the cameras', switches.get('frusta'), on => switches.set('frusta', on));
   follow('frusta', frusta.set);
   const speed = slider('speed of flight', {min: -2, max: 2, step: 0.1, value: 0}, x => `×${(2 ** x).toPrecision(2)}`, x => { controls.speed = 2 ** x; });
   const field = slider('field of view', {min: 20, max: 110, step: 1, value: 60}, x => `${x}°`, degrees => viewer.widen(degrees));

@@ -41,7 +41,7 @@ function sizeFor(centers, radius) {
 export class Frusta {
   constructor(cameras, radius) {
     this.cameras = cameras;
-    this.visible = true;      // as the settings say
+    this.visible = false;     // as the settings say
     this.isSuppressed = false; // while the interface is hidden
     this.marked = this.hidden = null;  // indices: under the pointer; the view itself
     this.scene = new Scene();

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Changes to Spark's shaders that make it evaluate the same equation as gemsplat
 // (docs/equations.md).
-import {Matrix4, Vector3} from 'three';
+import {Matrix3, Matrix4, Vector3} from 'three';
 import {lookShader} from './look.js';
 
 // The Jacobian is evaluated no farther out than this (1 is the edge of the picture):
@@ -28,10 +28,12 @@ uniform int cropKind;
 uniform bool cropDrops;
 uniform vec3 cropLow;
 uniform vec3 cropHigh;
+uniform mat3 cropTurn;
 uniform mat4 worldFromView;
 bool isCropped(vec3 mean) {
     if (cropKind == 0) return false;
-    bool isInside = cropKind == 1 ? all(greaterThanEqual(mean, cropLow)) && all(lessThanEqual(mean, cropHigh))
+    vec3 turned = cropTurn * mean;
+    bool isInside = cropKind == 1 ? all(greaterThanEqual(turned, cropLow)) && all(lessThanEqual(turned, cropHigh))
                                   : distance(mean, cropLow) <= cropHigh.x;
     return isInside == cropDrops;
 }`],
@@ -50,11 +52,11 @@ bool isCropped(vec3 mean) {
     }`],
 ];
 
-/// The uniforms that these changes read. Kinds of crops: 0 none, 1 a box between two corners, 2 a
-/// sphere about cropLow with the radius cropHigh.x.
+/// The uniforms that these changes read. Kinds of crops: 0 none, 1 a box between two corners of the
+/// world under cropTurn, 2 a sphere about cropLow with the radius cropHigh.x.
 export const effectUniforms = () => ({
   splatScale: {value: 1}, pointRadius: {value: 0}, showsDepth: {value: false}, cropKind: {value: 0}, cropDrops: {value: false},
-  cropLow: {value: new Vector3()}, cropHigh: {value: new Vector3()}, worldFromView: {value: new Matrix4()}});
+  cropLow: {value: new Vector3()}, cropHigh: {value: new Vector3()}, cropTurn: {value: new Matrix3()}, worldFromView: {value: new Matrix4()}});
 
 /// Spark's vertex shader with the changes. Throws Error if a line to be replaced is not in it
 /// exactly once.

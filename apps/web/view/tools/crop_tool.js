@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // The tool "Crop": a box or a sphere with handles, what would remain of the model, and the command
 // that does it. The page changes no file.
+import {Vector3} from 'three';
 import {el, segmented} from '../../shared/dom.js';
 import {whole} from '../../shared/format.js';
 import {row, toggleSwitch} from '../panels/parts.js';
@@ -16,7 +17,7 @@ export class CropTool {
 
   constructor(viewer) {
     this.viewer = viewer;
-    this.region = new Region(viewer.center, FIRST_SIZE * viewer.scene.radius, viewer.scene.world_offset ?? [0, 0, 0]);
+    this.region = new Region(viewer.center, FIRST_SIZE * viewer.scene.radius, viewer.scene.world_offset ?? [0, 0, 0], new Vector3(...viewer.scene.up));
     this.hides = true;
     this.fields = el('div.fields');
     this.counts = el('p.said', {'aria-live': 'polite'});
