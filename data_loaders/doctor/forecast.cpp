@@ -103,11 +103,11 @@ BlockAdvice advice_on_blocks(const Config& config, const SceneSize& scene,
   if (free == 0 || scene.points == 0) return {};
   const double photos = std::min(scene.photo_bytes, room_for_photos(config, device.is_gpu));
   const double usable = kShareOfFree * free;
-  const double fit = device.is_gpu
-                   ? std::max(gaussians_that_fit(size_on_gpu(config, scene, 0), usable),
-                              gaussians_that_fit(size_on_gpu(config, SceneSize{}, 0), usable / 4))
-                   : std::max(usable - photos - picture_bytes_on_cpu(scene), usable / 4) /
-                         bytes_on_cpu(config);
+  const double fit =
+      device.is_gpu ? std::max(gaussians_that_fit(size_on_gpu(config, scene, 0), usable),
+                               gaussians_that_fit(size_on_gpu(config, SceneSize{}, 0), usable / 4))
+                    : std::max(usable - photos - picture_bytes_on_cpu(scene), usable / 4) /
+                          bytes_on_cpu(config);
   const double wanted = expected_gaussians(without_limits_of_one_run(config, scene), scene.points);
   if (wanted <= fit)
     return {1, fmt::format("one run holds the scene: of about {} Gaussians that fit into memory it "
@@ -158,11 +158,9 @@ Forecast forecast(const Config& config, const SceneSize& scene, const ForecastDe
                           kSecondsOfMegapixel * scene.megapixels) *
                          steps_of(config) / kFullSteps;
   if (device.is_gpu)
-    result.text +=
-        fmt::format("training takes about {} of GPU memory{} and, on an H200, {:.0f} s; ",
-                    size_text(on_gpu),
-                    device.free_bytes ? fmt::format(" ({} are free)", size_text(free_on_gpu)) : "",
-                    seconds);
+    result.text += fmt::format(
+        "training takes about {} of GPU memory{} and, on an H200, {:.0f} s; ", size_text(on_gpu),
+        device.free_bytes ? fmt::format(" ({} are free)", size_text(free_on_gpu)) : "", seconds);
   else
     result.text += fmt::format("training on the CPU takes about {} of RAM ({} are free); ",
                                size_text(on_cpu), size_text(free_ram));
@@ -173,13 +171,13 @@ Forecast forecast(const Config& config, const SceneSize& scene, const ForecastDe
         "the GPU has {} free and the run may need {}; {}", size_text(free_on_gpu),
         size_text(on_gpu), cap_advice(gaussians_that_fit(size, kShareOfFree * free_on_gpu))));
   if (new_in_ram > kShareOfFree * free_ram)
-    result.warnings.push_back(fmt::format(
-        "{} of RAM are free and the run may need {}; {}", size_text(free_ram),
-        size_text(new_in_ram),
-        device.is_gpu || photos_in_ram > on_cpu
-            ? std::string("let fewer photos stay decoded with --photo-ram GIB")
-            : cap_advice((kShareOfFree * free_ram - photos_in_ram - of_pictures) /
-                         bytes_on_cpu(config))));
+    result.warnings.push_back(
+        fmt::format("{} of RAM are free and the run may need {}; {}", size_text(free_ram),
+                    size_text(new_in_ram),
+                    device.is_gpu || photos_in_ram > on_cpu
+                        ? std::string("let fewer photos stay decoded with --photo-ram GIB")
+                        : cap_advice((kShareOfFree * free_ram - photos_in_ram - of_pictures) /
+                                     bytes_on_cpu(config))));
   return result;
 }
 

@@ -36,7 +36,7 @@ struct BenchmarkReport {
   std::optional<double> copy_gb_per_second;
   std::optional<double> clock_mhz;  // of a GPU's multiprocessors while they are busy
   std::optional<std::size_t> peak_gpu_bytes;
-  double forecast_gpu_bytes = 0;    // of training; only on a GPU
+  double forecast_gpu_bytes = 0;  // of training; only on a GPU
 };
 
 std::string report_json(const BenchmarkSubject& subject, const BenchmarkPlan& plan,
