@@ -45,7 +45,7 @@ TrainingState telling_state(std::size_t gaussians, int step, bool has_time = fal
   for_each_array(fill, state.model.gaussians);
   for_each_array(fill, state.model.first_moment);
   for_each_array(fill, state.model.second_moment);
-  if (are_codes(form)) number_codes(state.model, 0x3f801234);
+  if (form == MomentForm::tiny) number_codes(state.model, 0x3f801234);
   fill("", state.model.statistics.visits);
   fill("", state.model.statistics.gradient_norm);
   state.model.adam_steps = step + 5;
