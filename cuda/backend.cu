@@ -64,7 +64,6 @@ struct PoseUpdate {
   bool is_due = false;
   AdamStep adam{};
   AdamRule rule = {};
-  float pull = 0;
 };
 
 struct Step : PendingStep {
@@ -234,8 +233,7 @@ class CudaBackend final : private Device, private StepLauncher<Step>, public Bac
     photometric_.update(model_->photometric, step.photometric, step.photos(),
                         renderer_.workspace().halted.data());
     if (step.poses.is_due)
-      poses_.update(step.poses.pull, step.poses.adam, step.poses.rule,
-                    renderer_.workspace().halted.data());
+      poses_.update(step.poses.adam, step.poses.rule, renderer_.workspace().halted.data());
     if (step.density.noise.scale > 0)
       add_position_noise(context, model_->gaussians.span(), step.density.noise, step.position_rate,
                          renderer_.workspace().halted.data());
@@ -347,8 +345,7 @@ class CudaBackend final : private Device, private StepLauncher<Step>, public Bac
   static PoseUpdate pose_update(const PoseState& state, const Update& update) {
     if (state.empty() || !(update.pose_rate > 0)) return {};
     const AdamRule& rule = update.photo_rule;
-    return {true, adam_step(state.adam_steps + rule.steps, update.pose_rate), rule,
-            update.pose_pull};
+    return {true, adam_step(state.adam_steps + rule.steps, update.pose_rate), rule};
   }
 
   // Of runs that refine poses. A photo has the same row each time its step is launched.

@@ -46,8 +46,7 @@ void Backend::step(TrainingModel& model, Span<const TrainingPhoto> batch,
   if (density.noise.scale > 0) optimizer().add_noise(model, density.noise, update.rates.mean);
   if (photometric_ && update.photometric_rate > 0)
     update_photometric(model.photometric, update, photometric_sum_);
-  if (!pose_sum_.empty())
-    update_poses(model.poses, update.pose_pull, update.pose_rate, update.photo_rule, pose_sum_);
+  if (!pose_sum_.empty()) update_poses(model.poses, update.pose_rate, update.photo_rule, pose_sum_);
   if (!density.gather_statistics) return;
   if (is_summed)
     add(model.statistics, statistics_sum_);

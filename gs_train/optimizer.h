@@ -33,7 +33,6 @@ struct Update {
   AdamRule rule = {};
   float photometric_rate = 0;       // of the photometric model; 0: it rests
   float pose_rate = 0;              // of the poses; 0: they rest
-  float pose_pull = 0;              // PosesConfig::pull
   AdamRule photo_rule = {};         // of both
   std::uint64_t rounding_seed = 0;  // of moments that are codes (MomentRounding)
 };

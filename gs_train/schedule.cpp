@@ -16,7 +16,10 @@ constexpr int kRareFilter = 10;          // refinement intervals between filters
 constexpr int kExtraResetStep = 500;     // on a white background; Kerbl et al. 2023, code
 constexpr int kPhotometricWarmup = 500;  // steps; PPISP 2026, code
 constexpr double kPhotometricFinal = 0.01;  // of the rate, at the first and at the last step
+constexpr int kPoseWarmup = 1000;           // steps; the first Gaussians say little of poses
 constexpr double kPoseFinal = 0.01;         // of the rate, at the last step
+constexpr double kDepthWeightFinal = 0.01;  // of the weight: photos decide in the end
+constexpr float kTimeMeanRate = 8e-4f;      // of the duration
 constexpr int kRecoveryShare = 3;           // 1 / share of the steps between two resets
 constexpr int kLeastRefinements = 10;       // whatever density.every_epochs says
 
@@ -33,8 +36,7 @@ Schedule::Schedule(const Config& config, float scene_extent, std::size_t views)
       batch_rates_(config.train.batch_rates), resets_opacity_(config.density.strategy != "mcmc"),
       photometric_rate_(config.photometric.rate),
       pose_rate_(config.poses.refine ? config.poses.rate : 0),
-      depth_weight_(config.loss.depth_weight), depth_weight_final_(config.loss.depth_weight_final),
-      extent_(scene_extent) {
+      depth_weight_(config.loss.depth_weight), extent_(scene_extent) {
   steps_ =
       std::max(1, int(std::lround(double(config.train.iterations) * config.train.steps_scaler)));
   extra_steps_ = config.train.extra_steps;
@@ -45,10 +47,10 @@ Schedule::Schedule(const Config& config, float scene_extent, std::size_t views)
   if (extra_reset_ < kExtraResetStep / 2) extra_reset_ = 0;
   sh_every_ = scaled(config.train.sh_degree_every);
   morton_every_ = scaled(config.train.morton_every);
-  morton_until_ = scaled(config.train.morton_until);
+  morton_until_ = scaled(config.density.until_step + config.density.every);
   ramp_every_ = scaled(config.train.resolution_every);
   photometric_warmup_ = scaled(kPhotometricWarmup);
-  pose_warmup_ = scaled(config.poses.warmup);
+  pose_warmup_ = scaled(kPoseWarmup);
   decay_from_ = std::min(scaled_or_none(rates_.position_decay_from), steps_ - 1);
   cooldown_from_ = std::min(scaled_or_none(rates_.cooldown_from), steps_ - 1);
 }
@@ -94,7 +96,7 @@ LearningRates Schedule::learning_rates(int step) const {
   rates.sh0 = cooled(rates_.sh0_lr);
   rates.sh_rest = cooled(rates_.sh_rest_lr);
   rates.has_time = true;  // whether or not the model has
-  rates.time_mean = cooled(rates_.time_mean_lr);
+  rates.time_mean = cooled(kTimeMeanRate);
   rates.log_time_scale = cooled(rates_.log_time_scale_lr);
   return rates;
 }
@@ -123,7 +125,7 @@ float Schedule::pose_rate(int step) const {
 float Schedule::depth_weight(int step) const {
   if (!(depth_weight_ > 0)) return 0;
   const double t = share_done(step, 0, steps_);
-  return float(depth_weight_ * std::pow(depth_weight_final_ / depth_weight_, t));
+  return float(depth_weight_ * std::pow(kDepthWeightFinal, t));
 }
 
 bool Schedule::recovers_from_reset(int step) const {

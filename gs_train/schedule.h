@@ -91,7 +91,7 @@ class Schedule {
   float photometric_rate_;
   int photometric_warmup_;
   float pose_rate_;
-  double depth_weight_, depth_weight_final_;
+  double depth_weight_;
   int pose_warmup_;
   float extent_;
 };

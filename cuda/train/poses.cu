@@ -31,12 +31,12 @@ struct Rows {
 
 /// Thread t takes the numbers t, t + kThreads, ... in all loops.
 __global__ void __launch_bounds__(kThreads)
-    update_kernel(Rows rows, double pull, AdamStep step, AdamRule rule,
-                  const std::uint32_t* halted) {
+    update_kernel(Rows rows, AdamStep step, AdamRule rule, const std::uint32_t* halted) {
   if (*halted) return;
   for (int i = int(threadIdx.x); i < rows.count; i += kThreads) {
     const double sigma = i % int(kPoseNumbers) < 3 ? kPoseSpreadTurn : kPoseSpreadShift;
-    const double of_pull = pull * double(rows.values[i]) / (sigma * sigma);
+    const double of_pull =
+        kPosePull * kPoseNumbers / double(rows.count) * double(rows.values[i]) / (sigma * sigma);
     adam_update(rows.values[i], rows.first_moment[i], rows.second_moment[i],
                 float(rows.gradient[i] + of_pull), step, rule);
     rows.gradient[i] = 0;
@@ -98,15 +98,14 @@ const DevicePose* DevicePoses::refine(const PoseRow& row, std::size_t i) {
   return pose;
 }
 
-void DevicePoses::update(float pull, const AdamStep& step, const AdamRule& rule,
-                         const std::uint32_t* halted) {
+void DevicePoses::update(const AdamStep& step, const AdamRule& rule, const std::uint32_t* halted) {
   const StageScope scope(context_, "poses");
   held_values_.clear();  // they are older from now on
-  const std::size_t count = values_.size(), rows = count / kPoseNumbers;
+  const std::size_t count = values_.size();
   context_.launch("poses", update_kernel, 1, kThreads,
                   Rows{values_.data(), first_moment_.data(), second_moment_.data(),
                        gradient_.data(), modes_.data(), int(count), int(modes_.size() / count)},
-                  double(pull) / double(rows), step, rule, halted);
+                  step, rule, halted);
 }
 
 }  // namespace gs::cuda

@@ -46,7 +46,7 @@ class DevicePoses {
   /// 8 for poses: Adam for all rows by their gradients and the pull; then what all photos have in
   /// common is taken out of the motions. Clears the gradients. Nothing is changed while `halted` is
   /// raised.
-  void update(float pull, const AdamStep& step, const AdamRule& rule, const std::uint32_t* halted);
+  void update(const AdamStep& step, const AdamRule& rule, const std::uint32_t* halted);
   void clear_gradient() { gradient_.fill_zero(); }
 
  private:

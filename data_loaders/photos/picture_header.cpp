@@ -2,19 +2,17 @@
 // One function for each format; the first bytes of a file choose among them, never its name.
 #include "data_loaders/photos/picture_header.h"
 
-#include <fcntl.h>
 #include <spdlog/fmt/fmt.h>
-#include <sys/stat.h>
-#include <unistd.h>
 
 #include <algorithm>
-#include <cerrno>
 #include <limits>
 #include <string>
 #include <string_view>
 #include <utility>
 
+#include "data_loaders/photos/exr_header.h"
 #include "data_loaders/photos/photo_codec.h"
+#include "data_loaders/photos/picture_bytes.h"
 
 namespace gs {
 namespace {
@@ -32,69 +30,11 @@ constexpr double kMostScannedPixels = double(1 << 30);
 constexpr std::uint64_t kMostPackedTexts = 16;  // of a PNG, up to 8 MB each
 constexpr std::size_t kSearched = 1 << 16;      // bytes at the start in which boxes are looked for
 
-/// Reads parts of a regular file; what lies behind its end is missing.
-class File {
- public:
-  explicit File(const fs::path& path) : path_(path) {
-    // Without O_NONBLOCK, opening a FIFO waits for its writer.
-    descriptor_ = ::open(path.c_str(), O_RDONLY | O_NONBLOCK | O_CLOEXEC);
-    if (descriptor_ < 0) cannot_access_photo(path);
-    struct stat status {};
-    if (::fstat(descriptor_, &status) == 0 && S_ISREG(status.st_mode)) {
-      size_ = std::uint64_t(status.st_size);
-      return;
-    }
-    ::close(descriptor_);
-    cannot_read_photo(path, "it is not a regular file");
-  }
-  ~File() { ::close(descriptor_); }
-  File(const File&) = delete;
-  File& operator=(const File&) = delete;
-
-  std::uint64_t size() const { return size_; }
-  std::string bytes(std::uint64_t offset, std::size_t count) const {
-    std::string result(std::size_t(std::min<std::uint64_t>(count, size_ - std::min(offset, size_))),
-                       '\0');
-    std::size_t done = 0;
-    while (done < result.size()) {
-      const ssize_t got =
-          ::pread(descriptor_, result.data() + done, result.size() - done, off_t(offset + done));
-      if (got < 0 && errno == EINTR) continue;
-      if (got < 0) cannot_access_photo(path_);
-      if (got == 0) break;  // it became shorter meanwhile
-      done += std::size_t(got);
-    }
-    result.resize(done);
-    return result;
-  }
-
- private:
-  const fs::path& path_;
-  int descriptor_ = -1;
-  std::uint64_t size_ = 0;
-};
-
-/// A number of `count` bytes; 0 where the bytes end before it.
-std::uint64_t big(std::string_view bytes, std::size_t at, std::size_t count) {
-  std::uint64_t value = 0;
-  if (at > bytes.size() || count > bytes.size() - at) return 0;
-  for (std::size_t i = 0; i < count; ++i)
-    value = value << 8 | static_cast<unsigned char>(bytes[at + i]);
-  return value;
-}
-std::uint64_t little(std::string_view bytes, std::size_t at, std::size_t count) {
-  std::uint64_t value = 0;
-  if (at > bytes.size() || count > bytes.size() - at) return 0;
-  for (std::size_t i = count; i-- > 0;)
-    value = value << 8 | static_cast<unsigned char>(bytes[at + i]);
-  return value;
-}
-
 /// Walks over the markers of a JPEG (ITU-T T.81, B.1.1). In the data behind a start of scan, FF is
 /// followed by 00 or by a restart marker.
 class JpegWalk {
  public:
-  JpegWalk(const File& file, PictureHeader& header) : file_(file), header_(header) {
+  JpegWalk(const PictureFile& file, PictureHeader& header) : file_(file), header_(header) {
     std::uint64_t scans = 0;
     for (int marker = next_marker(); marker > 0; marker = next_marker()) {
       if (marker == kEndOfImage) break;
@@ -147,14 +87,14 @@ class JpegWalk {
     }
   }
 
-  const File& file_;
+  const PictureFile& file_;
   PictureHeader& header_;
   std::uint64_t at_ = 2, components_ = 0, block_at_ = 0;
   std::string block_;
   bool is_progressive_ = false;
 };
 
-void read_png(const File& file, std::string_view start, PictureHeader& header) {
+void read_png(const PictureFile& file, std::string_view start, PictureHeader& header) {
   header.width = big(start, 16, 4);
   header.height = big(start, 20, 4);
   const std::uint64_t color_type =
@@ -175,7 +115,7 @@ void read_png(const File& file, std::string_view start, PictureHeader& header) {
 }
 
 /// The largest value of one tag of the first directory, for the tags that tell a TIFF's size.
-void read_tiff(const File& file, std::string_view start, PictureHeader& header) {
+void read_tiff(const PictureFile& file, std::string_view start, PictureHeader& header) {
   const bool is_little = start[0] == 'I', is_large = start[is_little ? 2 : 3] == 43;
   const auto number = [&](std::string_view bytes, std::size_t at, std::size_t count) {
     return is_little ? little(bytes, at, count) : big(bytes, at, count);
@@ -251,110 +191,11 @@ void read_jpeg_2000(std::string_view start, PictureHeader& header) {
   header.bytes_per_pixel = 4 * std::max<std::uint64_t>(big(start, at + 40, 2), 1) + 4;
 }
 
-/// The attributes of an EXR's header ("Technical Introduction to OpenEXR", file layout): a name, a
-/// type, a length and so many bytes, up to an empty name; of a file of several parts, up to two.
-/// OpenEXR reads as many bytes as the type asks for, whatever the length says, so both must agree.
-class ExrWalk {
- public:
-  ExrWalk(const File& file, PictureHeader& header) : file_(file), header_(header) {
-    const bool has_parts = little(file.bytes(4, 4), 0, 4) & 0x1000;
-    for (int i = 0; i < kMostAttributes && !header.is_damaged; ++i) {
-      const std::string name = word();
-      if (!name.empty())
-        take_attribute(name);
-      else if (!has_parts || at_ >= file.size() || file.bytes(at_, 1)[0] == '\0')
-        break;
-    }
-    // Decoders keep a place for each row, which counts where rows are short.
-    header.bytes_per_pixel += 4 + 8 / std::max<std::uint64_t>(header.width, 1);
-  }
-
- private:
-  static constexpr int kMostAttributes = 4096;
-  static constexpr std::size_t kLongestName = 256;   // with its end
-  static constexpr std::size_t kMostList = 1 << 16;  // bytes of a list of channels or of texts
-  static constexpr std::pair<std::string_view, std::uint64_t> kSizes[] = {
-      {"box2i", 16},      {"box2f", 16},   {"chromaticities", 32},
-      {"compression", 1}, {"double", 8},   {"envmap", 1},
-      {"float", 4},       {"int", 4},      {"keycode", 28},
-      {"lineOrder", 1},   {"m33f", 36},    {"m33d", 72},
-      {"m44f", 64},       {"m44d", 128},   {"rational", 8},
-      {"tiledesc", 9},    {"timecode", 8}, {"v2i", 8},
-      {"v2f", 8},         {"v2d", 16},     {"v3i", 12},
-      {"v3f", 12},        {"v3d", 24},     {"deepImageState", 1}};
-
-  /// A name or type, without its end.
-  std::string word() {
-    const std::string bytes = file_.bytes(at_, kLongestName);
-    const std::size_t end = bytes.find('\0');
-    header_.is_damaged |= end == bytes.npos;
-    at_ += std::min(end, bytes.size()) + 1;
-    return bytes.substr(0, end);
-  }
-  void take_attribute(const std::string& name) {
-    const std::string type = word();
-    const std::uint64_t size = little(file_.bytes(at_, 4), 0, 4);
-    at_ += 4;
-    if (at_ > file_.size() || size > file_.size() - at_ || !is_of(type, size))
-      header_.is_damaged = true;
-    if (header_.is_damaged) return;
-    const std::string start = file_.bytes(at_, 16);
-    if (name == "dataWindow") take_window(start);
-    if (name == "tiles") take_size(little(start, 0, 4), little(start, 4, 4));
-    at_ += size;
-  }
-  bool is_of(std::string_view type, std::uint64_t size) {
-    for (const auto& [known, bytes] : kSizes)
-      if (type == known) return size == bytes;
-    if (type == "chlist") return size <= kMostList && are_channels(file_.bytes(at_, size));
-    if (type == "stringvector") return size <= kMostList && are_texts(file_.bytes(at_, size));
-    if (type != "preview") return true;
-    const std::string sides = file_.bytes(at_, 8);
-    return size == 8 + 4 * little(sides, 0, 4) * little(sides, 4, 4);
-  }
-  /// Each has a name and 16 bytes, which begin with its type: halves take 2 bytes, all others 4.
-  bool are_channels(std::string_view list) {
-    std::uint64_t bytes = 0;
-    std::size_t at = 0;
-    while (at < list.size() && list[at] != '\0') {
-      at = list.find('\0', at);
-      if (at == list.npos) return false;
-      bytes += little(list, ++at, 4) == 1 ? 2 : 4;
-      at += 16;
-    }
-    header_.bytes_per_pixel = std::max(header_.bytes_per_pixel, bytes);
-    return at + 1 == list.size();
-  }
-  /// Each is a length and so many bytes.
-  static bool are_texts(std::string_view list) {
-    std::uint64_t at = 0;
-    while (at + 4 <= list.size()) at += 4 + little(list, std::size_t(at), 4);
-    return at == list.size();
-  }
-  void take_window(std::string_view box) {
-    const auto side = [&](std::size_t at) {
-      const auto corner = [&](std::size_t i) {
-        return std::int64_t(std::int32_t(little(box, i, 4)));
-      };
-      return std::uint64_t(std::max<std::int64_t>(corner(at + 8) - corner(at) + 1, 0));
-    };
-    take_size(side(0), side(4));
-  }
-  void take_size(std::uint64_t width, std::uint64_t height) {
-    header_.width = std::max(header_.width, width);
-    header_.height = std::max(header_.height, height);
-  }
-
-  const File& file_;
-  PictureHeader& header_;
-  std::uint64_t at_ = 8;
-};
-
 }  // namespace
 
 PictureHeader read_picture_header(const fs::path& path) {
   using namespace std::string_view_literals;
-  const File file(path);
+  const PictureFile file(path);
   PictureHeader header;
   header.file_bytes = file.size();
   const std::string first = file.bytes(0, 64);
@@ -381,7 +222,7 @@ PictureHeader read_picture_header(const fs::path& path) {
   } else if (start.starts_with("\0\0\0\x0CjP"sv) || start.starts_with("\xFF\x4F\xFF\x51")) {
     read_jpeg_2000(long_start(), header);
   } else if (start.starts_with("\x76\x2F\x31\x01")) {
-    ExrWalk(file, header);
+    read_exr_header(file, header);
   }
   return header;
 }

@@ -86,8 +86,7 @@ struct RenderConfig {
 struct LossConfig {
   std::string kind = "l1_ssim";  // l1_ssim
   float lambda_dssim = 0.2f;
-  float depth_weight = 0.2f;         // of the depth loss at the first step, where there are maps
-  float depth_weight_final = 2e-3f;  // at the last one
+  float depth_weight = 0.2f;  // of the depth loss at the first step, where there are maps
 };
 
 /// How photos that differ in exposure and white balance are explained (docs/photometric.md).
@@ -100,8 +99,6 @@ struct PhotometricConfig {
 struct PosesConfig {
   bool refine = false;
   float rate = 1e-4f;  // Adam's, of radians and of shares of the scene's extent
-  int warmup = 1000;   // steps of a 30,000-step run in which the rate rises from 0
-  float pull = 1e-4f;  // weight of the pull to the given poses
 };
 
 /// Learning rates of Adam; position rates are multiplied by the scene's extent.
@@ -114,7 +111,6 @@ struct OptimizerConfig {
   float opacity_lr = 0.025f;
   float sh0_lr = 2.5e-3f;
   float sh_rest_lr = 2.5e-4f;
-  float time_mean_lr = 8e-4f;
   float log_time_scale_lr = 5e-3f;
   int cooldown_from = 24000;     // all rates fall from this step on, ...
   float cooldown_share = 0.03f;  // ... to this share of themselves at the last one; 1: they do not
@@ -199,7 +195,6 @@ struct TrainConfig {
   int resolution_every = 6000;          // steps with each of them
   int resolution_least = 100000;        // pixels; a photo is not reduced to fewer
   int morton_every = 5000;
-  int morton_until = 24000;
   std::uint64_t seed = 42;
   int threads = 0;              // 0: all cores
   bool deterministic = false;   // the same seed gives the same bytes on a GPU, too

@@ -107,8 +107,7 @@ void visit_fields(AnyConfig& config, Visitor&& visit) {
   auto& loss = config.loss;
   field("loss.kind",                    loss.kind,                    "",            one_of(kLossWords),      retrain, "how a render is compared with its photo", "Kerbl et al. 2023, Eq. 7");
   field("loss.lambda_dssim",            loss.lambda_dssim,            "",            between(0, 1),           retrain, "weight of 1 - SSIM in the loss; L1 gets the rest", "Kerbl et al. 2023, Eq. 7");
-  field("loss.depth_weight",            loss.depth_weight,            "",            at_least(0),             retrain, "weight of the depth loss at the first step, for photos with a depth map; 0: maps are not trained on", "docs/depth.md");
-  field("loss.depth_weight_final",      loss.depth_weight_final,      "",            above(0),                retrain, "weight at the last step; in between it decays exponentially", "docs/depth.md");
+  field("loss.depth_weight",            loss.depth_weight,            "",            at_least(0),             retrain, "weight of the depth loss at the first step, for photos with a depth map; it decays to a hundredth; 0: maps are not trained on", "docs/depth.md");
 
   auto& photometric = config.photometric;
   field("photometric.model",            photometric.model,            "",            one_of(kPhotometricWords), retrain, "what is learned of each photo, so that the scene need not explain how photos differ: gains, a gain for each photo and channel; auto, gains where photos differ in light", "docs/photometric.md");
@@ -117,8 +116,6 @@ void visit_fields(AnyConfig& config, Visitor&& visit) {
   auto& poses = config.poses;
   field("poses.refine",                 poses.refine,                 "",            any(),                   retrain, "also learn where each training photo was taken; for poses that are some tenths of a degree off", "docs/poses.md");
   field("poses.rate",                   poses.rate,                   "1/step",      above(0),                retrain, "learning rate of the poses after the warm-up, in radians and in shares of the scene's extent; it falls to a hundredth", "docs/poses.md");
-  field("poses.warmup",                 poses.warmup,                 "steps",       steps_from(0),           retrain, "the learning rate of the poses rises from 0 in so many steps of a 30,000-step run", "docs/poses.md");
-  field("poses.pull",                   poses.pull,                   "",            at_least(0),             retrain, "weight of the pull to the given poses in the loss: of the mean squared motion in units of half a degree and of 1% of the extent", "docs/poses.md");
 
   auto& optimizer = config.optimizer;
   field("optimizer.position_lr_initial", optimizer.position_lr_initial, "extent",      above(0),                retrain, "learning rate of the means at the first step", kKerbl);
@@ -129,7 +126,6 @@ void visit_fields(AnyConfig& config, Visitor&& visit) {
   field("optimizer.opacity_lr",         optimizer.opacity_lr,         "",            at_least(0),             retrain, "learning rate of the logits of the opacities", kFaster);
   field("optimizer.sh0_lr",             optimizer.sh0_lr,             "",            at_least(0),             retrain, "learning rate of SH degree 0", kKerbl);
   field("optimizer.sh_rest_lr",         optimizer.sh_rest_lr,         "",            at_least(0),             retrain, "learning rate of SH degrees 1 to 3", kKerbl);
-  field("optimizer.time_mean_lr",       optimizer.time_mean_lr,       "duration",    at_least(0),             retrain, "learning rate of the means in time, if model.dynamic");
   field("optimizer.log_time_scale_lr",  optimizer.log_time_scale_lr,  "",            at_least(0),             retrain, "learning rate of the logarithms of the scales in time, if model.dynamic", "Yang et al. 2024");
   field("optimizer.cooldown_from",      optimizer.cooldown_from,      "steps",       steps_from(0),           retrain, "the cooldown, in which all learning rates fall, begins after this step of a 30,000-step run", "Hägele et al. 2024");
   field("optimizer.cooldown_share",     optimizer.cooldown_share,     "",            above(0),                retrain, "share of each learning rate that is left at the last step; during the cooldown the rates fall exponentially; 1: no cooldown", "docs/schedule.md");
@@ -203,7 +199,6 @@ void visit_fields(AnyConfig& config, Visitor&& visit) {
   field("train.resolution_every",       train.resolution_every,       "steps",       steps_from(1),           retrain, "how long each factor of the ramp lasts, in steps of a 30,000-step run");
   field("train.resolution_least",       train.resolution_least,       "pixels",      steps_from(1),           retrain, "the ramp reduces no photo to fewer pixels; a smaller factor replaces one that would");
   field("train.morton_every",           train.morton_every,           "steps",       steps_from(1),           retrain, "interval between sorts along the Morton curve", kFaster);
-  field("train.morton_until",           train.morton_until,           "steps",       steps_from(0),           retrain, "last of these sorts, apart from the final one", kFaster);
   field("train.seed",                   train.seed,                   "",            between(0, kLargestExact), retrain, "the same seed gives the same bytes on the CPU, and on a GPU with train.deterministic");
   field("train.deterministic",          train.deterministic,          "",            any(),                   retrain, "on a GPU, sum in a fixed order, so that the same seed gives the same bytes; slower");
   field("train.threads",                train.threads,                "",            between(0, 4096),        nothing, "CPU threads; 0: all cores; the result does not depend on it");

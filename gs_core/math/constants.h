@@ -83,8 +83,9 @@ inline constexpr float kMinShareTransmittance = 0x1p-23f;  // 1 - o of an opaque
 
 // Poses that are refined.
 inline constexpr double kSmallAngle2 = 1e-6;            // radians^2, below which a rotation is its series
-inline constexpr double kPoseSpreadTurn = 0.00872664625997;  // radians, half a degree: the unit of poses.pull
+inline constexpr double kPoseSpreadTurn = 0.00872664625997;  // radians, half a degree: the unit of kPosePull
 inline constexpr double kPoseSpreadShift = 0.01;        // of the extent: the same of shifts
+inline constexpr double kPosePull = 1e-4;               // weight of the mean squared motion in the loss
 
 // Initialization.
 inline constexpr int kInitialNeighbors = 3;            // whose mean distance is the first scale [3DGS]

@@ -206,7 +206,6 @@ void Trainer::take_batch(int last_step) {
   Update update{run_.schedule.learning_rates(last_step), run_.schedule.adam_rule(photos)};
   update.photometric_rate = run_.schedule.photometric_rate(last_step);
   update.pose_rate = run_.schedule.pose_rate(last_step);
-  update.pose_pull = run_.config.poses.pull;
   update.photo_rule = batch_rule(update.rule.steps);
   update.rounding_seed = run_.config.train.seed;
   if (update.rule.steps > 1) {

@@ -117,11 +117,11 @@ void add_pose_gradient(const PoseState& state, std::size_t photo, const Camera& 
 }
 
 // The pull is the mean over all rows of |turn|^2 / (2 sigma^2) and of the same of shifts.
-void update_poses(PoseState& state, float pull, float rate, const AdamRule& rule,
+void update_poses(PoseState& state, float rate, const AdamRule& rule,
                   std::vector<double>& gradient) {
   GS_CHECK(gradient.size() == state.values.size());
   const AdamStep step = adam_step(state.adam_steps += rule.steps, rate);
-  const double weight = double(pull) / double(state.rows());
+  const double weight = kPosePull / double(state.rows());
   for (std::size_t i = 0; i < gradient.size(); ++i) {
     const double sigma = i % kPoseNumbers < 3 ? kPoseSpreadTurn : kPoseSpreadShift;
     const double of_pull = weight * double(state.values[i]) / (sigma * sigma);

@@ -35,7 +35,7 @@ void add_pose_gradient(const PoseState& state, std::size_t photo, const Camera& 
 /// One update of all rows: adds the gradient of the pull to that of the data, and takes a step of
 /// Adam, also for photos that were not shown; their moments move them on. Then what all photos have
 /// in common is taken out of their motions.
-void update_poses(PoseState& state, float pull, float rate, const AdamRule& rule,
+void update_poses(PoseState& state, float rate, const AdamRule& rule,
                   std::vector<double>& gradient);
 
 /// Takes out of the motions what a similarity of all cameras explains, by least squares, where

@@ -14,8 +14,7 @@ using ::testing::AllOf;
 using ::testing::HasSubstr;
 namespace fs = std::filesystem;
 
-const std::string kRefine =
-    "--set poses.refine=true --set poses.rate=0.001 --set poses.warmup=1 --iterations 60";
+const std::string kRefine = "--set poses.refine=true --set poses.rate=0.001 --iterations 60";
 
 TEST_F(Program, RefinedPosesAreWrittenDownAndMeasuredAgain) {
   write_scene(path("scene"), true);

@@ -60,7 +60,6 @@ class CudaPoses : public CudaTest {
     }
     Update update{kRates, batch_rule(int(rows.size()))};
     update.pose_rate = rate;
-    update.pose_pull = 1e-4f;
     update.photo_rule = batch_rule(int(rows.size()));
     backend.step(model, {batch.data(), batch.size()}, {0.2f}, update, {true});
   }

@@ -149,7 +149,7 @@ MENDS = [
          "  if (false) {"),
     Mend("13b", "a FIFO as a photo is waited for", "6ef3c55",
          "data_loaders/photos/picture_header_test PictureHeaders.AFifoIsRefusedAtOnce",
-         "data_loaders/photos/picture_header.cpp",
+         "data_loaders/photos/picture_bytes.h",
          "0 && S_ISREG(status.st_mode)) {", "0) {"),
     Mend("14", "a count of instances wraps at 2^32 on the GPU", "d852883",
          "cuda/render_test CudaEdge.MoreThan2To32InstancesAreRefused",

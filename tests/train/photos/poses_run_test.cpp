@@ -101,7 +101,6 @@ TEST_F(PosesRun, RestsAfterAnOpacityReset) {
 TEST_F(PosesRun, IsTheSameWithoutTheSetting) {
   Config config = posed_run(40), other = posed_run(40);
   other.poses.rate = 0.5f;
-  other.poses.pull = 3;
   const TrainingModel model = trained(config);
   EXPECT_TRUE(model.poses.empty());
   EXPECT_TRUE(same_bits(trained(other), model));
