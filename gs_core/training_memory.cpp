@@ -185,11 +185,10 @@ TrainingSize training_size(const Config& config, const PictureSizes& pictures, d
   return size;
 }
 
-double first_gaussians(const Config& config, std::size_t points) {
+double first_gaussians(const Config& config, std::size_t points, std::size_t most) {
   const double cap = double(config.density.max_gaussians);  // 0 or less: none yet
-  const double start = points == 0
-                           ? double(config.model.random_points)
-                           : double(std::min(points, std::size_t(config.model.most_points)));
+  const double start =
+      points == 0 ? double(config.model.random_points) : double(std::min(points, most));
   return cap > 0 ? std::min(start, cap) : start;
 }
 

@@ -70,8 +70,9 @@ TrainingSize training_size(const Config& config, const PictureSizes& pictures, d
 /// True where density control ends with density.max_gaussians Gaussians, as its method does.
 bool rises_to_cap(const Config& config);
 
-/// The Gaussians that a run starts with, from so many sparse points; with 0, from random ones.
-double first_gaussians(const Config& config, std::size_t points);
+/// The Gaussians that a run starts with, from so many sparse points, of which it takes `most`; with
+/// 0, from random ones.
+double first_gaussians(const Config& config, std::size_t points, std::size_t most = kMostPoints);
 
 /// The Gaussians that a run has for certain, if it starts with so many: those, or the number to
 /// which it rises.

@@ -14,6 +14,7 @@ constexpr int kMinRefineInterval = 100;
 constexpr int kMinResetInterval = 1000;  // steps; opacities need as many to recover from a reset
 constexpr int kRareFilter = 10;          // refinement intervals between filters after the last one
 constexpr int kExtraResetStep = 500;     // on a white background; Kerbl et al. 2023, code
+constexpr int kMortonInterval = 5000;    // steps; Faster-GS
 constexpr int kPhotometricWarmup = 500;  // steps; PPISP 2026, code
 constexpr double kPhotometricFinal = 0.01;  // of the rate, at the first and at the last step
 constexpr int kPoseWarmup = 1000;           // steps; the first Gaussians say little of poses
@@ -47,12 +48,13 @@ Schedule::Schedule(const Config& config, const GrowthMethod& method, float scene
   // the run is too short to recover from it
   if (extra_reset_ < kExtraResetStep / 2) extra_reset_ = 0;
   sh_every_ = scaled(config.train.sh_degree_every);
-  morton_every_ = scaled(config.train.morton_every);
+  morton_every_ = scaled(kMortonInterval);
   morton_until_ = scaled(config.density.until_step + config.density.every);
   ramp_every_ = scaled(config.train.resolution_every);
   photometric_warmup_ = scaled(kPhotometricWarmup);
   pose_warmup_ = scaled(kPoseWarmup);
-  decay_from_ = std::min(scaled_or_none(rates_.position_decay_from), steps_ - 1);
+  decay_from_ =
+      std::min(method_.waits_for_whole_photos ? int(ramp_.size()) * ramp_every_ : 0, steps_ - 1);
   cooldown_from_ = std::min(scaled_or_none(rates_.cooldown_from), steps_ - 1);
 }
 

@@ -199,10 +199,9 @@ void examine_points(Examination& examination) {
     examination.add(Level::note, "points",
                     fmt::format("{} of {} points were seen in fewer than {} photos", few,
                                 points.size(), kFewObservations));
-  if (points.size() > std::size_t(model.most_points))
+  if (points.size() > std::size_t(kMostPoints))
     examination.add(Level::note, "points",
-                    fmt::format("{} points are more than model.most_points: {} of them are taken",
-                                points.size(), model.most_points));
+                    fmt::format("of {} points at most {} are taken", points.size(), kMostPoints));
 }
 
 void examine_sight(Examination& examination) {

@@ -89,7 +89,6 @@ double bytes_on_cpu(const Config& config) {
 
 /// The config of a run that has as many Gaussians as the scene asks for.
 Config without_limits_of_one_run(Config config, const SceneSize& scene) {
-  config.model.most_points = std::numeric_limits<int>::max();
   DensityConfig& density = config.density;
   density.max_gaussians = std::max<std::int64_t>(density.max_gaussians, 0);
   return settled_for(std::move(config), {scene.points, kAnyPhotos, scene.training_pixels()});
@@ -108,7 +107,8 @@ BlockAdvice advice_on_blocks(const Config& config, const SceneSize& scene,
                                gaussians_that_fit(size_on_gpu(config, SceneSize{}, 0), usable / 4))
                     : std::max(usable - photos - picture_bytes_on_cpu(scene), usable / 4) /
                           bytes_on_cpu(config);
-  const double wanted = expected_gaussians(without_limits_of_one_run(config, scene), scene.points);
+  const double wanted =
+      expected_gaussians(without_limits_of_one_run(config, scene), scene.points, scene.points);
   if (wanted <= fit)
     return {1, fmt::format("one run holds the scene: of about {} Gaussians that fit into memory it "
                            "needs {}",
@@ -120,9 +120,9 @@ BlockAdvice advice_on_blocks(const Config& config, const SceneSize& scene,
                       count_text(wanted), count_text(fit), blocks)};
 }
 
-double expected_gaussians(const Config& config, std::size_t points) {
+double expected_gaussians(const Config& config, std::size_t points, std::size_t most) {
   const double cap = double(config.density.max_gaussians);  // 0 or less: none yet
-  const double start = first_gaussians(config, points);
+  const double start = first_gaussians(config, points, most);
   const double steps = steps_of(config);
   if (steps <= std::min(double(config.density.from_step), kFirstGrowth)) return start;
   if (rises_to_cap(config)) return cap;

@@ -40,10 +40,10 @@ struct Forecast {
 ///   start + (full - start) sqrt(min(steps / 30000, 1))    adaptive, at most the cap
 ///   the cap                                               mcmc; budgeted with a curve to it
 ///
-/// start   points of the model after model.most_points, or random points; at most the cap
+/// start   points of the model, `most` of them, or random points; at most the cap
 /// full    after 30,000 steps: 25 start, but at most a million and at least 2 start
 /// Runs too short for a refinement end with `start`.
-double expected_gaussians(const Config& config, std::size_t points);
+double expected_gaussians(const Config& config, std::size_t points, std::size_t most = kMostPoints);
 
 /// Whether to divide a scene into blocks (docs/blocks.md).
 struct BlockAdvice {

@@ -81,9 +81,8 @@ class ParityCheck {
     compare_gradients();
     compare_step("step", {.gather_statistics = true});
     compare_step("step on a reduced photo", {.gather_statistics = true}, 2);
-    compare_step("mcmc step",
-                 {.regularizers = {0.01f, 0.01f},  // those of the preset mcmc
-                  .noise = {DensityConfig().noise_scale, {1, RandomStream::position_noise}, 1}});
+    compare_step("mcmc step", {.regularizers = {0.01f, 0.01f},  // those of the preset mcmc
+                               .noise = {kNoiseScale, {1, RandomStream::position_noise}, 1}});
     compare_step_with_codes("step with tiny moments: ");
     compare_relocation();
     device_.upload_views({}, 0);  // this scene's views end here

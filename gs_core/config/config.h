@@ -63,7 +63,6 @@ struct ModelConfig {
   float initial_scale = 1;           // times the distance to the nearest points
   int random_points = 15000;         // used when the model has no points
   float random_box = 0;              // half the edge of the box of random points; 0: by cameras
-  int most_points = 2000000;         // to start from; denser clouds are downsampled
   bool dynamic = false;              // Gaussians in space and time, for scenes that move
   float initial_time_scale = 0.45f;  // standard deviation, as a fraction of the scene's duration
   bool filter_3d = false;  // no Gaussian is smaller than the photos can show (Mip-Splatting)
@@ -105,7 +104,6 @@ struct PosesConfig {
 struct OptimizerConfig {
   float position_lr_initial = 1.6e-4f;
   float position_lr_final = 1.6e-5f;
-  int position_decay_from = 0;  // the position rate stays what it is at first until this step
   float log_scale_lr = 0.01f;
   float rotation_lr = 1e-3f;
   float opacity_lr = 0.025f;
@@ -119,6 +117,7 @@ struct OptimizerConfig {
 
 inline constexpr int kMostBatch = 64;           // photos of one update
 inline constexpr int kMostReduction = 16;       // of photos, in each direction
+inline constexpr int kMostPoints = 2'000'000;   // to start from; denser clouds are downsampled
 inline constexpr std::int64_t kAutoCount = -1;  // the word auto: the program finds the count itself
 
 /// Density control: a method, whose constants are in gs_core/density, and what fits it to a scene.
@@ -140,8 +139,7 @@ struct DensityConfig {
   float pixels_per_gaussian = 100;  // ... and at least one for so many pixels of the photos
   std::string region;  // half-spaces, inside of which Gaussians are added; empty: everywhere
   // for mcmc only
-  float growth = 0.05f;      // of the count, in one refinement
-  float noise_scale = 5e5f;  // times the learning rate of the means
+  float growth = 0.05f;  // of the count, in one refinement
   // for all methods
   float opacity_regularizer = 0.001f;  // weight of the mean opacity in the loss
   float scale_regularizer = 0;         // weight of the mean scale in the loss
@@ -162,7 +160,6 @@ struct TrainConfig {
   std::vector<int> resolution_ramp{2};  // factors by which photos are reduced at first
   int resolution_every = 6000;          // steps with each of them
   int resolution_least = 100000;        // pixels; a photo is not reduced to fewer
-  int morton_every = 5000;
   std::uint64_t seed = 42;
   int threads = 0;              // 0: all cores
   bool deterministic = false;   // the same seed gives the same bytes on a GPU, too

@@ -88,7 +88,6 @@ void visit_fields(AnyConfig& config, Visitor&& visit) {
   field("model.initial_scale",          model.initial_scale,          "",            above(0),                retrain, "scale of a Gaussian at the start, as a multiple of the distance to its nearest points");
   field("model.random_points",          model.random_points,          "points",      steps_from(1),           retrain, "random points to start from if the COLMAP model has none", kKerbl);
   field("model.random_box",             model.random_box,             "world units", at_least(0),             retrain, "half the edge of the box of random points, which lies around the scene's origin; 0: around what all cameras look at, or else three extents around the cameras", kKerbl);
-  field("model.most_points",            model.most_points,            "points",      steps_from(1),           retrain, "most points to start from; a denser COLMAP model is downsampled: one point of each cell of a grid is kept");
   field("model.sky",                    model.sky,                    "",            one_of<SkyModel>(),      retrain, "sphere: Gaussians far outside of the scene at the start, wherever photos agree on a color that no sparse point explains; for scenes that stand still", "docs/data.md");
   field("model.dynamic",                model.dynamic,                "",            any(),                   retrain, "Gaussians in space and time, for scenes that move; the photos need times (docs/data.md)", "Yang et al. 2024");
   field("model.initial_time_scale",     model.initial_time_scale,     "duration",    above(0),                retrain, "standard deviation in time of a Gaussian at the start, if dynamic", "Yang et al. 2024");
@@ -121,7 +120,6 @@ void visit_fields(AnyConfig& config, Visitor&& visit) {
   auto& optimizer = config.optimizer;
   field("optimizer.position_lr_initial", optimizer.position_lr_initial, "extent",      above(0),                retrain, "learning rate of the means at the first step", kKerbl);
   field("optimizer.position_lr_final",  optimizer.position_lr_final,  "extent",      above(0),                retrain, "learning rate of the means at the last step; it falls exponentially", kKerbl);
-  field("optimizer.position_decay_from", optimizer.position_decay_from, "steps",      steps_from(0),           retrain, "the learning rate of the means begins to fall after this step of a 30,000-step run", "DashGaussian");
   field("optimizer.log_scale_lr",       optimizer.log_scale_lr,       "",            at_least(0),             retrain, "learning rate of the logarithms of the scales", kKerbl);
   field("optimizer.rotation_lr",        optimizer.rotation_lr,        "",            at_least(0),             retrain, "learning rate of the quaternions", kKerbl);
   field("optimizer.opacity_lr",         optimizer.opacity_lr,         "",            at_least(0),             retrain, "learning rate of the logits of the opacities", kFaster);
@@ -148,7 +146,6 @@ void visit_fields(AnyConfig& config, Visitor&& visit) {
   field("density.pixels_per_gaussian",  density.pixels_per_gaussian,  "pixels",      at_least(0),             retrain, "where max_gaussians is 0 and gaussians_per_point is not: that limit is at least one Gaussian for so many pixels of the training photos, in scenes with sparse points; 0: it follows the points alone");
   field("density.region",               density.region,               "",            any(),                   retrain, "Gaussians are added only where the mean is inside of all these half-spaces, up to six: `x,y,z,d; ...` holds the points p with x p.x + y p.y + z p.z >= d, in the coordinates of the photos' poses; empty: everywhere", "docs/blocks.md");
   field("density.growth",               density.growth,               "",            between(0, 1),           retrain, "fraction of the Gaussians that mcmc adds in one refinement", kMcmc);
-  field("density.noise_scale",          density.noise_scale,          "",            at_least(0),             retrain, "strength of mcmc's noise on the means, as a multiple of their learning rate", kMcmc);
   field("density.opacity_regularizer",  density.opacity_regularizer,  "",            at_least(0),             retrain, "weight of the mean opacity in the loss, so that what explains nothing fades and is removed (docs/defaults.md); the preset mcmc has 0.01", kMcmc);
   field("density.scale_regularizer",    density.scale_regularizer,    "1/world units", at_least(0),             retrain, "weight of the mean scale in the loss; the preset mcmc has 0.01", kMcmc);
   field("density.time_scale_regularizer", density.time_scale_regularizer, "duration",  at_least(0),             retrain, "if model.dynamic, weight in the loss of the mean of 1 / scale in time, so that Gaussians live long");
@@ -167,7 +164,6 @@ void visit_fields(AnyConfig& config, Visitor&& visit) {
   field("train.resolution_ramp",        train.resolution_ramp,        "",            between(1, kMostReduction), retrain, "train on photos reduced by these factors first, such as [4, 2]; empty: on whole photos from the start");
   field("train.resolution_every",       train.resolution_every,       "steps",       steps_from(1),           retrain, "how long each factor of the ramp lasts, in steps of a 30,000-step run");
   field("train.resolution_least",       train.resolution_least,       "pixels",      steps_from(1),           retrain, "the ramp reduces no photo to fewer pixels; a smaller factor replaces one that would");
-  field("train.morton_every",           train.morton_every,           "steps",       steps_from(1),           retrain, "interval between sorts along the Morton curve", kFaster);
   field("train.seed",                   train.seed,                   "",            between(0, kLargestExact), retrain, "the same seed gives the same bytes on the CPU, and on a GPU with train.deterministic");
   field("train.deterministic",          train.deterministic,          "",            any(),                   retrain, "on a GPU, sum in a fixed order, so that the same seed gives the same bytes; slower");
   field("train.threads",                train.threads,                "",            between(0, 4096),        nothing, "CPU threads; 0: all cores; the result does not depend on it");

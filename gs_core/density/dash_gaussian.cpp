@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// The method "dash_gaussian": photos are reduced at first, and the number of Gaussians follows their
-// size.                                                                              DashGaussian
+// The method "dash_gaussian": photos are reduced at first, the number of Gaussians follows their size,
+// and means keep their first learning rate until photos are whole.                   DashGaussian
 //
 // Source: the code of December 2025, github.com/YouyuChen0207/DashGaussian. What differs: its limit
 // is found from the growth, about 2.4 million on Mip-NeRF 360, and is density.max_gaussians here;
@@ -20,6 +20,7 @@ GrowthMethod dash_gaussian_method() {
   method.curve = GrowthCurve::ramp;
   method.ramp_from = kRampFrom;
   method.most_growth = kMostGrowth;
+  method.waits_for_whole_photos = true;
   return method;
 }
 

@@ -51,6 +51,9 @@ struct GrowthMethod {
   int share_prune_until = 0;
   float late_prune_opacity = 0;  // after the last refinement
 
+  // The learning rate of the means begins to fall when photos are no longer reduced.
+  bool waits_for_whole_photos = false;
+
   bool prunes_shares() const { return soft_prune > 0 || hard_prune > 0; }
   /// True where the number of Gaussians rises to density.max_gaussians.
   bool rises_to_cap() const { return relocates || needs_budget(curve); }

@@ -75,6 +75,7 @@ inline constexpr float kResetOpacity = 0.01f;           // an opacity reset lowe
 inline constexpr double kMinChildOpacity = 1e-6;        // children are not fainter, so that their logits stay finite
 
 // Density control as a Markov chain.
+inline constexpr float kNoiseScale = 5e5f;              // of the noise on a mean, times its learning rate [MCMC, code]
 inline constexpr float kNoiseOpacity = 0.005f;          // at which the noise on a mean is halved [MCMC, code]
 inline constexpr float kNoiseSteepness = 100.0f;        // of its fall towards opaque Gaussians [MCMC, code]
 inline constexpr int kMostCopies = 51;                  // that one Gaussian is shared among, for its new size [MCMC, code]

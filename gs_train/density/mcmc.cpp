@@ -6,6 +6,7 @@
 #include <cmath>
 
 #include "gs_core/error.h"
+#include "gs_core/math/constants.h"
 #include "gs_train/density/density_control.h"
 
 namespace gs {
@@ -24,7 +25,7 @@ class McmcControl final : public DensityControl {
 
   DensityStep of_step(int step) const override {
     return {.regularizers = regularizers_,
-            .noise = {density_.noise_scale, {seed_, RandomStream::position_noise}, step}};
+            .noise = {kNoiseScale, {seed_, RandomStream::position_noise}, step}};
   }
 
   RefineReport after_step(TrainingModel& model, Backend& backend, int step) override {

@@ -65,7 +65,7 @@ struct Limit {
 
 // The largest number of points that may become Gaussians, beside those of the sky.
 Limit most_points(const Scene& scene, const Config& config, std::size_t sky_count) {
-  Limit limit{config.model.most_points, "model.most_points"};
+  Limit limit{kMostPoints, "the most points of a run"};
   if (scene.points.empty()) limit = {config.model.random_points, "model.random_points"};
   const std::int64_t cap = config.density.max_gaussians - std::int64_t(sky_count);
   if (config.density.max_gaussians > 0 && cap < limit.count) limit = {cap, "density.max_gaussians"};

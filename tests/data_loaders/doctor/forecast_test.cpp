@@ -78,7 +78,7 @@ TEST(Blocks, AreAdvisedWhereOneRunDoesNotHoldTheScene) {
   SceneSize scene = {1e8, 0, 1.0, 30'000};
   EXPECT_EQ(advice_on_blocks(config, scene, device).blocks, 1u);
   EXPECT_THAT(advice_on_blocks(config, scene, device).text, HasSubstr("one run holds"));
-  scene.points = 40'000'000;  // more than model.most_points, which limits one run alone
+  scene.points = 40'000'000;  // more than kMostPoints, which limits one run alone
   const BlockAdvice advice = advice_on_blocks(config, scene, device);
   EXPECT_GE(advice.blocks, 6u);
   EXPECT_LE(advice.blocks, 12u);

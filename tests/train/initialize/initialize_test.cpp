@@ -54,15 +54,6 @@ TEST(InitialModel, HasOneGaussianForEachPointWhereItIs) {
     EXPECT_EQ(model.gaussians.mean[i], scene.points[i].position);
 }
 
-TEST(InitialModel, OfADenseCloudTakesNoMoreThanTheConfigSays) {
-  Config config;
-  config.model.most_points = 100;
-  const std::size_t count =
-      initial_model(scene_with(random_points(5'000, 7)), config, host_memory()).count();
-  EXPECT_LE(count, 100u);
-  EXPECT_GE(count, 13u);
-}
-
 TEST(InitialModel, StartsWithNoMoreGaussiansThanTheCap) {
   Config config;
   config.density.max_gaussians = 300;

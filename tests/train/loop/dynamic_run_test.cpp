@@ -36,7 +36,6 @@ Config dynamic_run() {
   config.density.time_scale_regularizer = 1e-5f;
   config.density.velocity_regularizer = 1e-5f;
   config.train.checkpoint_every = 10;
-  config.train.morton_every = 1000;
   return config;
 }
 

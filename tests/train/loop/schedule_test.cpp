@@ -134,7 +134,9 @@ TEST(ScheduleOfEpochs, RefinesTenTimesHoweverManyPhotosThereAre) {
 TEST(ScheduleOfAShortRun, MayKeepThePositionRateAtFirst) {
   Config config = adaptive_config();
   config.train.iterations = 10'000;
-  config.optimizer.position_decay_from = 12'000;  // step 4,000
+  config.density.strategy = "dash_gaussian";
+  config.train.resolution_ramp = {2, 2};  // up to step 4,000
+  config.train.resolution_every = 6'000;
   const Schedule schedule(config, 2.0f);
   EXPECT_NEAR(schedule.learning_rates(1).mean / 3.2e-4, 1, 1e-6);
   EXPECT_NEAR(schedule.learning_rates(4000).mean / 3.2e-4, 1, 1e-6);

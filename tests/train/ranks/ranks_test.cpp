@@ -59,7 +59,6 @@ class RankedRun : public SceneRun {
     Config config = run_in_batches(batch);
     config.density.strategy = "mcmc";
     config.density.max_gaussians = 80;
-    config.density.noise_scale = 5e4f;
     config.density.opacity_regularizer = config.density.scale_regularizer = 0.01f;
     return config;
   }
