@@ -36,15 +36,14 @@ struct WarpShared {
   std::uint32_t hits[kWarp];  // tiles that each lane's splat hits
 };
 
-// One Gaussian's parameters without SH. Those of time and the filter are undefined where it has
-// none.
+// One Gaussian's parameters without SH. Those of time are undefined where it has none.
 struct Gaussian {
   Vec3f mean, log_scale, sh0;
   Quatf rotation;
   float logit_opacity;
   Quatf right_rotation;
   float time_mean, log_time_scale;
-  float filter_scale;
+  float filter_scale;  // 0 without a filter
 };
 
 __device__ Quatf quaternion_of(const float* rows, int lane) {
@@ -53,7 +52,7 @@ __device__ Quatf quaternion_of(const float* rows, int lane) {
 }
 
 // The whole warp: loads its Gaussians, all numbers at once, so that it waits for memory only once.
-template <bool has_time, bool has_filter>
+template <bool has_time>
 __device__ Gaussian load_gaussian(Parameters& shared, const GaussiansSpan& gaussians,
                                   std::size_t first, int rows) {
   start_copy<3>(shared.mean, numbers_from(gaussians.mean, first), rows);
@@ -68,8 +67,8 @@ __device__ Gaussian load_gaussian(Parameters& shared, const GaussiansSpan& gauss
   }
   Gaussian gaussian;
   const int lane = lane_of_thread();
-  if constexpr (has_filter)
-    gaussian.filter_scale = lane < rows ? gaussians.filter_scale[first + lane] : 0.0f;
+  const float* const filter_scale = gaussians.filter_scale.data;
+  gaussian.filter_scale = filter_scale && lane < rows ? filter_scale[first + lane] : 0.0f;
   finish_copies();
   const auto vector = [&](const float* of) {
     return Vec3f(of[3 * lane], of[3 * lane + 1], of[3 * lane + 2]);
@@ -96,7 +95,7 @@ __device__ bool is_row_far_in_time(const GaussiansSpan& gaussians, std::size_t i
 
 // One Gaussian in the view. Where it is visible and has a time, its mean becomes that of the
 // moment.
-template <bool has_time, bool has_filter>
+template <bool has_time>
 __device__ ProjectedGaussian<float> project(const Camera& camera, Gaussian& gaussian,
                                             const SplatSettings& settings) {
   if constexpr (has_time) {
@@ -106,12 +105,9 @@ __device__ ProjectedGaussian<float> project(const Camera& camera, Gaussian& gaus
     const ProjectedMoment<float> moment = project_shape(camera, shape, camera.time, settings);
     gaussian.mean = moment.mean;
     return moment.projected;
-  } else if constexpr (has_filter) {
-    return project_shape(camera, gaussian.mean, gaussian.log_scale, gaussian.rotation,
-                         gaussian.logit_opacity, gaussian.filter_scale, settings);
   } else {
     return project_shape(camera, gaussian.mean, gaussian.log_scale, gaussian.rotation,
-                         gaussian.logit_opacity, settings);
+                         gaussian.logit_opacity, gaussian.filter_scale, settings);
   }
 }
 
@@ -135,12 +131,14 @@ __device__ void store_in_lines(Splat* shared, Splat* first, const Splat& splat, 
       reinterpret_cast<float4*>(first)[item] = reinterpret_cast<const float4*>(shared)[item];
 }
 
-// `Source` is a Camera, or a RefinedCamera.
-template <int degree, bool has_time, bool has_filter, class Source>
-__global__ void __launch_bounds__(kPreprocessThreads)
-    preprocess_kernel(GaussiansSpan gaussians, Source source, SplatSettings settings, int tiles_x,
-                      int tiles_y, Output out, Shard shard) {
-  const Camera& camera = camera_of(source);
+// Blocks of a multiprocessor, for which shared memory has room.
+constexpr int kBlocks = 7;
+
+template <int degree, bool has_time>
+__global__ void __launch_bounds__(kPreprocessThreads, kBlocks)
+    preprocess_kernel(GaussiansSpan gaussians, Camera given, const DevicePose* pose,
+                      SplatSettings settings, int tiles_x, int tiles_y, Output out, Shard shard) {
+  const Camera camera = refined(given, pose);
   __shared__ WarpShared shared_of_warps[kPreprocessThreads / kWarp];
   auto& shared = shared_of_warps[threadIdx.x / kWarp];
   const std::size_t i = std::size_t(blockIdx.x) * kPreprocessThreads + threadIdx.x;
@@ -156,13 +154,12 @@ __global__ void __launch_bounds__(kPreprocessThreads)
       return;
     }
   }
-  Gaussian gaussian =
-      load_gaussian<has_time, has_filter>(shared.parameters, gaussians, first, rows);
+  Gaussian gaussian = load_gaussian<has_time>(shared.parameters, gaussians, first, rows);
 
   ProjectedGaussian<float> projected;
   Rect pixels{0, 0, 0, 0};
   if (i < count) {
-    projected = project<has_time, has_filter>(camera, gaussian, settings);
+    projected = project<has_time>(camera, gaussian, settings);
     if (projected.is_visible)
       pixels = pixels_of(settings.bounds, projected.splat.mean2d, projected.cov2d,
                          projected.splat.cutoff, tiles_x, tiles_y);
@@ -208,8 +205,8 @@ struct BatchInput {
 };
 
 // The same for a few photos: parameters are read once for all of them.
-template <int degree, bool has_filter>
-__global__ void __launch_bounds__(kPreprocessThreads)
+template <int degree>
+__global__ void __launch_bounds__(kPreprocessThreads, degree == kMaxShDegree ? 6 : 5)
     preprocess_batch_kernel(GaussiansSpan gaussians, const __grid_constant__ BatchInput in,
                             Shard shard) {
   __shared__ WarpShared shared_of_warps[kPreprocessThreads / kWarp];
@@ -220,7 +217,7 @@ __global__ void __launch_bounds__(kPreprocessThreads)
   if (first >= count) return;  // the whole warp
   const int rows = int(min(count - first, std::size_t(kWarp)));
   const std::size_t to = shard.row_of_all(i);
-  Gaussian gaussian = load_gaussian<false, has_filter>(shared.parameters, gaussians, first, rows);
+  Gaussian gaussian = load_gaussian<false>(shared.parameters, gaussians, first, rows);
   bool has_sh = false;  // in shared memory
 #pragma unroll 1
   for (int p = 0; p < in.photos; ++p) {
@@ -228,7 +225,7 @@ __global__ void __launch_bounds__(kPreprocessThreads)
     ProjectedGaussian<float> projected;
     Rect pixels{0, 0, 0, 0};
     if (i < count) {
-      projected = project<false, has_filter>(photo.camera, gaussian, photo.settings);
+      projected = project<false>(photo.camera, gaussian, photo.settings);
       if (projected.is_visible)
         pixels = pixels_of(photo.settings.bounds, projected.splat.mean2d, projected.cov2d,
                            projected.splat.cutoff, photo.tiles_x, photo.tiles_y);
@@ -285,12 +282,10 @@ void preprocess_batch(Context& context, const GaussiansSpan& gaussians,
                  {photo.depth_keys, photo.pixel_rects, photo.tile_counts,
                   depth_keys(settings.near_plane, settings.far_plane)}}};
   }
-  with_form(photos[photos.size - 1].settings.sh_degree, gaussians,
-            [&](auto degree, auto, auto filter) {
-              context.launch("preprocess", preprocess_batch_kernel<degree(), filter()>,
-                             blocks_for(count, kPreprocessThreads), kPreprocessThreads, gaussians,
-                             in, shard);
-            });
+  with_sh_degree(photos[photos.size - 1].settings.sh_degree, [&](auto degree) {
+    context.launch("preprocess", preprocess_batch_kernel<degree()>,
+                   blocks_for(count, kPreprocessThreads), kPreprocessThreads, gaussians, in, shard);
+  });
 }
 
 void preprocess(Context& context, const GaussiansSpan& gaussians, const Camera& camera,
@@ -303,12 +298,10 @@ void preprocess(Context& context, const GaussiansSpan& gaussians, const Camera& 
   workspace.depth_keys.resize_discard(all);
   const Output out{pass.splats.data(), settings.with_depths ? pass.depths.data() : nullptr,
                    projected_rows(settings, workspace, pass)};
-  with_camera(camera, pose, [&]<class Source>(const Source& source) {
-    with_form(settings.sh_degree, gaussians, [&](auto degree, auto time, auto filter) {
-      context.launch("preprocess", preprocess_kernel<degree(), time(), filter(), Source>,
-                     blocks_for(count, kPreprocessThreads), kPreprocessThreads, gaussians, source,
-                     settings, pass.tiles_x, pass.tiles_y, out, shard);
-    });
+  with_form(settings.sh_degree, gaussians, [&](auto degree, auto time) {
+    context.launch("preprocess", preprocess_kernel<degree(), time()>,
+                   blocks_for(count, kPreprocessThreads), kPreprocessThreads, gaussians, camera,
+                   pose, settings, pass.tiles_x, pass.tiles_y, out, shard);
   });
 }
 

@@ -77,20 +77,15 @@ void with_sh_degree(int degree, F&& f) {
   GS_CHECK(!"an SH degree from 0 to 3");
 }
 
-/// The same with std::true_type for Gaussians in space and time, else std::false_type; then for
-/// those with a 3D filter, which have no time.
+/// The same with std::true_type for Gaussians in space and time, else std::false_type.
 template <class F>
 void with_form(int degree, const GaussiansSpan& gaussians, F&& f) {
   GS_CHECK(!(gaussians.has_time && gaussians.has_filter));
   with_sh_degree(degree, [&](auto sh_degree) {
-    constexpr std::true_type yes;
-    constexpr std::false_type no;
     if (gaussians.has_time)
-      f(sh_degree, yes, no);
-    else if (gaussians.has_filter)
-      f(sh_degree, no, yes);
+      f(sh_degree, std::true_type());
     else
-      f(sh_degree, no, no);
+      f(sh_degree, std::false_type());
   });
 }
 

@@ -35,11 +35,10 @@ struct SplatGradients {
   const SplatGradientSum* sums;      // (N)
 };
 
-template <class Source>
 __global__ void __launch_bounds__(kThreads)
-    add_gaussians_kernel(GaussiansSpan gaussians, Source source, SplatSettings settings,
-                         SplatGradients in, double* of_blocks) {
-  const Camera& camera = camera_of(source);
+    add_gaussians_kernel(GaussiansSpan gaussians, Camera given, const DevicePose* pose,
+                         SplatSettings settings, SplatGradients in, double* of_blocks) {
+  const Camera camera = refined(given, pose);
   __shared__ double of_warps[kWarps][kSums];
   const std::size_t i = std::size_t(blockIdx.x) * kThreads + threadIdx.x;
   double sums[kSums] = {0, 0, 0, 0, 0, 0};
@@ -80,10 +79,8 @@ void camera_gradient(Context& context, const GaussiansSpan& gaussians, const Cam
   const SplatGradients in{pass.tile_counts.data(), pass.splats.data(),
                           workspace.splat_gradients.data()};
   const SplatSettings& of_splats = settings;
-  with_camera(camera, pose, [&](const auto& source) {
-    context.launch("camera gradient", add_gaussians_kernel<std::decay_t<decltype(source)>>, blocks,
-                   kThreads, gaussians, source, of_splats, in, workspace.camera_sums.data());
-  });
+  context.launch("camera gradient", add_gaussians_kernel, blocks, kThreads, gaussians, camera, pose,
+                 of_splats, in, workspace.camera_sums.data());
   context.launch("camera gradient", add_blocks_kernel, 1, kThreads,
                  static_cast<const double*>(workspace.camera_sums.data()), blocks, row, weight);
 }

@@ -98,32 +98,9 @@ struct SumNumbers {
   }
 };
 
-/// Updates a parameter and its moments, or four neighbors at a time, and writes them back.
-template <class Vector>
-__device__ void update_by_adam(float* const (&arrays)[3], std::size_t at, Vector (&numbers)[3],
-                               const Vector& gradient, const AdamStep& step, const AdamRule& rule) {
-  for (int k = 0; k < int(sizeof(Vector) / sizeof(float)); ++k)
-    adam_update(reinterpret_cast<float*>(&numbers[0])[k], reinterpret_cast<float*>(&numbers[1])[k],
-                reinterpret_cast<float*>(&numbers[2])[k],
-                reinterpret_cast<const float*>(&gradient)[k], step, rule);
-  for (int a = 0; a < 3; ++a) reinterpret_cast<Vector*>(arrays[a])[at] = numbers[a];
-}
-/// The numbers of one quantity, for UpdateByAdam: finish() updates the parameter and its moments.
+/// The numbers of one quantity, for UpdateByAdam: finish() updates the parameter and its moments, or
+/// four neighbors at a time.
 struct AdamNumbers {
-  static constexpr int kArrays = 3;
-  static constexpr bool kHasCodes = false;
-  float* arrays[kArrays];  // parameters, first and second moments
-  AdamStep step;
-
-  template <class Vector, class Place>
-  __device__ void finish(std::size_t at, Vector (&numbers)[kArrays], const Vector& gradient,
-                         const Place&) const {
-    update_by_adam(arrays, at, numbers, gradient, step, AdamRule());
-  }
-};
-
-/// The same by a rule that is not the usual one.
-struct AdamNumbersByRule {
   static constexpr int kArrays = 3;
   static constexpr bool kHasCodes = false;
   float* arrays[kArrays];  // parameters, first and second moments
@@ -133,7 +110,12 @@ struct AdamNumbersByRule {
   template <class Vector, class Place>
   __device__ void finish(std::size_t at, Vector (&numbers)[kArrays], const Vector& gradient,
                          const Place&) const {
-    update_by_adam(arrays, at, numbers, gradient, step, rule);
+    for (int k = 0; k < int(sizeof(Vector) / sizeof(float)); ++k)
+      adam_update(reinterpret_cast<float*>(&numbers[0])[k],
+                  reinterpret_cast<float*>(&numbers[1])[k],
+                  reinterpret_cast<float*>(&numbers[2])[k],
+                  reinterpret_cast<const float*>(&gradient)[k], step, rule);
+    for (int a = 0; a < kArrays; ++a) reinterpret_cast<Vector*>(arrays[a])[at] = numbers[a];
   }
 };
 

@@ -51,9 +51,7 @@ void preprocess_backward_and_add(Context& context, const GaussiansSpan& gaussian
                           numbers(gaussians.log_time_scale, to.log_time_scale),
                           settings.absolute_gradient,
                           sums.touched.data()};
-  with_camera(camera, pose, [&](const auto& source) {
-    launch(context, gaussians, source, settings, workspace, pass, sink, shard);
-  });
+  launch(context, gaussians, camera, settings, workspace, pass, sink, pose, shard);
 }
 
 void preprocess_backward_and_update(Context& context, TrainingModel& model, const Camera& camera,
@@ -65,36 +63,10 @@ void preprocess_backward_and_update(Context& context, TrainingModel& model, cons
   const GaussiansSpan rows = model.gaussians.span();
   const GatherStatistics gather =
       gather_into(model.statistics, density, settings, pass, workspace, shard);
-  const bool is_absolute = density.gather_statistics && settings.absolute_gradient;
-  const Regularizers of_each = density.regularizers.of_each(shard.count_of_all(model.count()));
-  const auto launch_sink = [&](const auto& source, const auto& sink) {
-    launch(context, rows, source, settings, workspace, pass, sink, shard);
-  };
-  if (model.moment_form == MomentForm::tiny) {
-    const auto by_codes = codes_by(rule, rounding);
-    const auto sink = update_of<UpdateAll<AdamCodes>>(model, steps, gather, by_codes);
-    if (!pose && !is_absolute && !density.regularizers.any()) return launch_sink(camera, sink);
-    const UpdateAsAsked<AdamCodes> as_asked{sink, is_absolute, of_each};
-    with_camera(camera, pose, [&](const auto& source) { launch_sink(source, as_asked); });
-    return;
-  }
-  if (pose || rule.beta2 != AdamRule().beta2) {
-    // Runs that refine poses have this variant alone, so that their cameras do not double all.
-    const auto by_rule = floats_by(rule);
-    const auto sink = update_of<UpdateAll<AdamNumbersByRule>>(model, steps, gather, by_rule);
-    const UpdateAsAsked<AdamNumbersByRule> as_asked{sink, is_absolute, of_each};
-    with_camera(camera, pose, [&](const auto& source) { launch_sink(source, as_asked); });
-    return;
-  }
-  const auto as_usual = [](const auto& p, const auto& m, const auto& v, const auto&,
-                           const AdamStep& step, int) {
-    return AdamNumbers{{numbers_of(p), numbers_of(m), numbers_of(v)}, step};
-  };
-  const auto sink = update_of<UpdateByAdam>(model, steps, gather, as_usual);
-  if (is_absolute || density.regularizers.any())
-    launch_sink(camera, UpdateAsAsked<AdamNumbers>{sink, is_absolute, of_each});
-  else
-    launch_sink(camera, sink);
+  with_update(model, steps, rule, rounding, density, settings, gather, shard,
+              [&](const auto& sink) {
+                launch(context, rows, camera, settings, workspace, pass, sink, pose, shard);
+              });
 }
 
 }  // namespace gs::cuda

@@ -124,15 +124,8 @@ __device__ Vec3f color_backward(Shared& shared, const Vec3f& mean, const Camera&
 
 // dL/d(parameters) of a visible Gaussian, without the color's part.
 __device__ inline RowGradient pull_back(const Camera& camera, const Shape& shape,
-                                        const SplatSettings& settings,
+                                        float filter_scale, const SplatSettings& settings,
                                         const SplatGradient& dL_dsplat) {
-  return {project_shape_vjp(camera, shape.mean, shape.log_scale, shape.rotation,
-                            shape.logit_opacity, settings, dL_dsplat)};
-}
-// The same with a 3D filter.
-__device__ inline RowGradient pull_back_filtered(const Camera& camera, const Shape& shape,
-                                                 float filter_scale, const SplatSettings& settings,
-                                                 const SplatGradient& dL_dsplat) {
   return {project_shape_vjp(camera, shape.mean, shape.log_scale, shape.rotation,
                             shape.logit_opacity, filter_scale, settings, dL_dsplat)};
 }
@@ -147,26 +140,27 @@ __device__ inline RowGradient pull_back_in_time(const Camera& camera, const Shap
   return gradient;
 }
 
-// What one launch works on. `Source` is a Camera, or a RefinedCamera.
-template <class Source>
+// What one launch works on.
 struct Input {
   std::size_t count;  // rows of the shard
-  Source camera;
+  Camera given;
+  const DevicePose* pose;  // null: that of the camera
   SplatSettings settings;
   const std::uint32_t* tile_counts;  // (N)
   const Splat* splats;               // (N)
   SplatGradientSum* sums;            // (N)
   Shard shard;                       // the three arrays above have the rows of the whole model
+  const float* filter_scale;         // (count)  null without a 3D filter
 };
 
 template <class Sink>
 using SharedOf = GradientShared<typename Sink::Numbers>;
 
 // The whole warp: those of rows first .. first + 31 that `which` has.
-template <int degree, bool has_time, class Sink, class Source, class Which>
-__device__ void pull_back_rows(SharedOf<Sink>& shared, const Input<Source>& in, std::size_t first,
+template <int degree, bool has_time, class Sink, class Which>
+__device__ void pull_back_rows(SharedOf<Sink>& shared, const Input& in, std::size_t first,
                                Which which, const Sink& sink) {
-  const Camera& camera = camera_of(in.camera);
+  const Camera camera = refined(in.given, in.pose);
   const std::size_t i = first + lane_of_thread(), projected = in.shard.row_of_all(i);
   const int rows = int(min(in.count - first, std::size_t(kWarp)));
   // All loads come first, before any store, so that the warp waits for memory only once.
@@ -180,8 +174,7 @@ __device__ void pull_back_rows(SharedOf<Sink>& shared, const Input<Source>& in, 
   const Vec3f color = is_row ? splat.color : Vec3f(0.0f);  // undefined where not visible
   const float opacity = sink.adds_forces() && is_row ? splat.opacity : 0.0f;
   const bool is_visible = is_row && in.tile_counts[projected] > 0;
-  float filter_scale = 0;
-  if constexpr (kHasFilter<Sink>) filter_scale = is_row ? sink.filter_scale[i] : 0.0f;
+  const float filter_scale = in.filter_scale && is_row ? in.filter_scale[i] : 0.0f;
   if (is_visible) store_in_vectors(in.sums + projected, SplatGradientSum{});  // for the next step
   if (is_halted) return;
   if constexpr (Sink::kSkipsInvisible)
@@ -205,12 +198,7 @@ __device__ void pull_back_rows(SharedOf<Sink>& shared, const Input<Source>& in, 
                                                   dL_dsplat.color, sink.sh_rest, which);
     if (is_visible) gradient = pull_back_in_time(camera, shape, in.settings, dL_dsplat, by_color);
   } else {
-    if constexpr (kHasFilter<Sink>) {
-      if (is_visible)
-        gradient = pull_back_filtered(camera, shape, filter_scale, in.settings, dL_dsplat);
-    } else {
-      if (is_visible) gradient = pull_back(camera, shape, in.settings, dL_dsplat);
-    }
+    if (is_visible) gradient = pull_back(camera, shape, filter_scale, in.settings, dL_dsplat);
     gradient.mean += color_backward<degree>(shared, shape.mean, camera, first, rows, is_visible,
                                             dL_dsplat.color, sink.sh_rest, which);
   }
@@ -228,9 +216,16 @@ __device__ void pull_back_rows(SharedOf<Sink>& shared, const Input<Source>& in, 
 // reads and writes visible rows only.
 inline constexpr int kGroupsOfWarp = 8;
 
-template <int degree, bool has_time, class Sink, class Source>
-__global__ void __launch_bounds__(kGradientThreads, Sink::kSkipsInvisible ? 10 : 1)
-    preprocess_backward_kernel(const Input<Source> in, const Sink sink) {
+// The least blocks of a multiprocessor, a quarter of them on each of its parts. Shared memory has
+// room for 11 with moments that are floats and for 18 with codes. Gaussians in space and time need
+// more registers than so many blocks would leave.
+template <bool has_time, class Numbers>
+inline constexpr int kLeastBlocks = Numbers::kHasCodes ? (has_time ? 12 : 16) : (has_time ? 8 : 11);
+
+template <int degree, bool has_time, class Sink>
+__global__ void __launch_bounds__(
+    kGradientThreads, Sink::kSkipsInvisible ? 10 : kLeastBlocks<has_time, typename Sink::Numbers>)
+    preprocess_backward_kernel(const Input in, const Sink sink) {
   __shared__ SharedOf<Sink> shared_of_warps[kGradientThreads / kWarp];
   auto& shared = shared_of_warps[threadIdx.x / kWarp];
   const std::size_t i = std::size_t(blockIdx.x) * kGradientThreads + threadIdx.x;
@@ -258,28 +253,23 @@ __global__ void __launch_bounds__(kGradientThreads, Sink::kSkipsInvisible ? 10 :
   }
 }
 
-template <class Sink, class Source>
-void launch(Context& context, const GaussiansSpan& gaussians, const Source& camera,
+template <class Sink>
+void launch(Context& context, const GaussiansSpan& gaussians, const Camera& camera,
             const RenderSettings& settings, Workspace& workspace, RenderPass& pass,
-            const Sink& sink, const Shard& shard = {}) {
-  const Input<Source> in{gaussians.mean.size,
-                         camera,
-                         settings,
-                         pass.tile_counts.data(),
-                         pass.splats.data(),
-                         workspace.splat_gradients.data(),
-                         shard};
+            const Sink& sink, const DevicePose* pose = nullptr, const Shard& shard = {}) {
+  const Input in{gaussians.mean.size,
+                 camera,
+                 pose,
+                 settings,
+                 pass.tile_counts.data(),
+                 pass.splats.data(),
+                 workspace.splat_gradients.data(),
+                 shard,
+                 gaussians.filter_scale.data};
   constexpr int kRows = kGradientThreads * (Sink::kSkipsInvisible ? kGroupsOfWarp : 1);
-  const auto launch_with = [&](auto kernel, const auto& to) {
-    context.launch("preprocess backward", kernel, blocks_for(in.count, kRows), kGradientThreads, in,
-                   to);
-  };
-  with_form(settings.sh_degree, gaussians, [&](auto degree, auto time, auto filter) {
-    if constexpr (filter())
-      launch_with(preprocess_backward_kernel<degree(), false, WithFilter<Sink>, Source>,
-                  WithFilter<Sink>{sink, gaussians.filter_scale.data});
-    else
-      launch_with(preprocess_backward_kernel<degree(), time(), Sink, Source>, sink);
+  with_form(settings.sh_degree, gaussians, [&](auto degree, auto time) {
+    context.launch("preprocess backward", preprocess_backward_kernel<degree(), time(), Sink>,
+                   blocks_for(in.count, kRows), kGradientThreads, in, sink);
   });
 }
 
@@ -303,24 +293,12 @@ inline GatherStatistics gather_into(const DensityStatistics& statistics, const D
                      shard.halted_or(workspace.halted.data()));
 }
 
-// of() of update_of(), below, by any rule of Adam: for moments that are floats, and that are codes.
-inline auto floats_by(const AdamRule& rule) {
-  return
-      [rule](const auto& p, const auto& m, const auto& v, const auto&, const AdamStep& step, int) {
-        return AdamNumbersByRule{{numbers_of(p), numbers_of(m), numbers_of(v)}, step, rule};
-      };
-}
-inline auto codes_by(const AdamRule& rule, const MomentRounding& rounding) {
-  return [rule, rounding](const auto& p, const auto&, const auto&, const auto& codes,
-                          const AdamStep& step, int place) {
-    return AdamCodes{{numbers_of(p), numbers_of(codes)}, step, rule, rounding, place};
-  };
-}
-// A sink that updates the model: of(parameters, first and second moments, codes of both, step,
+// The sink that updates the model: of(parameters, first and second moments, codes of both, step,
 // place) of each quantity.
-template <class Sink, class Numbers>
-Sink update_of(const TrainingModel& model, const AdamSteps& steps, const GatherStatistics& gather,
-               Numbers&& of) {
+template <class Numbers, class Of>
+UpdateByAdam<Numbers> update_of(const TrainingModel& model, const AdamSteps& steps,
+                                const GatherStatistics& gather, bool is_absolute,
+                                const Regularizers& of_each, Of&& of) {
   const GaussiansSpan rows = model.gaussians.span(), m = model.first_moment.span(),
                       v = model.second_moment.span();
   const MomentCodesSpan codes = model.codes.span();
@@ -340,7 +318,33 @@ Sink update_of(const TrainingModel& model, const AdamSteps& steps, const GatherS
       of(rows.time_mean, m.time_mean, v.time_mean, codes.time_mean, steps.time_mean,
          places.time_mean),
       of(rows.log_time_scale, m.log_time_scale, v.log_time_scale, codes.log_time_scale,
-         steps.log_time_scale, places.log_time_scale)};
+         steps.log_time_scale, places.log_time_scale),
+      is_absolute,
+      of_each.any(),
+      of_each};
+}
+
+// Calls f(sink) with the sink that updates the model, whose moments are floats or codes.
+template <class F>
+void with_update(const TrainingModel& model, const AdamSteps& steps, const AdamRule& rule,
+                 const MomentRounding& rounding, const DensityStep& density,
+                 const RenderSettings& settings, const GatherStatistics& gather, const Shard& shard,
+                 F&& f) {
+  const bool is_absolute = density.gather_statistics && settings.absolute_gradient;
+  const Regularizers of_each = density.regularizers.of_each(shard.count_of_all(model.count()));
+  if (model.moment_form == MomentForm::tiny)
+    f(update_of<AdamCodes>(
+        model, steps, gather, is_absolute, of_each,
+        [&](const auto& p, const auto&, const auto&, const auto& codes, const AdamStep& step,
+            int place) {
+          return AdamCodes{{numbers_of(p), numbers_of(codes)}, step, rule, rounding, place};
+        }));
+  else
+    f(update_of<AdamNumbers>(
+        model, steps, gather, is_absolute, of_each,
+        [&](const auto& p, const auto& m, const auto& v, const auto&, const AdamStep& step, int) {
+          return AdamNumbers{{numbers_of(p), numbers_of(m), numbers_of(v)}, step, rule};
+        }));
 }
 
 }  // namespace gs::cuda

@@ -137,22 +137,13 @@ struct AddGradients : GatherStatistics {
 };
 /// A sink that updates all parameters.
 template <class NumbersOfRows>
-struct UpdateAll : GatherStatistics {
+struct UpdateByAdam : GatherStatistics {
   static constexpr bool kSkipsInvisible = false;
   using Numbers = NumbersOfRows;
   Numbers mean, log_scale, rotation, logit_opacity, sh0, sh_rest;
   Numbers right_rotation, time_mean, log_time_scale;  // null where rows have no time
-
-  __device__ Vec2f by_mean2d(const SplatGradientSum& sum) const { return sum.mean2d; }
-  template <bool has_time>
-  __device__ void regularize(const Shape&, RowGradient&) const {}
-};
-using UpdateByAdam = UpdateAll<AdamNumbers>;
-/// The same with absolute gradients and regularizers. It has a kernel of its own, so that other
-/// runs do not pay for it. A rule of Adam that is not the usual one has another.
-template <class NumbersOfRows>
-struct UpdateAsAsked : UpdateAll<NumbersOfRows> {
-  bool is_absolute;      // the statistic
+  bool is_absolute;                                   // the statistic
+  bool is_regularized;
   Regularizers of_each;  // weights for one row
 
   __device__ Vec2f by_mean2d(const SplatGradientSum& sum) const {
@@ -160,6 +151,7 @@ struct UpdateAsAsked : UpdateAll<NumbersOfRows> {
   }
   template <bool has_time>
   __device__ void regularize(const Shape& shape, RowGradient& gradient) const {
+    if (!is_regularized) return;
     const RegularizerGradient<float> added =
         regularizer_vjp(shape.log_scale, shape.logit_opacity, of_each);
     gradient.log_scale += added.log_scale;
@@ -171,17 +163,6 @@ struct UpdateAsAsked : UpdateAll<NumbersOfRows> {
     }
   }
 };
-
-/// A sink for Gaussians with a 3D filter. These have kernels of their own, so that others do not
-/// pay for it.
-template <class Sink>
-struct WithFilter : Sink {
-  const float* filter_scale;  // (N)  world units
-};
-template <class Sink>
-inline constexpr bool kHasFilter = false;
-template <class Sink>
-inline constexpr bool kHasFilter<WithFilter<Sink>> = true;
 
 /// This lane's share of one quantity of a warp's rows, which have kInRow numbers each. `which` is
 /// EveryRow or SomeRows; numbers of other rows are neither read nor written.

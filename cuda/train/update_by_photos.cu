@@ -30,6 +30,7 @@ struct BatchInput {
   PhotoInput of[kMostTogether];
   float weight;  // of a photo's gradients
   Shard shard;
+  const float* filter_scale;  // (count)  null without a 3D filter
 };
 
 template <class Numbers>
@@ -98,11 +99,7 @@ __device__ void add_photo(const Shared& shared, const PhotoInput& photo, const S
     forces.force_scale = photo.force_scale;
     forces.add_forces(i, sum, photo.splats[projected].opacity);
   }
-  RowGradient gradient;
-  if constexpr (kHasFilter<Sink>)
-    gradient = pull_back_filtered(photo.camera, shape, filter_scale, photo.settings, dL_dsplat);
-  else
-    gradient = pull_back(photo.camera, shape, photo.settings, dL_dsplat);
+  RowGradient gradient = pull_back(photo.camera, shape, filter_scale, photo.settings, dL_dsplat);
   gradient.sh0 = float(kSh0) * dL_dsplat.color;
   if constexpr (degree > 0) {
     constexpr int kBasis = (degree + 1) * (degree + 1);
@@ -169,8 +166,7 @@ __global__ void __launch_bounds__(kWarp, kBlocks)
   Shares<Sink, false> shares(sink, first, rows, EveryRow());
   const typename Sink::Statistics before =
       is_row ? sink.load_statistics(i) : typename Sink::Statistics{};
-  float filter_scale = 0;
-  if constexpr (kHasFilter<Sink>) filter_scale = is_row ? sink.filter_scale[i] : 0.0f;
+  const float filter_scale = in.filter_scale && is_row ? in.filter_scale[i] : 0.0f;
   bool is_visible[kMostTogether];
   Vec3f color[kMostTogether];
 #pragma unroll
@@ -228,7 +224,12 @@ void update_by_photos(Context& context, TrainingModel& model, Span<const PhotoRo
   GS_CHECK(photos.size >= 1 && photos.size <= std::size_t(kMostTogether) &&
            !model.gaussians.has_time);
   const RenderSettings& settings = photos[photos.size - 1].settings;
-  BatchInput in{model.count(), int(photos.size), {}, 1.0f / float(photos.size), shard};
+  BatchInput in{model.count(),
+                int(photos.size),
+                {},
+                1.0f / float(photos.size),
+                shard,
+                model.gaussians.filter_scale.data()};
   for (std::size_t p = 0; p < photos.size; ++p) {
     const PhotoRows& photo = photos[p];
     GS_CHECK(photo.settings.sh_degree <= settings.sh_degree);
@@ -239,30 +240,13 @@ void update_by_photos(Context& context, TrainingModel& model, Span<const PhotoRo
   }
   // Each photo has its own size and scale.
   const GatherStatistics gather = gather_into(model.statistics, density, settings, 0, 0, halted);
-  const bool is_absolute = density.gather_statistics && settings.absolute_gradient;
-  const Regularizers of_each = density.regularizers.of_each(shard.count_of_all(model.count()));
-  const auto launch_with = [&](auto kernel, const auto& sink) {
-    context.launch("update by photos", kernel, blocks_for(in.count, kWarp), kWarp, in, sink);
-  };
-  const auto launch_sink = [&]<class Sink>(const Sink& sink) {
-    with_form(settings.sh_degree, model.gaussians.span(), [&](auto degree, auto, auto filter) {
-      if constexpr (filter())
-        launch_with(update_by_photos_kernel<degree(), WithFilter<Sink>>,
-                    WithFilter<Sink>{sink, model.gaussians.filter_scale.data()});
-      else
-        launch_with(update_by_photos_kernel<degree(), Sink>, sink);
-    });
-  };
-  if (model.moment_form == MomentForm::tiny) {
-    const auto by_codes = codes_by(rule, rounding);
-    launch_sink(UpdateAsAsked<AdamCodes>{
-        update_of<UpdateAll<AdamCodes>>(model, steps, gather, by_codes), is_absolute, of_each});
-  } else {
-    const auto by_rule = floats_by(rule);
-    launch_sink(UpdateAsAsked<AdamNumbersByRule>{
-        update_of<UpdateAll<AdamNumbersByRule>>(model, steps, gather, by_rule), is_absolute,
-        of_each});
-  }
+  with_update(model, steps, rule, rounding, density, settings, gather, shard,
+              [&]<class Sink>(const Sink& sink) {
+                with_sh_degree(settings.sh_degree, [&](auto degree) {
+                  context.launch("update by photos", update_by_photos_kernel<degree(), Sink>,
+                                 blocks_for(in.count, kWarp), kWarp, in, sink);
+                });
+              });
 }
 
 }  // namespace gs::cuda

@@ -58,7 +58,7 @@ __device__ void start_copy_of_codes(std::uint16_t* to, const std::uint16_t* from
   }
 }
 
-/// The numbers of one quantity, for UpdateAll, with moments that are codes. A number of a parameter
+/// The numbers of one quantity, for UpdateByAdam, with moments that are codes. A number of a parameter
 /// and its moments are 12 bytes to read and write instead of 24, so that an update of all 59
 /// numbers of a Gaussian moves 708 bytes instead of 1,416.
 struct AdamCodes {

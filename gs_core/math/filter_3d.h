@@ -53,6 +53,7 @@ GS_HD Vec3<T> filtered_variance(const Vec3<T>& variance, const T& filter_scale) 
 template <class T>
 GS_HD T filter_factor(const Vec3<T>& variance, const T& filter_scale) {
   using std::sqrt;
+  if (!(filter_scale > T(0))) return T(1);  // also where a variance is too small for a number
   const Vec3<T> ratio = variance / filtered_variance(variance, filter_scale);
   return sqrt(ratio.x * ratio.y * ratio.z);
 }
@@ -61,6 +62,7 @@ GS_HD T filter_factor(const Vec3<T>& variance, const T& filter_scale) {
 template <class T>
 GS_HD Vec3<T> filter_factor_vjp(const Vec3<T>& variance, const T& filter_scale, const T& factor,
                                 const T& dL_dfactor) {
+  if (!(filter_scale > T(0))) return Vec3<T>(T(0));
   const T weight = dL_dfactor * factor * filter_scale * filter_scale;
   const Vec3<T> filtered = filtered_variance(variance, filter_scale);
   return {weight / filtered.x, weight / filtered.y, weight / filtered.z};

@@ -45,6 +45,9 @@ TEST(SamplingRate, IsZeroBeforeTheNearPlaneAndWithoutNumbers) {
 TEST(FilterFactor, IsTheHandValue) {
   EXPECT_DOUBLE_EQ(filter_factor(Vec3d(1.0, 4.0, 9.0), 1.0), 0.6);
   EXPECT_EQ(filter_factor(Vec3d(1.0, 4.0, 9.0), 0.0), 1.0);
+  // GPU kernels take 0 for "no filter", also where a variance is too small for a number.
+  EXPECT_EQ(filter_factor(Vec3f(0.0f, 4.0f, 9.0f), 0.0f), 1.0f);
+  EXPECT_EQ(filter_factor_vjp(Vec3f(0.0f, 4.0f, 9.0f), 0.0f, 1.0f, 1.0f), Vec3f(0.0f));
 }
 
 TEST(FilterFactor, OfTheThinnestGaussianIsZeroAndSoIsItsGradient) {
