@@ -4,8 +4,8 @@
 #include <algorithm>
 
 #include "gs_core/bytes.h"
+#include "gs_core/density/growth_method.h"
 #include "gs_core/gaussians.h"
-#include "gs_core/math/growth.h"
 #include "gs_core/math/splat.h"
 
 namespace gs {
@@ -158,15 +158,11 @@ PictureSizes picture_sizes(const std::vector<View>& train_views) {
 }
 
 bool rises_to_cap(const Config& config) {
-  const DensityConfig& density = config.density;
-  return density.max_gaussians > 0 &&
-         (density.strategy == "mcmc" ||
-          (density.strategy == "budgeted" && needs_budget(density.curve)));
+  return config.density.max_gaussians > 0 && growth_method(config.density.strategy).rises_to_cap();
 }
 
 TrainingSize training_size(const Config& config, const PictureSizes& pictures, double gaussians) {
-  const bool is_budgeted = config.density.strategy == "budgeted";
-  const GrowthScore score = config.density.score;
+  const GrowthMethod& method = growth_method(config.density.strategy);
   const double budget = double(config.train.photo_gib) * kBytesPerGib;
   TrainingSize size;
   size.gaussians = gaussians;
@@ -175,14 +171,14 @@ TrainingSize training_size(const Config& config, const PictureSizes& pictures, d
                          ? pictures.photo_bytes
                          : budget + kPhotoSlots * pictures.largest_photo_bytes;
   size.growth = rises_to_cap(config) ? RowGrowth::reserved : RowGrowth::by_need;
-  size.relocates = config.density.strategy == "mcmc";
+  size.relocates = method.relocates;
   size.batch = config.train.batch;
   size.moment_bytes = moment_bytes(config.optimizer.moments);
   size.has_time = config.model.dynamic;
   size.has_filter = config.model.filter_3d;
-  size.has_sums = is_budgeted && needs_fragment_sums(score);
-  size.has_pixel_values = size.has_sums && score != GrowthScore::force;
-  size.is_absolute = config.density.absolute_gradient;
+  size.has_sums = needs_fragment_sums(method.score) || method.prunes_shares();
+  size.has_pixel_values = sums_pixel_values(method.score);
+  size.is_absolute = method.absolute_gradient;
   size.has_depth_maps = config.loss.depth_weight > 0 && pictures.depth_pixels > 0;
   size.depth_pixels = size.has_depth_maps ? pictures.depth_pixels : 0;
   size.is_deterministic = config.train.deterministic;

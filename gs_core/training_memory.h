@@ -67,8 +67,7 @@ struct TrainingSize {
 /// That of a run with so many Gaussians at most.
 TrainingSize training_size(const Config& config, const PictureSizes& pictures, double gaussians);
 
-/// True where density control ends with density.max_gaussians Gaussians: mcmc, and budgeted with a
-/// curve.
+/// True where density control ends with density.max_gaussians Gaussians, as its method does.
 bool rises_to_cap(const Config& config);
 
 /// The Gaussians that a run starts with, from so many sparse points; with 0, from random ones.

@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "gs_render/render_settings.h"
 
+#include "gs_core/density/growth_method.h"
+
 namespace gs {
 
 RenderSettings render_settings(const Config& config) {
@@ -14,7 +16,7 @@ RenderSettings render_settings(const Config& config) {
   settings.blend_rule = render.blend_rule;
   settings.antialias = render.antialias;
   settings.antialias_detach = render.antialias_detach;
-  settings.absolute_gradient = config.density.absolute_gradient;
+  settings.absolute_gradient = growth_method(config.density.strategy).absolute_gradient;
   settings.near_plane = render.near_plane;
   settings.far_plane = render.far_plane;
   if (render.background == Background::white) settings.background = Vec3f(1.0f);

@@ -8,8 +8,8 @@
 namespace gs {
 
 /// The render settings of `config`: its [render] section, the model's SH degree,
-/// train.deterministic and density.absolute_gradient. The background "random" is black here; the
-/// trainer draws another color for each step.
+/// train.deterministic and whether the method of density.strategy sums absolute gradients. The
+/// background "random" is black here; the trainer draws another color for each step.
 RenderSettings render_settings(const Config& config);
 
 }  // namespace gs

@@ -116,7 +116,7 @@ GS_HD void write_half(const GaussiansSpan& rows, std::size_t i, const HalfRow& h
   rows.log_time_scale[i] = half.log_time_scale;
 }
 
-// ---- the strategy "budgeted": growth.h -----------------------------------------------------------
+// ---- growth: growth.h ----------------------------------------------------------------------------
 
 /// The statistics of density control as kernels take them; `sums` is null where there are none.
 struct StatisticsSpan {
@@ -195,9 +195,7 @@ GS_HD ChildRow child_of(const GaussiansSpan& rows, std::size_t i, std::uint32_t 
   using std::log;
   const Vec3f& log_scale = rows.log_scale[i];
   const float side = number % 2 == 0 ? 1.0f : -1.0f;
-  const ChildPlace place = rules.place == SplitPlacement::axis
-                               ? child_on_axis(log_scale, rules, side)
-                               : child_of_equal_variance(log_scale, side);
+  const ChildPlace place = child_on_axis(log_scale, rules, side);
   child.half.log_scale =
       log_scale + Vec3f(log(place.scale.x), log(place.scale.y), log(place.scale.z));
   if (!rows.has_time) {

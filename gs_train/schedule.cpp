@@ -18,7 +18,7 @@ constexpr int kPhotometricWarmup = 500;  // steps; PPISP 2026, code
 constexpr double kPhotometricFinal = 0.01;  // of the rate, at the first and at the last step
 constexpr double kPoseFinal = 0.01;         // of the rate, at the last step
 constexpr int kRecoveryShare = 3;           // 1 / share of the steps between two resets
-constexpr int kLeastRefinements = 10;       // whatever density.every_epochs says
+constexpr int kLeastRefinements = 10;       // whatever GrowthMethod::every_epochs says
 
 // How much of the steps from + 1 to `until` is over after this one, 0 to 1.
 double share_done(int step, int from, int until) {
@@ -27,10 +27,11 @@ double share_done(int step, int from, int until) {
 
 }  // namespace
 
-Schedule::Schedule(const Config& config, float scene_extent, std::size_t views)
-    : views_(int(views)), density_(config.density), ramp_(config.train.resolution_ramp),
-      ramp_least_(std::size_t(config.train.resolution_least)), rates_(config.optimizer),
-      batch_rates_(config.train.batch_rates), resets_opacity_(config.density.strategy != "mcmc"),
+Schedule::Schedule(const Config& config, const GrowthMethod& method, float scene_extent,
+                   std::size_t views)
+    : views_(int(views)), density_(config.density), method_(method),
+      ramp_(config.train.resolution_ramp), ramp_least_(std::size_t(config.train.resolution_least)),
+      rates_(config.optimizer), batch_rates_(config.train.batch_rates),
       photometric_rate_(config.photometric.rate),
       pose_rate_(config.poses.refine ? config.poses.rate : 0),
       depth_weight_(config.loss.depth_weight), depth_weight_final_(config.loss.depth_weight_final),
@@ -62,18 +63,15 @@ void Schedule::plan_refinements() {
                           std::min(density.reset_opacity_every, kMinResetInterval));
   reset_until_ = scaled(density.reset_opacity_until);
   const int longest = (refine_until_ - refine_from_) / kLeastRefinements;
-  refine_every_ = std::max(refine_every_, std::min(density.every_epochs * views_, longest));
+  refine_every_ = std::max(refine_every_, std::min(method_.every_epochs * views_, longest));
 }
 
 void Schedule::plan_pruning() {
-  recovery_until_ = scaled(density_.recovery_until);
-  share_prune_from_ = scaled(density_.share_prune_from);
-  share_prune_every_ = std::max(scaled(density_.share_prune_every),
-                                std::min(density_.share_prune_every, kMinResetInterval));
-  share_prune_until_ = scaled(density_.share_prune_until);
-  if (density_.strategy != "budgeted")
-    density_.recovery_prune = density_.soft_prune = density_.hard_prune =
-        density_.late_prune_opacity = 0;
+  recovery_until_ = scaled(method_.recovery_until);
+  share_prune_from_ = scaled(method_.share_prune_from);
+  share_prune_every_ = std::max(scaled(method_.share_prune_every),
+                                std::min(method_.share_prune_every, kMinResetInterval));
+  share_prune_until_ = scaled(method_.share_prune_until);
 }
 
 int Schedule::scaled(int step) const {
@@ -128,7 +126,7 @@ float Schedule::depth_weight(int step) const {
 
 bool Schedule::recovers_from_reset(int step) const {
   const int since = (step - 1) % reset_every_ + 1, reset = step - since;
-  return resets_opacity_ && reset > 0 && reset_opacity(reset) &&
+  return method_.opacity.policy != OpacityPolicy::none && reset > 0 && reset_opacity(reset) &&
          since <= reset_every_ / kRecoveryShare;
 }
 
@@ -183,7 +181,7 @@ int Schedule::last_clearing_before(int step) const {
 Schedule::Steps Schedule::steps_of_statistics(int refinement) const {
   const int begin = last_clearing_before(refinement);
   const Steps epoch = last_epoch(refinement);
-  const bool takes_epoch = density_.window == StatisticsWindow::epoch && epoch.after >= begin;
+  const bool takes_epoch = method_.window == StatisticsWindow::epoch && epoch.after >= begin;
   return takes_epoch ? epoch : Steps{begin, refinement};
 }
 
@@ -202,12 +200,12 @@ int Schedule::next_share_prune(int step) const {
 }
 
 double Schedule::sensitivity_prune(int step) const {
-  if (density_.soft_prune == 0 && density_.hard_prune == 0) return 0;
+  if (!method_.prunes_shares()) return 0;
   const Steps epoch = last_epoch(step);
   const bool is_due = step % share_prune_every_ == 0 && step >= share_prune_from_ &&
                       step <= share_prune_until_ && step < steps_;
   if (!is_due || epoch.after < std::max(0, step - share_prune_every_)) return 0;
-  return double(step <= refine_until_ ? density_.soft_prune : density_.hard_prune);
+  return double(step <= refine_until_ ? method_.soft_prune : method_.hard_prune);
 }
 
 bool Schedule::measure_sensitivity(int step) const {
@@ -216,9 +214,9 @@ bool Schedule::measure_sensitivity(int step) const {
 }
 
 double Schedule::recovery_prune(int step) const {
-  const int reset = step - density_.recovery_after;
+  const int reset = step - method_.recovery_after;
   const bool is_due = reset > 0 && reset_opacity(reset) && reset <= recovery_until_;
-  return is_due ? double(density_.recovery_prune) : 0;
+  return is_due ? double(method_.recovery_prune) : 0;
 }
 
 bool Schedule::reset_opacity(int step) const {
@@ -233,7 +231,7 @@ bool Schedule::reorder(int step) const {
 
 bool Schedule::gather_statistics(int step) const {
   if (measure_sensitivity(step)) return true;
-  if (density_.window == StatisticsWindow::refinement) return step <= refine_until_;
+  if (method_.window == StatisticsWindow::refinement) return step <= refine_until_;
   const int refinement = next_refinement(step);
   return refinement > 0 && steps_of_statistics(refinement).has(step);
 }
@@ -247,7 +245,7 @@ bool Schedule::prune_large(int step) const {
 }
 
 bool Schedule::prune_late(int step) const {
-  return density_.late_prune_opacity > 0 && step >= refine_until_ + reset_every_ &&
+  return method_.late_prune_opacity > 0 && step >= refine_until_ + reset_every_ &&
          step % reset_every_ == 0 && step < steps_;
 }
 

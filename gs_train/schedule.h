@@ -6,6 +6,7 @@
 
 #include "gs_core/camera.h"
 #include "gs_core/config/config.h"
+#include "gs_core/density/growth_method.h"
 #include "gs_train/optimizer.h"
 
 namespace gs {
@@ -18,8 +19,12 @@ namespace gs {
 /// docs/schedule.md has the rule for intervals and a table of common lengths.
 class Schedule {
  public:
-  /// `views`: photos of an epoch; where it is 0, settings in epochs count for nothing.
-  Schedule(const Config& config, float scene_extent, std::size_t views = 0);
+  /// `views`: photos of an epoch; where it is 0, rules in epochs count for nothing. The method is the
+  /// one of density.strategy.
+  Schedule(const Config& config, float scene_extent, std::size_t views = 0)
+      : Schedule(config, growth_method(config.density.strategy), scene_extent, views) {}
+  Schedule(const Config& config, const GrowthMethod& method, float scene_extent,
+           std::size_t views = 0);
 
   int steps() const { return steps_ + extra_steps_; }
   int steps_without_extra() const { return steps_; }
@@ -50,7 +55,7 @@ class Schedule {
   /// at every tenth of such intervals, since the means hardly move any more.
   bool measure_filter(int step) const;
   bool prune_large(int step) const;  // refinements after the first reset also drop huge Gaussians
-  bool prune_late(int step) const;   // density.late_prune_opacity
+  bool prune_late(int step) const;   // GrowthMethod::late_prune_opacity
 
   /// Share of the Gaussians, the faintest, that goes some steps after an opacity reset.
   double recovery_prune(int step) const;
@@ -82,12 +87,13 @@ class Schedule {
   int recovery_until_, share_prune_from_, share_prune_every_, share_prune_until_;
   int views_;
   DensityConfig density_;
+  GrowthMethod method_;
   int decay_from_, cooldown_from_;
   std::vector<int> ramp_;
   int ramp_every_;
   std::size_t ramp_least_;  // pixels
   OptimizerConfig rates_;
-  bool batch_rates_, resets_opacity_;
+  bool batch_rates_;
   float photometric_rate_;
   int photometric_warmup_;
   float pose_rate_;

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Stage 9 of the strategy "budgeted", with the same rows as the scalar twin: scores are computed in
+// Stage 9 of the methods that grow, with the same rows as the scalar twin: scores are computed in
 // double and draws with integers (growth.h, race.h). A limit on the growth sorts all rows by key.
 #include "cuda/density/grow.cuh"
 

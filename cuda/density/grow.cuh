@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Stage 9 of the strategy "budgeted": which rows grow, what they become, and what is pruned.
+// Stage 9 of the methods that grow: which rows grow, what they become, and what is pruned.
 #pragma once
 
 #include "cuda/density/rows.cuh"

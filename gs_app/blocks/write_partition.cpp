@@ -9,6 +9,7 @@
 #include "gs_app/run/run_folder.h"
 #include "gs_core/config/config_text.h"
 #include "gs_core/config/region_text.h"
+#include "gs_core/density/growth_method.h"
 #include "gs_core/error.h"
 #include "gs_core/foreign_text.h"
 
@@ -62,8 +63,12 @@ Config settings_of_all_blocks(Config config) {
   if (config.model.start_from.empty()) return config;
   DensityConfig& density = config.density;
   density.reset_opacity_until = 0;
-  density.prune_unseen = false;
-  density.soft_prune = density.hard_prune = 0;
+  const GrowthMethod& method = growth_method(density.strategy);
+  if (method.prune_unseen || method.prunes_shares())
+    throw UsageError(
+        "density.strategy = \"" + density.strategy +
+        "\" removes what the photos of a block do not show, and blocks that start from "
+        "a model keep it; take another one, such as --strategy growth");
   density.opacity_regularizer = 0;  // it fades what no photo of the block sees
   return config;
 }

@@ -9,6 +9,7 @@ namespace gs {
 namespace {
 
 constexpr int kRounds = 5;
+constexpr float kMaskError = 0.1f;  // as in FastGS
 
 }  // namespace
 
@@ -22,7 +23,7 @@ std::vector<ScoreCost> score_costs(Backend& backend, TrainingModel& model,
     DensityStep gathering;
     gathering.gather_statistics = true;
     gathering.score = word.value;
-    gathering.mask_error = config.density.mask_error;
+    gathering.mask_error = kMaskError;
     steps.push_back(gathering);
   }
   // Every step of a way begins at the same view, so that all ways take the same ones.

@@ -10,7 +10,7 @@
 namespace gs {
 
 struct ScoreCost {
-  std::string statistics;  // "none", or the word of density.score
+  std::string statistics;  // "none", or a score by name
   double ms_per_step = 0;  // median of the rounds
   double ratio = 1;  // of this time to that without statistics, the median of the rounds' ratios
 };

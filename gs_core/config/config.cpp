@@ -15,7 +15,9 @@
 #include "gs_core/config/nearest_word.h"
 #include "gs_core/config/read_toml.h"
 #include "gs_core/config/region_text.h"
+#include "gs_core/config/removed_rules.h"
 #include "gs_core/config/removed_settings.h"
+#include "gs_core/density/growth_method.h"
 #include "gs_core/error.h"
 #include "gs_core/foreign_text.h"
 
@@ -189,16 +191,30 @@ void check_section(const std::string& section, std::string_view where) {
   if (!found) refuse_key(where, section);
 }
 
+// What older versions wrote for all methods that grow by a score; which one it is, the settings beside
+// it say.
+constexpr std::string_view kFormerStrategy = "budgeted";
+
 void merge_section(Config& config, const ConfigSource& source, const std::string& section,
                    const toml::table& table, SettingOrigins& origins) {
+  RemovedRules rules;
+  std::string named;
   for (const auto& [name, node] : table) {
     const std::string place = place_of(source, node), where = place + ": ";
     const std::string key = current_key(section + "." + std::string(name.str()));
-    if (is_read_over(key, node, where)) continue;
+    if (is_read_over(key, node, where) || rules.take(key, node, where)) continue;
+    if (key == "density.strategy") {
+      named = node.value_or(std::string());
+      if (named == kFormerStrategy) {
+        if (growth_method(config.density.strategy).relocates) config.density.strategy = "adaptive";
+        continue;
+      }
+    }
     visit_field(config, key, where,
                 [&, &value = node](const auto& field) { assign(field, value, where); });
     origins[key] = place;
   }
+  config.density.strategy = rules.resolved(config.density.strategy, named);
 }
 
 // `chain` holds the files whose base is being read.
@@ -271,6 +287,10 @@ std::string apply_setting(Config& config, const std::string& assignment) {
   const std::string key = current_key(trimmed(assignment.substr(0, equals)));
   const std::string text = trimmed(assignment.substr(equals + 1));
   if (is_read_over(key, *parse_value(text).get("value"), "")) return key;
+  if (RemovedRules rules; rules.take(key, *parse_value(text).get("value"), "")) {
+    config.density.strategy = rules.resolved(config.density.strategy, "");
+    return key;
+  }
   visit_field(config, key, "", [&](const auto& field) {
     toml::table parsed = parse_value(text);
     // For a setting that is text or a word, 2024 and true are words like any other.
@@ -306,20 +326,11 @@ void validate(const Config& config, const SettingOrigins& origins) {
           config.render.near_plane, "less than render.far_plane");
   const bool has_limit =
       config.density.max_gaussians != 0 || config.density.gaussians_per_point > 0;
-  require(config.density.strategy != "mcmc" || has_limit, "density.max_gaussians",
-          config.density.max_gaussians,
-          "a number, or auto: density.strategy = \"mcmc\" grows up to it");
   const DensityConfig& density = config.density;
-  const bool is_budgeted = density.strategy == "budgeted";
-  require(!is_budgeted || !needs_budget(density.curve) || has_limit, "density.max_gaussians",
-          density.max_gaussians, "a number, or auto: density.curve rises to it");
-  require(!is_budgeted || !density.prune_unseen || needs_fragment_sums(density.score),
-          "density.prune_unseen", density.prune_unseen,
-          "false with density.score = \"gradient\", which counts no pixels");
-  const bool prunes_shares = density.soft_prune > 0 || density.hard_prune > 0;
-  require(!is_budgeted || !prunes_shares || !sums_pixel_values(density.score), "density.score",
-          density.score,
-          "gradient or force: density.soft_prune and density.hard_prune sum no values of pixels");
+  require(
+      has_limit || !growth_method(density.strategy).rises_to_cap(), "density.max_gaussians",
+      density.max_gaussians,
+      fmt::format("a number, or auto: density.strategy = \"{}\" rises to it", density.strategy));
   require(parse_region(density.region).has_value(), "density.region", density.region,
           "up to six half-spaces, each of them four numbers such as \"0,0,1,2.5\", with ; between "
           "them");

@@ -125,17 +125,15 @@ inline constexpr int kMostBatch = 64;           // photos of one update
 inline constexpr int kMostReduction = 16;       // of photos, in each direction
 inline constexpr std::int64_t kAutoCount = -1;  // the word auto: the program finds the count itself
 
-/// Density control: budgeted (docs/density.md), adaptive (Kerbl et al. 2023, Sec. 5.2) or mcmc
-/// (Kheradmand et al. 2024). Steps are those of a 30,000-step run. The preset adaptive has the
-/// settings that fit that strategy, and the preset mcmc those of the other.
+/// Density control: a method, whose constants are in gs_core/density, and what fits it to a scene.
+/// Steps are those of a 30,000-step run. The presets have the settings that fit other methods than
+/// growth.
 struct DensityConfig {
-  std::string strategy = "budgeted";  // adaptive, budgeted, mcmc
+  std::string strategy = "growth";  // a method: growth_method() in gs_core/density
   int from_step = 600;
   int until_step = 24000;
   int every = 100;
-  int every_epochs = 0;              // at least so many epochs between refinements
   float gradient_threshold = 1e-4f;  // of the mean NDC-scaled 2D position gradient
-  float small_scale = 0.01f;         // of the extent: below it a Gaussian is cloned, above it split
   float prune_opacity = 0.005f;
   float prune_scale = 0;       // of the extent, after the first opacity reset; 0: none
   float camera_clearance = 0;  // of the depth of the points behind a Gaussian; 0: none
@@ -145,44 +143,14 @@ struct DensityConfig {
   float gaussians_per_point = 27;   // where there is no cap: so many for each sparse point, ...
   float pixels_per_gaussian = 100;  // ... and at least one for so many pixels of the photos
   std::string region;  // half-spaces, inside of which Gaussians are added; empty: everywhere
-  bool absolute_gradient = false;  // the statistic sums absolute values over pixels (AbsGS)
   // for mcmc only
   float growth = 0.05f;      // of the count, in one refinement
   float noise_scale = 5e5f;  // times the learning rate of the means
-  // for all strategies
+  // for all methods
   float opacity_regularizer = 0.001f;  // weight of the mean opacity in the loss
   float scale_regularizer = 0;         // weight of the mean scale in the loss
   float time_scale_regularizer = 0;    // weight of the mean of 1 / scale in time
   float velocity_regularizer = 0;      // weight of the mean squared velocity
-  StatisticsWindow window = StatisticsWindow::epoch;
-  // for budgeted only: docs/density.md
-  GrowthScore score = GrowthScore::force;
-  float score_threshold = 0;  // of sums: for each photo
-  float mask_error = 0.1f;    // of a view's range of errors: pixels above it are in the mask
-  GrowthSelection select = GrowthSelection::race;
-  GrowthCurve curve = GrowthCurve::linear;
-  float ramp_from = 4;       // times smaller than the photos: where the curve "ramp" begins
-  float most_growth = 0.3f;  // in one refinement, of the count
-  SplitPlacement split = SplitPlacement::axis;
-  float split_offset = 1.35f;   // standard deviations of the longest axis
-  float split_along = 0.55f;    // factor of the longest scale
-  float split_across = 0.893f;  // factor of the other scales
-  bool keep_parent = false;     // which then has one child, not two
-  float child_opacity_factor = 0.7f;
-  OpacityPolicy opacity_policy = OpacityPolicy::halve;
-  float opacity_amount = 0.0078125f;  // 1 / 128
-  MomentClearing opacity_clears = MomentClearing::all;
-  float opacity_cap = 1;  // after each refinement
-  bool prune_unseen = false;
-  float recovery_prune = 0;     // share of the Gaussians, some steps after an opacity reset
-  int recovery_after = 300;     // steps
-  int recovery_until = 6000;    // last reset that is followed by it
-  float soft_prune = 0;         // share of the Gaussians, while there are refinements
-  float hard_prune = 0;         // the same afterwards
-  int share_prune_from = 6000;  // of both
-  int share_prune_every = 3000;
-  int share_prune_until = 27000;
-  float late_prune_opacity = 0;  // after the last refinement; 0: none
 };
 
 struct TrainConfig {

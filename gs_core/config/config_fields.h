@@ -10,6 +10,7 @@
 
 #include "gs_core/config/config.h"
 #include "gs_core/config/config_limits.h"
+#include "gs_core/density/growth_method.h"
 
 namespace gs {
 
@@ -136,58 +137,26 @@ void visit_fields(AnyConfig& config, Visitor&& visit) {
   field("optimizer.moments",            optimizer.moments,            "",            one_of<MomentForm>(),    retrain, "how Adam keeps the two moments of each parameter: as floats (8 bytes), or as codes (tiny: 2 bytes), which are rounded at random (docs/moments.md)", "Gupta et al. 2015");
 
   auto& density = config.density;
-  field("density.strategy",             density.strategy,             "",            one_of(kStrategyWords),  retrain, "how Gaussians are added and removed: adaptive clones, splits and prunes them; budgeted does so by a score and up to a number (docs/density.md); mcmc moves them and adds samples (needs max_gaussians)");
+  field("density.strategy",             density.strategy,             "",            one_of(growth_method_words()), retrain, "how Gaussians are added and removed: growth is the method of the defaults; the others are published ones, and presets have the settings that fit them (adaptive, absgs, mcmc, paper_dash to paper_taming)", "docs/density.md");
   field("density.from_step",            density.from_step,            "steps",       steps_from(0),           retrain, "first refinement, as a step of a 30,000-step run", kFaster);
   field("density.until_step",           density.until_step,           "steps",       steps_from(0),           retrain, "last refinement, as a step of a 30,000-step run", kFaster);
   field("density.every",                density.every,                "steps",       steps_from(1),           retrain, "interval between refinements", kKerbl);
-  field("density.every_epochs",         density.every_epochs,         "epochs",      between(0, 1000),        retrain, "the interval is at least so many passes over the photos, or a tenth of the window if that is less; not scaled");
-  field("density.gradient_threshold",   density.gradient_threshold,   "NDC",         at_least(0),             retrain, "Gaussians with a larger mean image-plane gradient are cloned or split", kKerbl);
-  field("density.small_scale",          density.small_scale,          "extent",      at_least(0),             retrain, "smaller Gaussians are cloned, larger ones are split", kKerbl);
-  field("density.prune_opacity",        density.prune_opacity,        "",            between(0, 1),           retrain, "fainter Gaussians are removed (adaptive) or moved (mcmc)", kKerbl);
+  field("density.gradient_threshold",   density.gradient_threshold,   "NDC",         at_least(0),             retrain, "Gaussians with a smaller mean image-plane gradient do not grow", kKerbl);
+  field("density.prune_opacity",        density.prune_opacity,        "",            between(0, 1),           retrain, "fainter Gaussians are removed, or moved (mcmc)", kKerbl);
   field("density.prune_scale",          density.prune_scale,          "extent",      at_least(0),             retrain, "larger Gaussians are removed, after the first opacity reset; 0: none is, so that walls and skies without points keep theirs", kKerbl);
   field("density.camera_clearance",     density.camera_clearance,     "",            between(0, 1),           retrain, "at the end, remove floaters: Gaussians that are nearer to a camera than this fraction of the depth of the sparse points around them in its photo, and that no other photo shows among its own points; 0: remove none; gemsplat prune --floaters 0.35 measures what it would do", "docs/defaults.md#floaters");
-  field("density.reset_opacity_every",  density.reset_opacity_every,  "steps",       steps_from(1),           retrain, "interval between opacity resets", kKerbl);
-  field("density.reset_opacity_until",  density.reset_opacity_until,  "steps",       steps_from(0),           retrain, "last opacity reset; 0: none", kKerbl);
+  field("density.reset_opacity_every",  density.reset_opacity_every,  "steps",       steps_from(1),           retrain, "interval between the times when the method lowers opacities", kKerbl);
+  field("density.reset_opacity_until",  density.reset_opacity_until,  "steps",       steps_from(0),           retrain, "last time when opacities are lowered; 0: they are not", kKerbl);
   field("density.max_gaussians",        density.max_gaussians,        "",            between(kAutoCount, 4e9), proceed, "more points are downsampled to this number, and growth stops at it; 0: no limit; auto (-1): as many as fit into memory");
   field("density.gaussians_per_point",  density.gaussians_per_point,  "",            between(0, 1e6),         retrain, "where max_gaussians is 0: the limit of the number of Gaussians, for each point that training starts from; it is at most 10 million or the number of points; 0: no limit");
   field("density.pixels_per_gaussian",  density.pixels_per_gaussian,  "pixels",      at_least(0),             retrain, "where max_gaussians is 0 and gaussians_per_point is not: that limit is at least one Gaussian for so many pixels of the training photos, in scenes with sparse points; 0: it follows the points alone");
   field("density.region",               density.region,               "",            any(),                   retrain, "Gaussians are added only where the mean is inside of all these half-spaces, up to six: `x,y,z,d; ...` holds the points p with x p.x + y p.y + z p.z >= d, in the coordinates of the photos' poses; empty: everywhere", "docs/blocks.md");
-  field("density.absolute_gradient",    density.absolute_gradient,    "",            any(),                   retrain, "for cloning and splitting, sum absolute values of the gradient over pixels; needs a gradient_threshold about four times as large", "Ye et al. 2024");
   field("density.growth",               density.growth,               "",            between(0, 1),           retrain, "fraction of the Gaussians that mcmc adds in one refinement", kMcmc);
   field("density.noise_scale",          density.noise_scale,          "",            at_least(0),             retrain, "strength of mcmc's noise on the means, as a multiple of their learning rate", kMcmc);
   field("density.opacity_regularizer",  density.opacity_regularizer,  "",            at_least(0),             retrain, "weight of the mean opacity in the loss, so that what explains nothing fades and is removed (docs/defaults.md); the preset mcmc has 0.01", kMcmc);
   field("density.scale_regularizer",    density.scale_regularizer,    "1/world units", at_least(0),             retrain, "weight of the mean scale in the loss; the preset mcmc has 0.01", kMcmc);
   field("density.time_scale_regularizer", density.time_scale_regularizer, "duration",  at_least(0),             retrain, "if model.dynamic, weight in the loss of the mean of 1 / scale in time, so that Gaussians live long");
   field("density.velocity_regularizer", density.velocity_regularizer, "(duration/world units)^2", at_least(0),  retrain, "if model.dynamic, weight in the loss of the mean squared velocity");
-
-  field("density.score",                density.score,                "",            one_of<GrowthScore>(),   retrain, "by what budgeted chooses: the mean image-plane gradient; how much pixels disagree about an opacity (force); error of the render, number of pixels with a large one (mask), or edges of the photo in the pixels of a Gaussian", "docs/density.md");
-  field("density.window",               density.window,               "",            one_of<StatisticsWindow>(), retrain, "photos whose statistics count in a refinement: all since the one before, or those of the last whole epoch, if it lies between them", "LiteGS");
-  field("density.score_threshold",      density.score_threshold,      "",            at_least(0),             retrain, "Gaussians with a lower score do not grow in budgeted, nor do those below gradient_threshold; scores that are sums over photos are divided by the number of photos");
-  field("density.mask_error",           density.mask_error,           "",            between(0, 1),           retrain, "the score mask counts pixels above this share of the range of errors in their photo", "FastGS");
-  field("density.select",               density.select,               "",            one_of<GrowthSelection>(), retrain, "which Gaussians grow in budgeted where not all may: the largest scores, or a draw in proportion to them (race)", "LiteGS");
-  field("density.curve",                density.curve,                "",            one_of<GrowthCurve>(),   retrain, "how budgeted lets the number of Gaussians rise to max_gaussians between the first and the last refinement; none: without a curve", "docs/density.md");
-  field("density.ramp_from",            density.ramp_from,            "",            between(1, 64),          retrain, "how many times smaller the pictures are at first that the curve ramp is made for", "DashGaussian");
-  field("density.most_growth",          density.most_growth,          "",            above(0),                retrain, "most Gaussians that budgeted adds in one refinement, as a share of those that stay");
-  field("density.split",                density.split,                "",            one_of<SplitPlacement>(), retrain, "where the children of budgeted lie: drawn from the parent, to both sides on its longest axis, or so that its variance stays", "docs/density.md");
-  field("density.split_offset",         density.split_offset,         "standard deviations", at_least(0),     retrain, "with split = axis, distance of the children from their parent's mean, along its longest axis", "Improved-GS");
-  field("density.split_along",          density.split_along,          "",            above(0),                retrain, "with split = axis, scale of the children along the longest axis, as a share of the parent's", "Improved-GS");
-  field("density.split_across",         density.split_across,         "",            above(0),                retrain, "with split = axis, scale of the children along the other two axes, as a share of the parent's", "Improved-GS");
-  field("density.keep_parent",          density.keep_parent,          "",            any(),                   retrain, "in budgeted a Gaussian that is split stays as it is and has one child, not two", "LiteGS");
-  field("density.child_opacity_factor", density.child_opacity_factor, "",            between(0.001, 1),       retrain, "budgeted gives children the opacity of their parent times this, and copies and their originals, too", "Improved-GS");
-  field("density.opacity_policy",       density.opacity_policy,       "",            one_of<OpacityPolicy>(), retrain, "how budgeted lowers opacities every reset_opacity_every steps: to at most opacity_amount (reset), by half but not below it (halve), or by opacity_amount times the share of steps that are left (subtract)", "docs/density.md");
-  field("density.opacity_amount",       density.opacity_amount,       "",            between(1e-4, 0.999),    retrain, "opacity that opacity_policy needs: that after a reset, the least for halve, or the first step of subtract");
-  field("density.opacity_clears",       density.opacity_clears,       "",            one_of<MomentClearing>(), retrain, "which of Adam's moments become zero when opacity_policy lowers opacities: none, those of the opacities, or all");
-  field("density.opacity_cap",          density.opacity_cap,          "",            between(0.01, 1),        retrain, "after each refinement budgeted lowers opacities to at most this, and clears their moments; 1: it does not", "FastGS");
-  field("density.prune_unseen",         density.prune_unseen,         "",            any(),                   retrain, "budgeted removes Gaussians that were in no pixel for a whole epoch; needs a score other than gradient", "LiteGS");
-  field("density.recovery_prune",       density.recovery_prune,       "",            between(0, 0.99),        retrain, "share of the Gaussians, the faintest, that budgeted removes recovery_after steps after an opacity reset, instead of a refinement", "Improved-GS");
-  field("density.recovery_after",       density.recovery_after,       "steps",       steps_from(1),           retrain, "steps from an opacity reset to the removal of recovery_prune; not scaled", "Improved-GS");
-  field("density.recovery_until",       density.recovery_until,       "steps",       steps_from(0),           retrain, "last opacity reset that is followed by recovery_prune", "Improved-GS");
-  field("density.soft_prune",           density.soft_prune,           "",            between(0, 0.99),        retrain, "share of the Gaussians, those to which the loss is least sensitive, that budgeted removes every share_prune_every steps up to the last refinement; needs the score gradient or force", "Hanson et al. 2025");
-  field("density.hard_prune",           density.hard_prune,           "",            between(0, 0.99),        retrain, "as soft_prune, but after the last refinement", "Hanson et al. 2025");
-  field("density.share_prune_from",     density.share_prune_from,     "steps",       steps_from(0),           retrain, "first removal by soft_prune or hard_prune, as a step of a 30,000-step run", "Hanson et al. 2025");
-  field("density.share_prune_every",    density.share_prune_every,    "steps",       steps_from(1),           retrain, "steps between two removals by soft_prune or hard_prune, in a 30,000-step run", "Hanson et al. 2025");
-  field("density.share_prune_until",    density.share_prune_until,    "steps",       steps_from(0),           retrain, "last removal by soft_prune or hard_prune, as a step of a 30,000-step run", "Hanson et al. 2025");
-  field("density.late_prune_opacity",   density.late_prune_opacity,   "",            between(0, 0.99),        retrain, "after the last refinement, budgeted removes Gaussians fainter than this every reset_opacity_every steps; 0: it does not", "FastGS");
 
   auto& train = config.train;
   field("train.iterations",             train.iterations,             "steps",       steps_from(0),           proceed, "length of the training, one photo each step; the schedule scales with it; 0: as epochs, least_iterations, most_iterations and random_start_factor say");

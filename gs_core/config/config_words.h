@@ -117,43 +117,6 @@ struct Words<SkyModel> {
                                               {"sphere", SkyModel::sphere}};
 };
 template <>
-struct Words<GrowthCurve> {
-  static constexpr Word<GrowthCurve> kTable[] = {{"none", GrowthCurve::none},
-                                                 {"linear", GrowthCurve::linear},
-                                                 {"root", GrowthCurve::root},
-                                                 {"parabola", GrowthCurve::parabola},
-                                                 {"ramp", GrowthCurve::ramp}};
-};
-template <>
-struct Words<StatisticsWindow> {
-  static constexpr Word<StatisticsWindow> kTable[] = {{"refinement", StatisticsWindow::refinement},
-                                                      {"epoch", StatisticsWindow::epoch}};
-};
-template <>
-struct Words<GrowthSelection> {
-  static constexpr Word<GrowthSelection> kTable[] = {{"top_k", GrowthSelection::top_k},
-                                                     {"race", GrowthSelection::race}};
-};
-template <>
-struct Words<SplitPlacement> {
-  static constexpr Word<SplitPlacement> kTable[] = {{"draw", SplitPlacement::draw},
-                                                    {"axis", SplitPlacement::axis},
-                                                    {"variance", SplitPlacement::variance}};
-};
-template <>
-struct Words<OpacityPolicy> {
-  static constexpr Word<OpacityPolicy> kTable[] = {{"none", OpacityPolicy::none},
-                                                   {"reset", OpacityPolicy::reset},
-                                                   {"halve", OpacityPolicy::halve},
-                                                   {"subtract", OpacityPolicy::subtract}};
-};
-template <>
-struct Words<MomentClearing> {
-  static constexpr Word<MomentClearing> kTable[] = {{"none", MomentClearing::none},
-                                                    {"opacity", MomentClearing::opacity},
-                                                    {"all", MomentClearing::all}};
-};
-template <>
 struct Words<MomentForm> {
   static constexpr Word<MomentForm> kTable[] = {{"float", MomentForm::floats},
                                                 {"tiny", MomentForm::tiny}};
@@ -161,8 +124,6 @@ struct Words<MomentForm> {
 
 /// Lists of words that stay text, since other code gives them their meaning. "cuda:N" stands for
 /// any number N.
-// density_control.cpp
-inline constexpr std::string_view kStrategyWords = "adaptive, budgeted, mcmc";
 inline constexpr std::string_view kLossWords = "l1_ssim";                   // scalar_backend.cpp
 inline constexpr std::string_view kPhotometricWords = "none, gains, auto";  // photometric_model.cpp
 inline constexpr std::string_view kDeviceWords = "auto, cpu, cuda, cuda:N";

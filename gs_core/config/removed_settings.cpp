@@ -19,7 +19,7 @@ constexpr RemovedSetting kSettings[] = {
     {"density.pooling", R"("sum")", "scores are sums over photos, and no preset took the largest; remove the line"},
     {"density.candidate_share", "*", ""},
     {"density.replace", "false", "no preset replaced what is pruned beyond the curve; remove the line"},
-    {"density.child_opacity_power", "1.0|1", "no preset used the power; density.child_opacity_factor is there"},
+    {"density.child_opacity_power", "1.0|1", "no preset used the power; remove the line"},
     {"density.first_epochs", "0", "no preset used it; set density.from_step"},
     {"density.final_steps", "0", "no preset used it; set density.until_step and density.reset_opacity_until"},
     {"optimizer.beta2", "0.999", "Adam's second beta is 0.999 for every run; remove the line"},
@@ -40,7 +40,7 @@ struct RemovedWord {
 };
 // clang-format off
 constexpr RemovedWord kWords[] = {
-    {"density.curve", "share", "no preset used this curve; take \"linear\" or \"none\""},
+    {"density.strategy", "budgeted", "its methods have names of their own: \"growth\" has the constants of the defaults, \"adaptive\" those of Kerbl et al. 2023, and docs/density.md lists the others"},
     {"photometric.model", "ppisp", "this model was no better than gains where both were measured; train with \"gains\""},
     {"optimizer.moments", "compact", "codes of 32 bits are larger and slower than those of \"tiny\", and no better; train with \"tiny\""},
 };

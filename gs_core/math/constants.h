@@ -73,7 +73,6 @@ inline constexpr float kAdamEpsilon = 1e-15f;
 inline constexpr float kSplitScaleDivisor = 1.6f;       // both halves of a split shrink by it [3DGS]
 inline constexpr float kResetOpacity = 0.01f;           // an opacity reset lowers to it [3DGS]
 inline constexpr double kMinChildOpacity = 1e-6;        // children are not fainter, so that their logits stay finite
-inline constexpr float kMinLoweredOpacity = 1e-4f;      // subtracting lowers no opacity further; far below any prune_opacity
 
 // Density control as a Markov chain.
 inline constexpr float kNoiseOpacity = 0.005f;          // at which the noise on a mean is halved [MCMC, code]

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// Stage 9 under the strategy "budgeted", for one Gaussian at a time: its score, the children of a
-// split, and changes of its opacity; and how many Gaussians there shall be. docs/density.md explains
-// the choices and names their sources.
+// Stage 9 for one Gaussian at a time: its score, the children of a split, and changes of its opacity;
+// and how many Gaussians there shall be. The methods of gs_core/density choose among these rules;
+// docs/density.md explains them.
 #pragma once
 
 #include <cmath>
@@ -27,9 +27,9 @@ enum class GrowthSelection { top_k, race };
 /// last pass over all photos.
 enum class StatisticsWindow { refinement, epoch };
 /// Where the children of a split lie.
-enum class SplitPlacement { draw, axis, variance };
+enum class SplitPlacement { draw, axis };
 /// How opacities are lowered now and then.
-enum class OpacityPolicy { none, reset, halve, subtract };
+enum class OpacityPolicy { none, reset, halve };
 /// Which of Adam's moments that clears.
 enum class MomentClearing { none, opacity, all };
 /// By what the lowest Gaussians are found, to remove a share of them.
@@ -120,6 +120,7 @@ struct SplitRules {
 
   GS_HD bool changes_opacity() const { return opacity_factor != 1; }
   GS_HD unsigned children() const { return keeps_parent ? 1 : 2; }
+  bool operator==(const SplitRules&) const = default;
 };
 
 /// Where a child lies, and its size.
@@ -136,22 +137,6 @@ GS_HD ChildPlace child_on_axis(const Vec3f& log_scale, const SplitRules& rules, 
   ChildPlace child{Vec3f(0.0f), Vec3f(rules.across)};
   child.offset[axis] = side * rules.offset;
   child.scale[axis] = rules.along;
-  return child;
-}
-
-/// Both children of a split that keeps the variance along each axis. The longest axis is split most.
-///                                                                                       Brush
-///   k_i = 1 - (s_i / s_max)^2 (1 - 1 / sqrt 2),   scale k_i,   offset +- sqrt(1 - k_i^2)
-GS_HD ChildPlace child_of_equal_variance(const Vec3f& log_scale, float side) {
-  using std::exp, std::sqrt;
-  constexpr float kMost = 1 - 0.70710678f;
-  const float longest = largest(log_scale);
-  ChildPlace child;
-  for (int axis = 0; axis < 3; ++axis) {
-    const float k = 1 - exp(2 * (log_scale[axis] - longest)) * kMost;
-    child.scale[axis] = k;
-    child.offset[axis] = side * sqrt(1 - k * k);
-  }
   return child;
 }
 
@@ -172,11 +157,12 @@ GS_HD float child_logit_opacity(float logit_opacity, const SplitRules& rules) {
 ///
 ///   reset      min(o, amount)
 ///   halve      max(o / 2, amount)                                                       LiteGS
-///   subtract   o - amount                                                               Brush
 struct OpacityRule {
   OpacityPolicy policy = OpacityPolicy::none;
   float amount = 0;
   MomentClearing clears = MomentClearing::none;
+
+  bool operator==(const OpacityRule&) const = default;
 };
 
 /// The stored opacity after the change. `logit_amount` is logit(amount), computed once for all.
@@ -186,9 +172,6 @@ GS_HD float lowered_logit_opacity(float logit_opacity, const OpacityRule& rule,
     case OpacityPolicy::none: break;
     case OpacityPolicy::reset: return min_of(logit_opacity, logit_amount);
     case OpacityPolicy::halve: return logit(max_of(0.5f * sigmoid(logit_opacity), rule.amount));
-    case OpacityPolicy::subtract:
-      return min_of(logit_opacity,
-                    logit(max_of(sigmoid(logit_opacity) - rule.amount, kMinLoweredOpacity)));
   }
   return logit_opacity;
 }
@@ -201,7 +184,7 @@ GS_HD float lowered_logit_opacity(float logit_opacity, const OpacityRule& rule,
 ///   linear     N_0 + (B - N_0) u            N_0  Gaussians at the start of the run
 ///   root       max(N_0, B sqrt u)           B    density.max_gaussians
 ///   parabola   N_0 + (B - N_0) (2 u - u^2)
-///   ramp       N_0 + (B - N_0) / s^(2 - u)  s    r^(1 - u), falls from r = density.ramp_from to 1
+///   ramp       N_0 + (B - N_0) / s^(2 - u)  s    r^(1 - u), falls from r = ramp_from to 1
 ///
 /// The ramp is that of DashGaussian with pictures r times smaller at first. Its s follows the
 /// spectrum of the photos; one that falls as 1 / frequency gives the s above.

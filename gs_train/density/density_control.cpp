@@ -3,24 +3,7 @@
 
 #include <limits>
 
-#include "gs_train/named_row.h"
-
 namespace gs {
-namespace {
-
-struct Strategy {
-  const char* name;  // a word of density.strategy
-  MakeDensityControl* make;
-};
-constexpr Strategy kStrategies[] = {
-    {"adaptive", make_adaptive_control},
-    {"budgeted", make_budgeted_control},
-    {"mcmc", make_mcmc_control},
-};
-
-}  // namespace
-
-std::vector<std::string> density_strategies() { return names_of(kStrategies); }
 
 Regularizers regularizers_of(const Config& config) {
   const DensityConfig& density = config.density;
@@ -42,8 +25,9 @@ float prune_scale_within(const Config& config, float scene_extent) {
 
 std::unique_ptr<DensityControl> make_density_control(const Config& config, const Schedule& schedule,
                                                      float scene_extent) {
-  return row_named(kStrategies, config.density.strategy, "density.strategy")
-      ->make(config, schedule, scene_extent);
+  const GrowthMethod& method = growth_method(config.density.strategy);
+  return method.relocates ? make_mcmc_control(config, schedule, scene_extent)
+                          : make_growth_control(config, method, schedule, scene_extent);
 }
 
 }  // namespace gs

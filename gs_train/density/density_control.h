@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Density control: where Gaussians are added, moved and removed while training. docs/extending.md
-// shows how to add a strategy.
+// Density control: where Gaussians are added, moved and removed while training, as a method of
+// gs_core/density says. docs/extending.md shows how to add one.
 #pragma once
 
 #include <algorithm>
@@ -14,7 +14,7 @@
 
 namespace gs {
 
-/// A strategy of density control. Its random draws depend on seed and step alone, and its memory is
+/// Density control of a run. Its random draws depend on seed and step alone, and its memory is
 /// in the TrainingModel, so that a resumed run continues as if it had never stopped.
 class DensityControl {
  public:
@@ -46,26 +46,27 @@ class DensityControl {
   Region region_;
 };
 
-/// The strategy that config.density.strategy names. config.density.max_gaussians is not kAutoCount
-/// any more. Throws UsageError.
+/// The control of the method that config.density.strategy names. config.density.max_gaussians is not
+/// kAutoCount any more. Throws UsageError.
 std::unique_ptr<DensityControl> make_density_control(const Config& config, const Schedule& schedule,
                                                      float scene_extent);
 
-/// The weights of the numbers of Gaussians in the loss, which hold for every strategy; those of
+/// The weights of the numbers of Gaussians in the loss, which hold for every method; those of
 /// space and time only in a scene that moves.
 Regularizers regularizers_of(const Config& config);
 /// density.prune_scale in world units; infinity where it is 0.
 float prune_scale_of(const Config& config, float scene_extent);
 /// AdaptiveRules::prune_scale_within: the scene's extent in a scene with a sky, else infinity.
 float prune_scale_within(const Config& config, float scene_extent);
-/// The names of all strategies.
-std::vector<std::string> density_strategies();
 
-/// The strategies, one file each.
+/// The control by the rules of a method, as most methods need it: growth_control.cpp.
+std::unique_ptr<DensityControl> make_growth_control(const Config& config,
+                                                    const GrowthMethod& method,
+                                                    const Schedule& schedule, float scene_extent);
+
+/// The controls of methods that do something else.
 using MakeDensityControl = std::unique_ptr<DensityControl>(const Config&, const Schedule&,
                                                            float scene_extent);
-MakeDensityControl make_adaptive_control;  // adaptive.cpp
-MakeDensityControl make_budgeted_control;  // budgeted.cpp
-MakeDensityControl make_mcmc_control;      // mcmc.cpp
+MakeDensityControl make_mcmc_control;  // mcmc.cpp
 
 }  // namespace gs

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The strategy "mcmc" treats Gaussians as samples. Noise moves faint ones around, regularizers fade
+// The method "mcmc" treats Gaussians as samples. Noise moves faint ones around, regularizers fade
 // the superfluous ones, dead ones are moved onto live ones, and the number grows by a share up to
 // the cap.   Kheradmand et al. 2024
 #include <algorithm>

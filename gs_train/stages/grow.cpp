@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Stage 9 of the strategy "budgeted": which rows grow under a budget, what they become, and what is
-// pruned. It does what rows.cpp does for "adaptive", with a score and other children.
+// Stage 9 of the methods that grow: which rows grow under a budget, what they become, and what is
+// pruned.
 #include <algorithm>
 #include <numeric>
 

@@ -184,19 +184,18 @@ TEST(Partition, ALimitOfGaussiansIsSharedByPoints) {
 
 TEST(Partition, BlocksThatStartFromAModelKeepWhatTheyDoNotSee) {
   Config config;
-  config.density.prune_unseen = true;
-  config.density.soft_prune = config.density.hard_prune = 0.3f;
   const Config of_points = settings_of_all_blocks(config);
   EXPECT_EQ(of_points.density.opacity_regularizer, config.density.opacity_regularizer);
   EXPECT_GT(of_points.density.opacity_regularizer, 0);
   EXPECT_EQ(of_points.density.reset_opacity_until, config.density.reset_opacity_until);
-  EXPECT_TRUE(of_points.density.prune_unseen);
   config.model.start_from = "coarse.ply";
   const Config of_model = settings_of_all_blocks(config);
   EXPECT_EQ(of_model.density.reset_opacity_until, 0);
-  EXPECT_FALSE(of_model.density.prune_unseen);
-  EXPECT_EQ(of_model.density.soft_prune + of_model.density.hard_prune, 0);
   EXPECT_EQ(of_model.density.opacity_regularizer, 0);
+  for (const char* strategy : {"litegs", "speedy_splat"}) {
+    config.density.strategy = strategy;
+    EXPECT_THROW(settings_of_all_blocks(config), UsageError) << strategy;
+  }
 }
 
 /// A partition of the street on the disk, and runs of its blocks, each with the same Gaussians.

@@ -80,10 +80,7 @@ Config everything_changed() {
   config.density.prune_scale = config.density.camera_clearance = 0.5f;
   config.density.time_scale_regularizer = config.density.velocity_regularizer = 0.5f;
   config.density.gaussians_per_point = 2;
-  config.density.score_threshold = 0.5f;
   config.density.region = "1,0,0,-2.5";
-  config.density.recovery_prune = config.density.late_prune_opacity = 0.5f;
-  config.density.soft_prune = config.density.hard_prune = 0.5f;
   config.train.resolution_ramp = {4, 2};
   config.density.strategy = "mcmc";
   config.photometric.model = "gains";
@@ -440,7 +437,7 @@ TEST(ConfigWords, EachWordStandsForItsOwnValueAndOthersAreRefused) {
                         HasSubstr("one of " + std::string(joined_words<T>()))));
     }
   });
-  EXPECT_EQ(settings, 19u);
+  EXPECT_EQ(settings, 12u);
 }
 
 TEST(Setting, TakesTomlValuesAndBareWords) {
@@ -544,6 +541,49 @@ TEST(Config, SettingsOfOlderVersionsAreReadOverWhereTheyChangedNothing) {
   EXPECT_THAT(
       error_of([&] { apply_setting(config, "optimizer.lazy=on"); }),
       HasSubstr("optimizer.lazy = \"on\" cannot be used: updates of SH are no longer left"));
+}
+
+TEST_F(ConfigFile, RulesOfOlderVersionsAreReadAsTheMethodThatHasThem) {
+  const std::string of_adaptive =
+      "base = 'adaptive'\n[density]\nstrategy = 'budgeted'\nmax_gaussians = 9\n";
+  EXPECT_EQ(load(of_adaptive).density.strategy, "adaptive");
+  EXPECT_EQ(
+      load(of_adaptive + "score = 'error'\nselect = 'race'\ncurve = 'parabola'\n").density.strategy,
+      "taming");
+  EXPECT_EQ(load(of_adaptive + "soft_prune = 0.8\nhard_prune = 0.3\nshare_prune_from = 6000\n"
+                               "share_prune_every = 3000\nshare_prune_until = 27000\n")
+                .density.strategy,
+            "speedy_splat");
+  EXPECT_EQ(load("base = 'adaptive'\n[density]\nabsolute_gradient = true\n").density.strategy,
+            "absgs");
+  EXPECT_EQ(load("[density]\nstrategy = 'budgeted'\nscore = 'force'\nmost_growth = 0.3\n"
+                 "child_opacity_factor = 0.7\nramp_from = 16.0\n")  // of another curve
+                .density.strategy,
+            "growth");
+  // They had no effect under these strategies.
+  EXPECT_EQ(load("[density]\nstrategy = 'adaptive'\nscore = 'force'\nsplit = 'variance'\n"
+                 "window = 'refinement'\n")
+                .density.strategy,
+            "adaptive");
+  EXPECT_EQ(load("base = 'mcmc'\n[density]\nstrategy = 'mcmc'\nsplit = 'axis'\n").density.strategy,
+            "mcmc");
+}
+
+TEST_F(ConfigFile, RulesThatNoMethodHasAreRefusedWithTheirPlaceAndTheNearestMethod) {
+  EXPECT_THAT(refusal("base = 'paper_litegs'\n[density]\nstrategy = 'budgeted'\n"
+                      "keep_parent = false\n"),
+              AllOf(HasSubstr(":4: density.keep_parent = false cannot be used"),
+                    HasSubstr("the nearest is litegs"), HasSubstr("docs/extending.md")));
+  EXPECT_THAT(refusal("[density]\nscore = 'errors'\n"), HasSubstr("density.score = \"errors\""));
+  EXPECT_THAT(refusal("[density]\nscore_threshold = 'high'\n"),
+              HasSubstr("density.score_threshold = \"high\""));
+  Config config;
+  EXPECT_THAT(error_of([&] { apply_setting(config, "density.most_growth=0.4"); }),
+              HasSubstr("density.most_growth = 0.4 cannot be used: it is a constant of a method"));
+  EXPECT_THAT(error_of([&] { apply_setting(config, "density.strategy=budgeted"); }),
+              HasSubstr("its methods have names of their own"));
+  apply_setting(config, "density.most_growth=0.3");
+  EXPECT_EQ(to_toml(config), to_toml(Config()));
 }
 
 }  // namespace

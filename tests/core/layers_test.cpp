@@ -55,7 +55,8 @@ const std::map<std::string, std::set<std::string>> kLayers = {
 // own files (gs_core/types.h) are not in this table.
 const std::map<std::string, std::set<std::string>> kRooms = {
     {"gs_core/math", {}},
-    {"gs_core/config", {"gs_core/math"}},
+    {"gs_core/density", {"gs_core/math"}},
+    {"gs_core/config", {"gs_core/density", "gs_core/math"}},
     {"gs_core/threads", {}},
     {"gs_core/processes", {}},
     {"gs_core/geometry", {"gs_core/math", "gs_core/threads"}},

@@ -142,6 +142,12 @@ TEST(TrainingMemory, SettingsDecideWhichArraysThereAre) {
   config.density.strategy = "mcmc";
   EXPECT_EQ(training_size(config, {}, 1).growth, RowGrowth::reserved);
   EXPECT_TRUE(training_size(config, {}, 1).relocates);
+  config.density.strategy = "taming";
+  EXPECT_TRUE(training_size(config, {}, 1).has_pixel_values);
+  config.density.strategy = "speedy_splat";  // measures sensitivities by the same sums
+  EXPECT_TRUE(training_size(config, {}, 1).has_sums);
+  config.density.strategy = "absgs";
+  EXPECT_TRUE(training_size(config, {}, 1).is_absolute);
 }
 
 TEST(TrainingMemory, FittingGaussiansTakeTheBytes) {

@@ -27,11 +27,9 @@ TEST(Forecast, GrowsWithThePointsOfTheSceneUpToTheCap) {
   EXPECT_EQ(expected_gaussians(config, 90000), 50000);
   config.density.strategy = "mcmc";
   EXPECT_EQ(expected_gaussians(config, 100), 50000);
-  config.density.strategy = "budgeted";
-  EXPECT_LT(expected_gaussians(config, 100), 50000);
-  config.density.curve = GrowthCurve::linear;
+  config.density.strategy = "growth";
   EXPECT_EQ(expected_gaussians(config, 100), 50000);
-  config.density.curve = GrowthCurve::none;
+  config.density.strategy = "fastgs";  // no curve
   EXPECT_LT(expected_gaussians(config, 100), 50000);
 }
 

@@ -1,11 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
-// Strategies of density control: how they are chosen, and what they ask for in which step.
+// Density control: how methods are chosen, and what their rules ask for in which step. What each
+// method does is in methods_test.cpp.
 #include "gs_train/density/density_control.h"
 
 #include <gtest/gtest.h>
-#include <spdlog/fmt/fmt.h>
 
-#include "gs_core/config/config_words.h"
 #include "gs_core/error.h"
 #include "tests/support/adaptive.h"
 #include "tests/support/models.h"
@@ -35,12 +34,12 @@ TrainingModel growing_model() {
   return model;
 }
 
-TEST(DensityControl, TheSettingTakesEveryStrategyOfTheTableAndNoOther) {
-  for (const std::string& name : density_strategies()) {
-    EXPECT_NE(control_of(with_strategy(name)), nullptr) << name;
-    validate(with_strategy(name));
+TEST(DensityControl, TheSettingTakesEveryMethodAndNoOther) {
+  for (const NamedMethod& row : growth_methods()) {
+    EXPECT_NE(control_of(with_strategy(row.name)), nullptr) << row.name;
+    validate(with_strategy(row.name));
   }
-  EXPECT_EQ(fmt::format("{}", fmt::join(density_strategies(), ", ")), kStrategyWords);
+  EXPECT_THROW(validate(with_strategy("mcmcc")), UsageError);
 }
 
 TEST(DensityControl, AnUnknownStrategyIsNamedWithTheKnownOnes) {
@@ -48,12 +47,12 @@ TEST(DensityControl, AnUnknownStrategyIsNamedWithTheKnownOnes) {
     control_of(with_strategy("mcmcc"));
     FAIL();
   } catch (const UsageError& error) {
-    EXPECT_NE(std::string(error.what()).find("mcmcc; it is one of adaptive, budgeted, mcmc"),
+    EXPECT_NE(std::string(error.what()).find("mcmcc; it is one of growth, adaptive, absgs"),
               std::string::npos);
   }
 }
 
-TEST(AdaptiveControl, AsksForStatisticsAloneAndClones) {
+TEST(GrowthControl, OfAdaptiveAsksForStatisticsAloneAndClones) {
   const auto control = control_of(with_strategy("adaptive"));
   EXPECT_TRUE(control->of_step(600).gather_statistics);
   EXPECT_FALSE(control->of_step(20000).gather_statistics);
@@ -66,25 +65,27 @@ TEST(AdaptiveControl, AsksForStatisticsAloneAndClones) {
   EXPECT_EQ(model.count(), 60u);
 }
 
-TEST(DensityControl, EveryStrategyGrowsInItsRegionAlone) {
+TEST(DensityControl, EveryMethodGrowsInItsRegionAlone) {
   const auto backend = make_scalar_backend();
   Region region;
   region.half_spaces[0] = {{1, 0, 0}, 20};  // rows 20 to 29
   region.count = 1;
-  for (const std::string& name : density_strategies()) {
-    Config config = with_strategy(name);
+  for (const NamedMethod& row : growth_methods()) {
+    Config config = with_strategy(row.name);
     config.density.growth = 1;
     const auto control = control_of(config);
     control->set_region(region);
     TrainingModel model = growing_model();
-    const RefineReport report = control->after_step(model, *backend, 600);
-    EXPECT_GE(report.cloned, 10u) << name;
+    begin_sums(model);
+    for (std::size_t i = 0; i < 30; ++i) model.statistics.sums[i] = {1, 1, 1e5};
+    control->after_step(model, *backend, 14900);
+    EXPECT_GT(model.count(), 30u) << row.name;
     for (std::size_t i = 30; i < model.count(); ++i)
-      EXPECT_GE(model.gaussians.mean[i].x, 20) << name;
+      EXPECT_GE(model.gaussians.mean[i].x, 20) << row.name;
   }
 }
 
-TEST(AdaptiveControl, ResetsOpacities) {
+TEST(GrowthControl, OfAdaptiveResetsOpacities) {
   const auto control = control_of(with_strategy("adaptive"));
   const auto backend = make_scalar_backend();
   TrainingModel model = growing_model();
@@ -92,37 +93,32 @@ TEST(AdaptiveControl, ResetsOpacities) {
   EXPECT_NEAR(sigmoid(model.gaussians.logit_opacity[0]), 0.01f, 1e-6f);
 }
 
-TEST(BudgetedControl, AsksForTheSumsOfItsScore) {
-  Config config = with_strategy("budgeted");
-  config.density.score = GrowthScore::mask;
-  config.density.mask_error = 0.3f;
-  const auto control = control_of(config);
+// ---- the rules of methods ----------------------------------------------------------------------
+
+std::unique_ptr<DensityControl> control_of(const GrowthMethod& method, std::size_t views = 0) {
+  const Config config = with_strategy("adaptive");
+  return make_growth_control(config, method, Schedule(config, method, 2, views), 2);
+}
+
+TEST(GrowthControl, AsksForTheSumsOfItsScore) {
+  GrowthMethod method;
+  method.score = GrowthScore::mask;
+  method.mask_error = 0.3f;
+  const auto control = control_of(method);
   EXPECT_EQ(control->of_step(600).score, GrowthScore::mask);
   EXPECT_EQ(control->of_step(600).mask_error, 0.3f);
   EXPECT_TRUE(control->of_step(600).gather_statistics);
   EXPECT_FALSE(control->of_step(20000).gather_statistics);
 }
 
-TEST(BudgetedControl, DoesWhatAdaptiveDoesByDefault) {
-  const auto adaptive = control_of(with_strategy("adaptive")),
-             budgeted = control_of(with_strategy("budgeted"));
-  const auto backend = make_scalar_backend();
-  TrainingModel a = growing_model(), b = growing_model();
-  for (const int step : {600, 601, 3000, 3100}) {
-    EXPECT_EQ(budgeted->after_step(b, *backend, step).cloned,
-              adaptive->after_step(a, *backend, step).cloned);
-    EXPECT_TRUE(same_bits(a, b)) << step;
-    EXPECT_EQ(budgeted->of_step(step).gather_statistics, adaptive->of_step(step).gather_statistics);
-  }
-}
-
 // The 30 Gaussians may become 130; at step 600 the window begins, at 7,800 half of it is over.
-TEST(BudgetedControl, FollowsItsCurve) {
-  Config config = with_strategy("budgeted");
+TEST(GrowthControl, FollowsItsCurve) {
+  Config config = with_strategy("adaptive");
   config.density.max_gaussians = 130;
   config.density.until_step = 15000;
-  config.density.curve = GrowthCurve::linear;
-  const auto control = control_of(config);
+  GrowthMethod method;
+  method.curve = GrowthCurve::linear;
+  const auto control = make_growth_control(config, method, Schedule(config, method, 2), 2);
   const auto backend = make_scalar_backend();
   for (const auto& [step, count] : {std::pair{600, 30}, {2000, 40}, {2500, 43}, {15000, 60}}) {
     TrainingModel model = growing_model();
@@ -131,68 +127,43 @@ TEST(BudgetedControl, FollowsItsCurve) {
   }
 }
 
-TEST(BudgetedControl, SubtractsLessAndLessFromOpacities) {
-  Config config = with_strategy("budgeted");
-  config.density.opacity_policy = OpacityPolicy::subtract;
-  config.density.opacity_amount = 0.1f;
-  const auto control = control_of(config);
-  const auto backend = make_scalar_backend();
-  TrainingModel early = growing_model(), late = growing_model();
-  control->after_step(early, *backend, 3000);
-  EXPECT_NEAR(sigmoid(early.gaussians.logit_opacity[0]), 0.5f - 0.1f * 0.9f, 1e-6f);
-  control->after_step(late, *backend, 12000);
-  EXPECT_NEAR(sigmoid(late.gaussians.logit_opacity[0]), 0.5f - 0.1f * 0.6f, 1e-6f);
-}
-
-TEST(BudgetedControl, LeavesOpacitiesAloneWhereAsked) {
-  Config config = with_strategy("budgeted");
-  config.density.opacity_policy = OpacityPolicy::none;
+TEST(GrowthControl, LeavesOpacitiesAloneWhereAsked) {
+  GrowthMethod method;
+  method.opacity = {};
   TrainingModel model = growing_model();
-  control_of(config)->after_step(model, *make_scalar_backend(), 3000);
+  control_of(method)->after_step(model, *make_scalar_backend(), 3000);
   EXPECT_NEAR(sigmoid(model.gaussians.logit_opacity[0]), 0.5f, 1e-6f);
 }
 
-TEST(BudgetedControl, WithoutTheNumberOfItsCurveSaysHowToGiveIt) {
-  Config config = with_strategy("budgeted");
-  config.density.curve = GrowthCurve::root;
+TEST(GrowthControl, WithoutTheNumberOfItsCurveSaysHowToGiveIt) {
+  Config config = with_strategy("improved_gs");
   config.density.max_gaussians = 0;
   EXPECT_THROW(control_of(config), UsageError);
   EXPECT_THROW(validate(config), UsageError);
-  config.density.curve = GrowthCurve::none;
-  EXPECT_NE(control_of(config), nullptr);
-  validate(config);
-}
-
-TEST(BudgetedControl, PrunesTheUnseenOnlyWithAScoreThatCountsPixels) {
-  Config config = with_strategy("budgeted");
-  config.density.prune_unseen = true;
-  EXPECT_THROW(control_of(config), UsageError);
-  EXPECT_THROW(validate(config), UsageError);
-  config.density.score = GrowthScore::force;
+  config.density.strategy = "fastgs";  // without a curve
   EXPECT_NE(control_of(config), nullptr);
   validate(config);
 }
 
 // Refinements are 100 steps apart: fewer than 150 photos.
-TEST(BudgetedControl, PrunesTheUnseenOnlyAfterAWholeEpoch) {
-  Config config = with_strategy("budgeted");
-  config.density.prune_unseen = true;
-  config.density.score = GrowthScore::force;
+TEST(GrowthControl, PrunesTheUnseenOnlyAfterAWholeEpoch) {
+  GrowthMethod method;
+  method.prune_unseen = true;
+  method.score = GrowthScore::force;
   const auto backend = make_scalar_backend();
   for (const std::size_t views : {100, 150}) {
     TrainingModel model = growing_model();
     begin_sums(model);
     for (std::size_t i = 0; i < 20; ++i) model.statistics.sums[i].count = 1;
-    make_density_control(config, Schedule(config, 2, views), 2)->after_step(model, *backend, 1000);
+    control_of(method, views)->after_step(model, *backend, 1000);
     EXPECT_EQ(model.count(), views == 100 ? 20u : 30u);
   }
 }
 
-TEST(BudgetedControl, CapsOpacitiesAfterARefinementAndClearsTheirMoments) {
-  Config config = with_strategy("budgeted");
-  config.density.opacity_cap = 0.3f;
-  config.density.opacity_policy = OpacityPolicy::none;
-  const auto control = control_of(config);
+TEST(GrowthControl, CapsOpacitiesAfterARefinementAndClearsTheirMoments) {
+  GrowthMethod method;
+  method.opacity_cap = 0.3f;
+  const auto control = control_of(method);
   const auto backend = make_scalar_backend();
   TrainingModel model = growing_model();
   number_rows(model.first_moment.logit_opacity, 1);
@@ -205,36 +176,37 @@ TEST(BudgetedControl, CapsOpacitiesAfterARefinementAndClearsTheirMoments) {
 }
 
 // Statistics come from the 100 photos of steps 601 to 700; the score is a sum over them.
-TEST(BudgetedControl, ComparesSumsForEachPhotoWithItsThreshold) {
-  Config config = with_strategy("budgeted");
-  config.density.score = GrowthScore::mask;
-  config.density.gradient_threshold = 0;
-  config.density.score_threshold = 6;
+TEST(GrowthControl, ComparesSumsForEachPhotoWithItsThreshold) {
+  GrowthMethod method;
+  method.score = GrowthScore::mask;
+  method.score_threshold = 6;
   const auto backend = make_scalar_backend();
   TrainingModel model = growing_model();
   begin_sums(model);
   for (std::size_t i = 0; i < 30; ++i)
     model.statistics.sums[i] = {1, 0, i < 10 ? 600.0f : i < 20 ? 599.0f : 5.0f};
-  EXPECT_EQ(control_of(config)->after_step(model, *backend, 700).cloned, 10u);
+  EXPECT_EQ(control_of(method)->after_step(model, *backend, 700).cloned, 10u);
 }
 
-TEST(BudgetedControl, RemovesTheFaintestAfterAReset) {
-  Config config = with_strategy("budgeted");
-  config.density.recovery_prune = 0.1f;
+TEST(GrowthControl, RemovesTheFaintestAfterAReset) {
+  GrowthMethod method;
+  method.recovery_prune = 0.1f;
+  method.recovery_after = 300;
+  method.recovery_until = 6000;
   const auto backend = make_scalar_backend();
   TrainingModel model = growing_model();
   for (std::size_t i = 0; i < 30; ++i) model.gaussians.logit_opacity[i] = float(i % 10);
-  const RefineReport report = control_of(config)->after_step(model, *backend, 3300);
+  const RefineReport report = control_of(method)->after_step(model, *backend, 3300);
   EXPECT_EQ(report.pruned, 3u);
   EXPECT_EQ(report.cloned, 0u);
   ASSERT_EQ(model.count(), 27u);
   for (std::size_t i = 0; i < 27; ++i) EXPECT_GT(model.gaussians.logit_opacity[i], 0.0f);
 }
 
-TEST(BudgetedControl, MeasuresSensitivitiesAndRemovesTheLowest) {
-  Config config = with_strategy("budgeted");
-  config.density.soft_prune = 0.5f;
-  const auto control = make_density_control(config, Schedule(config, 2, 100), 2);
+TEST(GrowthControl, MeasuresSensitivitiesAndRemovesTheLowest) {
+  GrowthMethod method = speedy_splat_method();
+  method.soft_prune = 0.5f;
+  const auto control = control_of(method, 100);
   EXPECT_EQ(control->of_step(5900).score, GrowthScore::gradient);
   EXPECT_EQ(control->of_step(5901).score, GrowthScore::force);
   EXPECT_EQ(control->of_step(5901).fragment_statistic(), FragmentStatistic::force);
@@ -250,10 +222,10 @@ TEST(BudgetedControl, MeasuresSensitivitiesAndRemovesTheLowest) {
   for (const float visits : model.statistics.visits) EXPECT_EQ(visits, 0.0f);
 }
 
-TEST(BudgetedControl, RemovesTheFaintLate) {
-  Config config = with_strategy("budgeted");
-  config.density.late_prune_opacity = 0.1f;
-  const auto control = control_of(config);
+TEST(GrowthControl, RemovesTheFaintLate) {
+  GrowthMethod method;
+  method.late_prune_opacity = 0.1f;
+  const auto control = control_of(method);
   const auto backend = make_scalar_backend();
   TrainingModel model = growing_model();
   model.gaussians.logit_opacity[3] = logit(0.09f);
@@ -262,19 +234,20 @@ TEST(BudgetedControl, RemovesTheFaintLate) {
   EXPECT_EQ(model.count(), 29u);
 }
 
-TEST(BudgetedControl, RefusesPruningThatItsScoreDoesNotAllow) {
-  Config config = with_strategy("budgeted");
-  config.density.soft_prune = 0.5f;
-  config.density.score = GrowthScore::edge;
-  EXPECT_THROW(control_of(config), UsageError);
-  EXPECT_THROW(validate(config), UsageError);
-  config.density.score = GrowthScore::force;
-  EXPECT_NE(control_of(config), nullptr);
-  validate(config);
+TEST(GrowthControl, RefusesPruningThatItsScoreDoesNotAllow) {
+  GrowthMethod unseen;
+  unseen.prune_unseen = true;  // by the score "gradient", which counts no pixels
+  EXPECT_THROW(control_of(unseen), std::logic_error);
+  GrowthMethod shares = speedy_splat_method();
+  shares.score = GrowthScore::edge;  // whose sums are no sensitivities
+  EXPECT_THROW(control_of(shares), std::logic_error);
 }
 
-TEST(DensityControl, WeighsOpacityAndScaleUnderEveryStrategyAsTheSettingsSay) {
-  for (const std::string& name : density_strategies()) {
+// ---- all methods -------------------------------------------------------------------------------
+
+TEST(DensityControl, WeighsOpacityAndScaleUnderEveryMethodAsTheSettingsSay) {
+  for (const NamedMethod& row : growth_methods()) {
+    const std::string name = row.name;
     Config config = with_strategy(name);
     EXPECT_FALSE(control_of(config)->of_step(77).regularizers.any()) << name;
     config.density.opacity_regularizer = 0.02f;

@@ -177,7 +177,7 @@ void keeps_the_sky(const std::string& strategy) {
   EXPECT_EQ(model.count(), 4000u);
 }
 TEST(Sky, IsNotPrunedForItsSizeByAdaptive) { keeps_the_sky("adaptive"); }
-TEST(Sky, IsNotPrunedForItsSizeByBudgeted) { keeps_the_sky("budgeted"); }
+TEST(Sky, IsNotPrunedForItsSizeBySpeedySplat) { keeps_the_sky("speedy_splat"); }
 
 }  // namespace
 }  // namespace gs

@@ -8,6 +8,7 @@
 #include <functional>
 
 #include "gs_core/config/config.h"
+#include "gs_core/density/growth_method.h"
 
 namespace gs::cuda {
 namespace {
@@ -23,7 +24,7 @@ struct Step {
   explicit Step(std::size_t photos) {
     const Config defaults;
     loss_settings.depth_weight = defaults.loss.depth_weight;
-    density.score = defaults.density.score;
+    density.score = growth_method(defaults.density.strategy).score;
     for (std::size_t i = 0; i < photos; ++i) batch.push_back({&view, RenderSettings()});
   }
   bool is_together() const {

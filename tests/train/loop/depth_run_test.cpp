@@ -122,7 +122,7 @@ TEST_F(DepthRun, HasTheSameBitsWithAnyNumberOfThreads) {
 TEST_F(DepthRun, HasTheBytesOfOneRankOnSeveral) {
   for (const bool absolute : {false, true}) {
     Config config = depth_run(60);
-    config.density.absolute_gradient = absolute;
+    if (absolute) config.density.strategy = "absgs";
     config.train.batch = 4;
     const TrainingModel expected = trained(config);
     for (const int ranks : {2, 3}) {

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Every preset trains, and so do the defaults: a few steps of each on a small scene, with
-// refinements, opacity resets and pruned shares in them.
+// refinements and opacity resets in them.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -34,8 +34,8 @@ std::vector<Preset> presets_and_defaults() {
   return all;
 }
 
-/// The preset with 160 steps and up to 150 Gaussians: refinements every 16 from step 16 on, resets
-/// every 60, and shares are pruned every 48 and after resets where it does that.
+/// The preset with 160 steps and up to 150 Gaussians: refinements every 16 from step 16 on, and
+/// resets every 60.
 Config short_preset(const std::string& name) {
   Config config;
   if (name != kDefaults) load_config(config, name);
@@ -47,11 +47,7 @@ Config short_preset(const std::string& name) {
   density.max_gaussians = 150;
   density.from_step = density.every = 16;
   density.gradient_threshold = std::min(density.gradient_threshold, 1e-5f);
-  density.score_threshold = std::min(density.score_threshold, 0.1f);
   density.reset_opacity_every = 60;
-  density.recovery_after = 5;
-  density.recovery_until = 30000;
-  density.share_prune_every = density.share_prune_from = 48;
   if (config.photometric.model == kAutoPhotometricModel) config.photometric.model = "gains";
   if (config.model.dynamic) density.reset_opacity_until = 0;  // too few photos of each moment
   return config;

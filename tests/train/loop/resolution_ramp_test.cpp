@@ -121,20 +121,18 @@ TEST_F(ResolutionRamp, GoesOnAfterAnyStepInBatches) {
   expect_goes_on_after({10, 23, 27, 30, 59, 75}, config);
 }
 
-// Every score sums over pixels of the reduced photo.
-TEST_F(ResolutionRamp, WorksWithEveryStrategyAndScore) {
+// Scores sum over pixels of the reduced photo.
+TEST_F(ResolutionRamp, WorksWithEveryMethod) {
   Config config = run_with({4, 2});
   config.density.max_gaussians = 150;
   for (const char* strategy : {"adaptive", "mcmc"}) {
     config.density.strategy = strategy;
     expect_goes_on_after({30}, config);
   }
-  config.density.strategy = "budgeted";
   config.density.gradient_threshold = 0;
-  for (const GrowthScore score : {GrowthScore::force, GrowthScore::error, GrowthScore::mask,
-                                  GrowthScore::edge, GrowthScore::gradient}) {
-    config.density.score = score;
-    EXPECT_GT(trained(config).count(), scene_.points.size());
+  for (const NamedMethod& row : growth_methods()) {
+    config.density.strategy = row.name;
+    EXPECT_GT(trained(config).count(), scene_.points.size()) << row.name;
   }
 }
 

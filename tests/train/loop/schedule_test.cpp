@@ -113,7 +113,7 @@ TEST(ScheduleOfTwiceTheSteps, DoublesEveryPointInTime) {
 
 TEST(ScheduleOfEpochs, RefinesAfterSoManyPassesOverThePhotos) {
   Config config = adaptive_config();
-  config.density.every_epochs = 2;
+  config.density.strategy = "litegs";  // every second epoch
   const Schedule schedule(config, 2.0f, 250), few(config, 2.0f, 40), unknown(config, 2.0f);
   EXPECT_EQ(steps_where(schedule, [&](int step) { return schedule.refine(step); }),
             from_to_every(1000, 14'500, 500));
@@ -125,7 +125,7 @@ TEST(ScheduleOfEpochs, RefinesAfterSoManyPassesOverThePhotos) {
 
 TEST(ScheduleOfEpochs, RefinesTenTimesHoweverManyPhotosThereAre) {
   Config config = adaptive_config();
-  config.density.every_epochs = 2;
+  config.density.strategy = "litegs";           // every second epoch
   const Schedule schedule(config, 2.0f, 5000);  // 10,000 steps, of which the window has 14,300
   EXPECT_EQ(steps_where(schedule, [&](int step) { return schedule.refine(step); }),
             from_to_every(1430, 14'300, 1430));
@@ -237,7 +237,7 @@ TEST(HasSeenAllViews, NeedsAWholeEpoch) {
 
 Config with_epochs(int every) {
   Config config = adaptive_config();
-  config.density.window = StatisticsWindow::epoch;
+  config.density.strategy = "growth";  // its statistics are of an epoch
   config.density.every = every;
   return config;
 }
@@ -272,15 +272,14 @@ TEST(StatisticsOfAnEpoch, AreOfAllStepsWhereNoneLiesBetweenTwoRefinements) {
 
 // ---- shares that are pruned --------------------------------------------------------------------
 
-Config budgeted() {
+Config with_method(const std::string& strategy) {
   Config config = adaptive_config();
-  config.density.strategy = "budgeted";
+  config.density.strategy = strategy;
   return config;
 }
 
 TEST(RecoveryPrune, ComesSoManyStepsAfterTheFirstResetsInsteadOfARefinement) {
-  Config config = budgeted();
-  config.density.recovery_prune = 0.2f;
+  Config config = with_method("improved_gs");
   const Schedule schedule(config, 2.0f);
   EXPECT_THAT(steps_where(schedule, [&](int step) { return schedule.recovery_prune(step) > 0; }),
               ElementsAre(3300, 6300));
@@ -297,15 +296,8 @@ TEST(RecoveryPrune, ComesSoManyStepsAfterTheFirstResetsInsteadOfARefinement) {
   EXPECT_TRUE(Schedule(config, 2.0f).refine(3300));
 }
 
-Config with_share_prunes() {
-  Config config = budgeted();
-  config.density.soft_prune = 0.8f;
-  config.density.hard_prune = 0.3f;
-  return config;
-}
-
 TEST(SensitivityPrune, IsSoftBeforeTheLastRefinementAndHardAfterwards) {
-  const Schedule schedule(with_share_prunes(), 2.0f, 200);
+  const Schedule schedule(with_method("speedy_splat"), 2.0f, 200);
   EXPECT_THAT(steps_where(schedule, [&](int step) { return schedule.sensitivity_prune(step) > 0; }),
               ElementsAre(6000, 9000, 12'000, 15'000, 18'000, 21'000, 24'000, 27'000));
   for (const int step : {6000, 9000, 12'000})
@@ -315,7 +307,7 @@ TEST(SensitivityPrune, IsSoftBeforeTheLastRefinementAndHardAfterwards) {
 }
 
 TEST(SensitivityPrune, IsMeasuredInTheLastWholeEpochWithoutRefinements) {
-  const Schedule schedule(with_share_prunes(), 2.0f, 280);  // an epoch ends at 5880
+  const Schedule schedule(with_method("speedy_splat"), 2.0f, 280);  // an epoch ends at 5880
   EXPECT_EQ(
       steps_where(schedule,
                   [&](int step) { return step < 8000 && schedule.measure_sensitivity(step); }),
@@ -329,7 +321,8 @@ TEST(SensitivityPrune, IsMeasuredInTheLastWholeEpochWithoutRefinements) {
 }
 
 TEST(SensitivityPrune, NeedsAnEpochSinceTheOneBefore) {
-  const Schedule many(with_share_prunes(), 2.0f, 3100), unknown(with_share_prunes(), 2.0f);
+  const Schedule many(with_method("speedy_splat"), 2.0f, 3100),
+      unknown(with_method("speedy_splat"), 2.0f);
   for (int step = 1; step <= 30'000; ++step) {
     ASSERT_EQ(many.sensitivity_prune(step), 0.0) << step;
     ASSERT_EQ(unknown.sensitivity_prune(step), 0.0) << step;
@@ -338,11 +331,8 @@ TEST(SensitivityPrune, NeedsAnEpochSinceTheOneBefore) {
 }
 
 TEST(LatePrune, ComesAtTheIntervalsOfResetsAfterTheRefinements) {
-  Config config = budgeted();
-  const Schedule none(config, 2.0f);
+  const Schedule none(adaptive_config(), 2.0f), schedule(with_method("fastgs"), 2.0f);
   EXPECT_TRUE(steps_where(none, [&](int step) { return none.prune_late(step); }).empty());
-  config.density.late_prune_opacity = 0.1f;
-  const Schedule schedule(config, 2.0f);
   EXPECT_THAT(steps_where(schedule, [&](int step) { return schedule.prune_late(step); }),
               ElementsAre(18'000, 21'000, 24'000, 27'000));
 }

@@ -95,7 +95,7 @@ TEST_F(SmallRun, WithAbsoluteGradientsGrowsMoreAtTheSameThreshold) {
   Config config = short_run();
   config.density.from_step = config.density.every = 50;
   const Gaussians plain = trained(config);
-  config.density.absolute_gradient = true;
+  config.density.strategy = "absgs";
   EXPECT_GT(trained(config).count(), plain.count());
 }
 

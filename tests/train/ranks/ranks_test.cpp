@@ -109,8 +109,7 @@ TEST_F(RankedRun, WithScoresOfPixelsAndReducedPhotosHasTheBytesOfOneRank) {
   config.train.batch = 3;
   config.train.resolution_ramp = {2};
   config.train.resolution_least = 1;
-  config.density.soft_prune = 0;
-  config.density.score = GrowthScore::error;
+  config.density.strategy = "taming";
   expect_same_for_any_number(config);
 }
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Stage 9 of the strategy "budgeted" on hand-made statistics, and its runs.
+// Stage 9 of the methods that grow on hand-made statistics, and their runs.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
@@ -222,20 +222,6 @@ TEST(Grow, SplitsAlongTheLongestAxis) {
   }
 }
 
-TEST(Grow, KeepsTheVarianceWhereAsked) {
-  GrowthRules rules = by_error(0, GrowthSelection::top_k);
-  rules.split.place = SplitPlacement::variance;
-  TrainingModel model = one_large();
-  grow_by(model, rules);
-  ASSERT_EQ(model.count(), 2u);
-  const float scales[] = {0.2f, 0.8f, 0.4f};
-  for (int axis = 0; axis < 3; ++axis) {
-    const float half = (model.gaussians.mean[0][axis] - model.gaussians.mean[1][axis]) / 2;
-    const float scale = std::exp(model.gaussians.log_scale[0][axis]);
-    EXPECT_NEAR(half * half + scale * scale, scales[axis] * scales[axis], 1e-6f);
-  }
-}
-
 TEST(Grow, MayKeepTheParentAsItIsBesideOneChild) {
   GrowthRules rules = by_error(0, GrowthSelection::top_k);
   rules.split.keeps_parent = true;
@@ -306,68 +292,52 @@ class Watcher : public Observer {
   int last_step_;
 };
 
-class BudgetedRun : public SceneRun {
+class GrowthRun : public SceneRun {
  protected:
-  BudgetedRun() : SceneRun(small_scene()) {}
-  static Config run_with(GrowthScore score) {
+  GrowthRun() : SceneRun(small_scene()) {}
+  /// Without opacities that are lowered.
+  static Config run_of(const std::string& strategy) {
     Config config = short_run();
     DensityConfig& density = config.density;
-    density.strategy = "budgeted";
+    density.strategy = strategy;
     density.max_gaussians = 200;
-    density.score = score;
-    density.select = GrowthSelection::race;
-    density.curve = GrowthCurve::linear;
     density.gradient_threshold = 0;
     density.from_step = 20;
     density.every = 20;
-    density.split = SplitPlacement::axis;
-    density.opacity_policy = OpacityPolicy::none;
-    density.prune_unseen = score != GrowthScore::gradient;
     density.until_step = 24000;
+    density.reset_opacity_until = 0;
     return config;
   }
 };
 
-TEST_F(BudgetedRun, FollowsItsCurveWithEveryScore) {
-  for (const GrowthScore score : {GrowthScore::gradient, GrowthScore::force, GrowthScore::error,
-                                  GrowthScore::mask, GrowthScore::edge}) {
-    const Config config = run_with(score);
+TEST_F(GrowthRun, FollowsTheCurveOfItsMethod) {
+  for (const char* strategy : {"growth", "dash_gaussian", "improved_gs", "litegs", "taming"}) {
+    const Config config = run_of(strategy);
     const Schedule schedule(config, scene_.extent, scene_.train_views.size());
+    const GrowthMethod& method = growth_method(strategy);
     Watcher watcher;
     Trainer trainer(scene_, config, *backend_);
     trainer.add_observer(watcher);
     trainer.run();
-    for (int step = 40; step < 200; step += 20) {
-      const std::int64_t target = growth_target(GrowthCurve::linear, schedule.growth_share(step),
-                                                std::int64_t(scene_.points.size()), 200);
+    for (int step = 100; step < 200; step += 20) {
+      const std::int64_t target =
+          growth_target(method.curve, schedule.growth_share(step),
+                        std::int64_t(scene_.points.size()), 200, double(method.ramp_from));
       // Faint children go at once, and a small model cannot always grow enough.
-      EXPECT_LE(std::int64_t(watcher.counts[step]), target) << word_of(score) << " " << step;
-      EXPECT_GE(double(watcher.counts[step]), 0.8 * double(target))
-          << word_of(score) << " " << step;
+      EXPECT_LE(std::int64_t(watcher.counts[step]), target) << strategy << " " << step;
+      EXPECT_GE(double(watcher.counts[step]), 0.8 * double(target)) << strategy << " " << step;
     }
     EXPECT_GT(evaluate(backend_->renderer(), trainer.model().gaussians.span(), scene_.train_views,
                        trainer.evaluation_settings())
                   .psnr,
               20)
-        << word_of(score);
+        << strategy;
   }
 }
 
-TEST_F(BudgetedRun, WithTheSettingsOfAdaptiveIsARunOfAdaptive) {
-  Config config = short_run();
-  config.train.iterations = 150;
-  config.density.from_step = config.density.every = 20;
-  config.density.gradient_threshold = 1e-5f;
-  config.density.reset_opacity_every = 50;
-  const TrainingModel adaptive = trained(config);
-  config.density.strategy = "budgeted";
-  EXPECT_TRUE(same_bits(trained(config), adaptive));
-  EXPECT_GT(adaptive.count(), 2 * scene_.points.size());
-}
-
-TEST_F(BudgetedRun, GoesOnFromACheckpointAsIfItHadNeverStopped) {
-  for (const GrowthScore score : {GrowthScore::force, GrowthScore::edge}) {
-    Config config = run_with(score);
+TEST_F(GrowthRun, GoesOnFromACheckpointAsIfItHadNeverStopped) {
+  for (const char* strategy : {"growth", "improved_gs"}) {
+    Config config = run_of(strategy);
     config.train.iterations = 130;
     LastState kept;
     Watcher watcher(66);  // between two refinements
@@ -383,54 +353,71 @@ TEST_F(BudgetedRun, GoesOnFromACheckpointAsIfItHadNeverStopped) {
   }
 }
 
-TEST_F(BudgetedRun, PrunesSharesAtTheirSteps) {
-  const Config config = busy_run();
+// Opacities are lowered at step 30, and the faintest go 300 steps later, where nothing grows.
+TEST_F(GrowthRun, OfImprovedGsRemovesTheFaintestAfterAReset) {
+  Config config = run_of("improved_gs");
+  config.train.iterations = 340;
+  config.density.every = 10;
+  config.density.reset_opacity_every = 30;
+  config.density.reset_opacity_until = 30000;
   Watcher watcher;
   Trainer trainer(scene_, config, *backend_);
   trainer.add_observer(watcher);
   trainer.run();
-  std::map<int, std::size_t>& counts = watcher.counts;
-  EXPECT_EQ(counts[40], counts[39] - share_of(counts[39], double(0.1f)));
-  EXPECT_EQ(counts[64], counts[63] - share_of(counts[63], double(0.3f)));
-  EXPECT_EQ(counts[60], counts[59]);  // no refinement while sensitivities are measured
-  EXPECT_GT(counts[80], counts[79]);
+  EXPECT_EQ(watcher.counts[330], watcher.counts[329] - share_of(watcher.counts[329], double(0.2f)));
 }
 
-TEST_F(BudgetedRun, GoesOnFromAnyStepOfAMeasurement) {
-  const Config config = busy_run();
-  const TrainingModel whole = trained(config);
-  for (const int stop : {36, 57, 60, 63, 64, 77}) {
+/// A run of Speedy-Splat that removes 80 % at step 1000, by sensitivities that the epoch before has.
+class SpeedyRun : public GrowthRun {
+ protected:
+  SpeedyRun() {
+    config_.train.iterations = 1120;
+    config_.density.until_step = 29900;
+  }
+  Config config_ = run_of("speedy_splat");
+  const int epoch_ = int(scene_.train_views.size());
+  const int measured_ = 1000 / epoch_ * epoch_;  // the last step of that epoch
+};
+
+TEST_F(SpeedyRun, RemovesTheLeastSensitiveWithoutARefinementInBetween) {
+  Watcher watcher;
+  Trainer trainer(scene_, config_, *backend_);
+  trainer.add_observer(watcher);
+  trainer.run();
+  EXPECT_EQ(watcher.counts[999], watcher.counts[measured_ - epoch_]);
+  EXPECT_EQ(watcher.counts[1000],
+            watcher.counts[999] - share_of(watcher.counts[999], double(0.8f)));
+  EXPECT_GT(watcher.counts[1040], watcher.counts[1000]);
+}
+
+TEST_F(SpeedyRun, GoesOnFromAnyStepOfAMeasurement) {
+  const TrainingModel whole = trained(config_);
+  for (const int stop : {measured_ - epoch_, measured_ - 1, 1000}) {
     LastState kept;
     StopAfter watcher(stop);
-    Trainer first(scene_, config, *backend_);
+    Trainer first(scene_, config_, *backend_);
     first.keep_checkpoints_in(kept);
     first.add_observer(watcher);
     first.run();
-    Trainer rest(scene_, config, *backend_, std::move(kept.state));
+    Trainer rest(scene_, config_, *backend_, std::move(kept.state));
     rest.run();
     EXPECT_TRUE(same_bits(copy_to(host_memory(), rest.model()), whole)) << stop;
   }
 }
 
-TEST_F(BudgetedRun, WithEverythingGivesTheSameBitsForAnyNumberOfThreads) {
-  const Config config = busy_run();
-  set_thread_count(1);
-  const TrainingModel one = trained(config);
-  set_thread_count(0);
-  EXPECT_TRUE(same_bits(trained(config), one));
+TEST_F(GrowthRun, GivesTheSameBitsForAnyNumberOfThreads) {
+  Config edges = run_of("improved_gs");
+  edges.train.iterations = 90;
+  for (const Config& config : {busy_run(), edges}) {
+    set_thread_count(1);
+    const TrainingModel one = trained(config);
+    set_thread_count(0);
+    EXPECT_TRUE(same_bits(trained(config), one));
+  }
 }
 
-TEST_F(BudgetedRun, GivesTheSameBitsForAnyNumberOfThreads) {
-  Config config = run_with(GrowthScore::error);
-  config.train.iterations = 90;
-  set_thread_count(1);
-  const TrainingModel one = trained(config);
-  set_thread_count(0);
-  EXPECT_TRUE(same_bits(trained(config), one));
-}
-
-TEST_F(BudgetedRun, AddsGaussiansInTheRegionOfTheSettingAlone) {
-  Config config = run_with(GrowthScore::error);
+TEST_F(GrowthRun, AddsGaussiansInTheRegionOfTheSettingAlone) {
+  Config config = run_of("taming");
   const auto count_with = [&](const std::string& region) {
     config.density.region = region;
     return trained(config).count();
@@ -439,10 +426,10 @@ TEST_F(BudgetedRun, AddsGaussiansInTheRegionOfTheSettingAlone) {
   EXPECT_GT(count_with("0,1,0,-1000"), scene_.points.size());
 }
 
-TEST_F(BudgetedRun, TakesTheRegionInTheCoordinatesOfThePhotos) {
+TEST_F(GrowthRun, TakesTheRegionInTheCoordinatesOfThePhotos) {
   Scene far = scene_;
   far.world_offset = {0.0, 5e6, 0.0};
-  Config config = run_with(GrowthScore::error);
+  Config config = run_of("taming");
   config.density.region = "0,1,0,4999000";
   Trainer trainer(far, config, *backend_);
   trainer.run();
