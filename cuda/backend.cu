@@ -15,6 +15,7 @@
 #include "cuda/render/renderer.cuh"
 #include "cuda/train/depth.cuh"
 #include "cuda/train/pending_steps.h"
+#include "cuda/train/photo_rows.cuh"
 #include "cuda/train/photometric_stage.cuh"
 #include "gs_core/math/density.h"
 #include "gs_core/training_memory.h"
@@ -77,7 +78,7 @@ class CudaBackend final : private Device, private StepLauncher<Step>, public Bac
   explicit CudaBackend(int index)
       : Device(index), Backend(device_memory), photos_(context, device_memory),
         renderer_(context, device_memory), loss_(make_loss(context, device_memory, photos_)),
-        optimizer_(make_optimizer(context)), sums_(device_memory), photo_buffers_(device_memory),
+        optimizer_(make_optimizer(context)), photo_buffers_(device_memory), forces_(device_memory),
         photometric_(context, device_memory), poses_(context, device_memory),
         depth_maps_(device_memory), depth_(device_memory),
         rows_(make_row_ops(context, device_memory, pass_.splats, pass_.pixel_rects,
@@ -146,9 +147,9 @@ class CudaBackend final : private Device, private StepLauncher<Step>, public Bac
     release_pass();
     rows_->release_caches();
     renderer_.release_caches();
-    sums_ = BatchSums(device_memory);  // zero between steps; made anew for the next batch
-    photo_buffers_.release();          // the same
-    photometric_.release_caches();     // the same
+    photo_buffers_.release();  // its gradients are zero between steps
+    forces_.release();         // the same
+    photometric_.release_caches();
     depth_.release();
   }
 
@@ -212,31 +213,23 @@ class CudaBackend final : private Device, private StepLauncher<Step>, public Bac
     pass_.scratch<CudaScratch>().room.release();
   }
 
-  // One photo is pulled back and the model updated by one kernel, and so are the photos of most
-  // batches together. The gradients of other batches are summed up first.
   void enqueue(const Step& step) override {
-    const bool are_together = step.are_together(*model_);
-    if (step.density.fragment_statistic() != FragmentStatistic::none) begin_sums(*model_);
-    if (step.is_batch() && !are_together) sums_.reserve(*model_);
+    const std::uint32_t* const halted = renderer_.workspace().halted.data();
+    const bool sums_fragments = step.density.fragment_statistic() != FragmentStatistic::none;
+    if (sums_fragments) begin_sums(*model_);
     photometric_.begin(model_->photometric, step.batch.size());
-    std::vector<PhotoRows> photos;
-    if (are_together) photos = projected_photos(step);
-    for (std::size_t i = 0; i < step.batch.size(); ++i) {
+    const std::vector<PhotoRows> photos = projected_photos(step);
+    for (std::size_t i = 0; i < photos.size(); ++i) {
       prefetch_after(step, i);
-      differentiate(step, i, are_together);
+      differentiate(step, i, photos[i]);
     }
-    if (are_together)
-      update_by_photos(context, *model_, {photos.data(), photos.size()}, step.adam, step.rule,
-                       step.rounding, step.density, renderer_.workspace().halted.data());
-    else if (step.is_batch())
-      update(step);
-    photometric_.update(model_->photometric, step.photometric, step.photos(),
-                        renderer_.workspace().halted.data());
-    if (step.poses.is_due)
-      poses_.update(step.poses.adam, step.poses.rule, renderer_.workspace().halted.data());
+    if (sums_fragments) gather_all_sums(photos);
+    update_by_photos(context, *model_, {photos.data(), photos.size()}, step, halted);
+    photometric_.update(model_->photometric, step.photometric, step.photos(), halted);
+    if (step.poses.is_due) poses_.update(step.poses.adam, step.poses.rule, halted);
     if (step.density.noise.scale > 0)
       add_position_noise(context, model_->gaussians.span(), step.density.noise, step.position_rate,
-                         renderer_.workspace().halted.data());
+                         halted);
   }
 
   // Starts to copy the photo that comes after photo i of a step, so that it arrives meanwhile.
@@ -251,29 +244,24 @@ class CudaBackend final : private Device, private StepLauncher<Step>, public Bac
     std::vector<PhotoRows> photos;
     for (std::size_t i = 0; i < step.batch.size(); ++i) {
       const TrainingPhoto& photo = step.batch[i];
-      photos.push_back(photo_buffers_.rows(i, reduced(photo.camera(), photo.reduction),
-                                           settings_of(step, photo), model_->count(), renderer_,
-                                           pass_));
+      const std::optional<PoseRow> row = row_of(photo);
+      RenderSettings settings = photo.settings;
+      settings.fragment_statistic = step.density.fragment_statistic();
+      settings.with_depths = step.loss_settings.depth_weight > 0 && photo.view->has_depth_map;
+      photos.push_back(photo_buffers_.rows(i, reduced(photo.camera(), photo.reduction), settings,
+                                           row ? poses_.refine(*row, i) : nullptr, model_->count(),
+                                           renderer_, pass_));
     }
-    preprocess_batch(context, model_->gaussians.span(), {photos.data(), photos.size()});
+    preprocess(context, model_->gaussians.span(), {photos.data(), photos.size()});
     return photos;
   }
 
-  RenderSettings settings_of(const Step& step, const TrainingPhoto& photo) const {
-    RenderSettings settings = photo.settings;
-    settings.fragment_statistic = step.density.fragment_statistic();
-    settings.with_depths = compares_depth(photo, step.loss_settings);
-    return settings;
-  }
-
-  // Photo i of a step. Where all are done together, stage 1 comes before it, and stage 7 after it.
-  void differentiate(const Step& step, std::size_t i, bool is_together) {
+  // Photo i of a step, from stage 2 to dL/d(splat).
+  void differentiate(const Step& step, std::size_t i, const PhotoRows& rows) {
     const TrainingPhoto& photo = step.batch[i];
+    const RenderSettings& settings = rows.settings;
     const std::uint32_t number = step.number_of(i);
     steps_.reports().clear(number);
-    const Camera camera = reduced(photo.camera(), photo.reduction);
-    const std::optional<PoseRow> row = row_of(photo);
-    const DevicePose* const pose = row ? poses_.refine(*row, i) : nullptr;
     LossSettings loss_settings = step.loss_settings;
     loss_settings.photo_reduction = photo.reduction;
     std::optional<PhotoOnDevice> on_device;
@@ -282,64 +270,58 @@ class CudaBackend final : private Device, private StepLauncher<Step>, public Bac
           photometric_.photo(model_->photometric, step.photometric, photo, i, step.batch.size());
       loss_settings.photo_on_device = &*on_device;
     }
-    const RenderSettings settings = settings_of(step, photo);
-    const GaussiansSpan gaussians = model_->gaussians.span();
     Workspace& workspace = renderer_.workspace();
-    const std::uint32_t capacity = steps_.forecast().capacity_for(photo, model_->count());
-    StepReport* const report = steps_.reports().of_step(number);
-    if (is_together) {
-      photo_buffers_.select(i, camera, model_->count(), renderer_, pass_);
-      renderer_.finish_projected(settings, pass_, capacity, report, number);
-    } else {
-      renderer_.reserve_gradients(model_->count(), settings);
-      renderer_.forward(gaussians, camera, settings, pass_, capacity, report, number, pose);
-    }
+    photo_buffers_.select(i, rows, model_->count(), renderer_, pass_);
+    renderer_.finish_projected(settings, pass_,
+                               steps_.forecast().capacity_for(photo, model_->count()),
+                               steps_.reports().of_step(number), number);
     loss_->forward_backward(pass_, *photo.view, loss_settings, dL_dimage_);
     if (settings.fragment_statistic == FragmentStatistic::values)
       gs::cuda::find_pixel_values(context, photos_.last(), *photo.view,
                                   loss_settings.photo_on_device, step.density, workspace, pass_);
     blend_backward(context, settings, dL_dimage_.span(), workspace, pass_);
-    if (settings.fragment_statistic != FragmentStatistic::none)
-      gather_fragment_sums(context, settings, workspace, pass_,
-                           step.is_batch() ? sums_.statistics : model_->statistics);
-    add_depth_gradient(photo, loss_settings, settings);
+    if (settings.with_depths) {
+      if (sums_among_gradients(settings)) gather_forces(rows, step.batch.size());
+      add_depth_gradient(photo, loss_settings, settings);
+    }
     if (step.poses.is_due)
-      gs::cuda::camera_gradient(context, gaussians, camera, settings, workspace, pass_, pose, *row,
+      gs::cuda::camera_gradient(context, model_->gaussians.span(), rows, workspace, *row_of(photo),
                                 1.0 / double(step.batch.size()));
-    if (is_together) return;
-    if (step.is_batch())
-      preprocess_backward_and_add(context, gaussians, camera, settings, step.density, workspace,
-                                  pass_, 1.0f / float(step.batch.size()), sums_, pose);
-    else
-      preprocess_backward_and_update(context, *model_, camera, settings, step.adam, step.rule,
-                                     step.rounding, step.density, workspace, pass_, pose);
   }
 
-  // Of photos with a depth map: adds to what blend_backward() has left. The loss has asked for the
+  // Sums of forces among the gradients, before a depth map adds to these. A later photo of the step
+  // may be halted, so those of a batch are kept apart until all are drawn.
+  void gather_forces(const PhotoRows& photo, std::size_t photos) {
+    const std::size_t count = model_->count();
+    if (photos > 1 && forces_.size() != count) {
+      forces_.resize_discard(count);
+      forces_.fill_zero();
+    }
+    gather_fragment_sums(context, photo,
+                         photos > 1 ? forces_.span() : model_->statistics.sums.span(),
+                         renderer_.workspace().halted.data());
+    has_forces_ |= photos > 1;
+  }
+  // All other sums over fragments of a step.
+  void gather_all_sums(const std::vector<PhotoRows>& photos) {
+    const std::uint32_t* const halted = renderer_.workspace().halted.data();
+    const Span<FragmentSums> sums = model_->statistics.sums.span();
+    for (const PhotoRows& photo : photos)
+      if (!sums_among_gradients(photo.settings)) gather_fragment_sums(context, photo, sums, halted);
+    if (std::exchange(has_forces_, false)) add_fragment_sums(context, sums, forces_.span(), halted);
+  }
+
+  // Adds the gradient of a depth map to what blend_backward() has left. The loss has asked for the
   // photo, and so for its mask.
   void add_depth_gradient(const TrainingPhoto& photo, const LossSettings& loss_settings,
                           const RenderSettings& settings) {
     const View& view = *photo.view;
-    if (!(loss_settings.depth_weight > 0) || !view.has_depth_map) return;
     const DepthMaps::Map& map = depth_maps_.of(view);
     if (map.values.empty()) return;
     depth_.add_gradient(
         context, settings,
         {map.values.data(), photos_.last().mask, view.camera.width, photo.reduction, map.kind},
         loss_settings.depth_weight, renderer_.workspace(), pass_);
-  }
-
-  void update(const Step& step) {
-    const Regularizers& regularizers = step.density.regularizers;
-    if (regularizers.any())
-      add_regularizer_gradients(context, model_->gaussians.span(), regularizers,
-                                sums_.gradients.span());
-    const std::uint32_t* const halted = renderer_.workspace().halted.data();
-    update_by_sums(context, *model_, step.adam, step.rule, step.rounding,
-                   step.batch.back().settings.sh_degree, regularizers.any(), halted, sums_);
-    if (model_->statistics.has_sums)
-      add_fragment_sums(context, model_->statistics.sums.span(), sums_.statistics.sums.span(),
-                        halted);
   }
 
   static PoseUpdate pose_update(const PoseState& state, const Update& update) {
@@ -366,7 +348,8 @@ class CudaBackend final : private Device, private StepLauncher<Step>, public Bac
     clear_sums();
   }
   void clear_sums() {
-    sums_.clear();
+    forces_.fill_zero();
+    has_forces_ = false;
     photometric_.clear_gradients();
     poses_.clear_gradient();
   }
@@ -378,8 +361,9 @@ class CudaBackend final : private Device, private StepLauncher<Step>, public Bac
   const LossRow* loss_row_ = kLosses;
   std::unique_ptr<Loss> loss_;
   std::unique_ptr<Optimizer> optimizer_;
-  BatchSums sums_;
   PhotoBuffers photo_buffers_;
+  Buffer<FragmentSums> forces_;  // of a batch with depth maps; zero between steps
+  bool has_forces_ = false;      // of the step that is being launched
   PhotometricStage photometric_;
   DevicePoses poses_;
   DepthMaps depth_maps_;

@@ -12,8 +12,6 @@
 #include "cuda/device/fixed_sums.cuh"
 #include "cuda/ranks/shard.h"
 #include "cuda/render/refined_camera.cuh"
-#include "cuda/train/batch_choice.h"
-#include "cuda/train/batch_sums.cuh"
 #include "cuda/train/photos.cuh"
 #include "cuda/train/poses.cuh"
 #include "gs_core/math/adam.h"
@@ -21,8 +19,6 @@
 #include "gs_train/backend.h"
 
 namespace gs::cuda {
-
-struct PhotoRows;
 
 /// The device's message to the host about one step, or one frame. create_instances() writes it; the
 /// host reads it later.
@@ -100,6 +96,42 @@ struct Workspace {
 };
 // clang-format on
 
+/// A photo of a step as stages 1 and 7 see it, which work on rows of the model. Its arrays have the
+/// rows of the whole model.
+struct PhotoRows {
+  Camera camera;
+  RenderSettings settings;
+  const DevicePose* pose;  // takes the place of the camera's; null: the camera is as it is given
+  Splat* splats;           // (N)
+  float* depths;           // (N)  null: none are wanted
+  Rect* pixel_rects;       // (N)
+  std::uint32_t* tile_counts;   // (N)
+  std::uint32_t* depth_keys;    // (N)
+  SplatGradientSum* gradients;  // (N)  zero once they are pulled back
+  // of scores that sum over fragments, where these sums are not among the gradients
+  Vec4f* fragment_sums;                    // (N)
+  FixedFragmentSums* fixed_fragment_sums;  // (N)  if deterministic
+
+  /// With the arrays of a pass and a workspace, which have their sizes.
+  PhotoRows(const Camera& camera_, const RenderSettings& settings_, const DevicePose* pose_,
+            const Workspace& workspace, const RenderPass& pass)
+      : camera(camera_), settings(settings_), pose(pose_), splats(pass.splats.data()),
+        depths(settings.with_depths ? pass.depths.data() : nullptr),
+        pixel_rects(pass.pixel_rects.data()), tile_counts(pass.tile_counts.data()),
+        depth_keys(workspace.depth_keys.data()), gradients(workspace.splat_gradients.data()),
+        fragment_sums(workspace.fragment_sums.data()),
+        fixed_fragment_sums(workspace.fixed_fragment_sums.data()) {}
+  std::size_t pixel_count() const { return std::size_t(camera.width) * camera.height; }
+};
+
+/// What a step changes a model by.
+struct ModelUpdate {
+  AdamSteps adam;
+  AdamRule rule;
+  MomentRounding rounding;
+  DensityStep density;
+};
+
 #ifdef __CUDACC__
 /// dL/d(splat) of a visible Gaussian. Color gradients are zero where blending clamped the color.
 __device__ inline SplatGradient masked(const SplatGradientSum& sum, const Vec3f& color) {
@@ -160,16 +192,14 @@ void with_tiles(const RenderPass& pass, F&& f) {
 inline bool uses_short_keys(const RenderPass& pass) { return pass.tile_count() < 65536; }
 
 /// 1  preprocess.cu: activate, cull, project, color; one splat per Gaussian, and which tiles it
-/// hits. Here and below, `pose` takes the place of the camera's; null: the camera is as it is
-/// given. `shard` says which rows of the model the Gaussians are; workspace and pass have all rows.
+/// hits.
 void preprocess(Context& context, const GaussiansSpan& gaussians, const Camera& camera,
-                const RenderSettings& settings, Workspace& workspace, RenderPass& pass,
-                const DevicePose* pose = nullptr, const Shard& shard = {});
+                const RenderSettings& settings, Workspace& workspace, RenderPass& pass);
 
-/// 1 for the photos of a batch that are done together  preprocess.cu: the same into the arrays of
-/// each photo.
-void preprocess_batch(Context& context, const GaussiansSpan& gaussians,
-                      Span<const PhotoRows> photos, const Shard& shard = {});
+/// 1 for the photos of a step  preprocess.cu: the same into the arrays of each photo. Here and
+/// below, `shard` says which rows of the model the Gaussians are.
+void preprocess(Context& context, const GaussiansSpan& gaussians, Span<const PhotoRows> photos,
+                const Shard& shard = {});
 
 /// 2, 3  sort.cu: sort the Gaussians from near to far, the culled ones last, and find where each
 /// one's instances begin. If at most `most_visible` of them are visible and that is less than half,
@@ -219,6 +249,17 @@ void pack_picture(Context& context, const RenderPass& pass, Buffer<std::uint32_t
 void blend_backward(Context& context, const RenderSettings& settings, Span<const float> dL_dimage,
                     Workspace& workspace, RenderPass& pass);
 
+/// True where the sums over fragments of the score "force" find room in
+/// Workspace::splat_gradients.
+inline bool sums_among_gradients(const RenderSettings& settings) {
+  return settings.fragment_statistic == FragmentStatistic::force && !settings.deterministic &&
+         !settings.absolute_gradient;
+}
+/// True where stage 7 adds such sums to the statistics, rather than gather_fragment_sums(), which
+/// comes before a depth map adds to the gradients.
+inline bool sums_of_forces_are_added(const RenderSettings& settings) {
+  return sums_among_gradients(settings) && !settings.with_depths;
+}
 /// From a photo's forces by the mean loss to those by its sum.
 inline float force_scale(std::size_t pixels) { return 3.0f * float(pixels); }
 /// The same where only sums of forces are scaled.
@@ -230,72 +271,43 @@ inline float force_scale(FragmentStatistic statistic, std::size_t pixels) {
 void find_pixel_values(Context& context, const PhotoBytes& bytes, const View& view,
                        const PhotoOnDevice* photo, const DensityStep& density, Workspace& workspace,
                        const RenderPass& pass);
-/// After 6, before anything else adds to workspace.splat_gradients  fragment_sums.cu: adds the
-/// photo's sums over fragments to those of statistics, and clears those that are not among the
-/// gradients. Does nothing where sums_of_forces_are_added(). The statistics stay as they are while
-/// workspace.halted is raised.
-void gather_fragment_sums(Context& context, const RenderSettings& settings, Workspace& workspace,
-                          const RenderPass& pass, const DensityStatistics& to,
-                          const Shard& shard = {});
-/// For a batch  fragment_sums.cu: to += from, and clears `from`, unless `halted`, which may be
+/// After 6  fragment_sums.cu: adds the photo's sums over fragments to `to`, and clears those that
+/// are not among the gradients. Those that are must be gathered before anything else adds to the
+/// gradients. Does nothing where sums_of_forces_are_added(). `to` stays as it is while `halted` is
+/// raised.
+void gather_fragment_sums(Context& context, const PhotoRows& photo, Span<FragmentSums> to,
+                          const std::uint32_t* halted, const Shard& shard = {});
+/// fragment_sums.cu: to += from, and clears `from`, unless `halted`, which may be
 /// null, is raised.
 void add_fragment_sums(Context& context, Span<FragmentSums> to, Span<FragmentSums> from,
                        const std::uint32_t* halted);
 
 /// 7  preprocess_backward.cu: from dL/d(splat) to the gradients of the parameters. Clears
-/// workspace.splat_gradients.
-void preprocess_backward(Context& context, const GaussiansSpan& gaussians, const Camera& camera,
-                         const RenderSettings& settings, Workspace& workspace, RenderPass& pass,
+/// photo.gradients.
+void preprocess_backward(Context& context, const GaussiansSpan& gaussians, const PhotoRows& photo,
                          const GaussiansSpan& gradients, Span<Vec2f> dL_dmean2d);
 
 /// Before 7, for runs that refine poses  camera_gradient.cu: the gradient by the camera, of all
 /// Gaussians, added up in an order that is always the same, and pulled back to the motion of the
 /// photo's row: row.gradient += weight * dL/d(motion). It is undefined while workspace.halted is
 /// raised.
-void camera_gradient(Context& context, const GaussiansSpan& gaussians, const Camera& camera,
-                     const RenderSettings& settings, Workspace& workspace, const RenderPass& pass,
-                     const DevicePose* pose, const PoseRow& row, double weight);
+void camera_gradient(Context& context, const GaussiansSpan& gaussians, const PhotoRows& photo,
+                     Workspace& workspace, const PoseRow& row, double weight);
 
-/// 7 and 8 in one  preprocess_backward.cu: pull the gradients back and update the parameters at
-/// once, so that no gradient of a parameter is stored. Invisible rows are updated, too. Nothing is
-/// updated while workspace.halted is raised. add_position_noise() adds the noise that `density`
-/// asks for.
-void preprocess_backward_and_update(Context& context, TrainingModel& model, const Camera& camera,
-                                    const RenderSettings& settings, const AdamSteps& steps,
-                                    const AdamRule& rule, const MomentRounding& rounding,
-                                    const DensityStep& density, Workspace& workspace,
-                                    RenderPass& pass, const DevicePose* pose = nullptr,
-                                    const Shard& shard = {});
-
-/// The same for a batch of a few photos  update_by_photos.cu: by the mean of their gradients. Which
-/// batches it takes: are_done_together().
+/// 7 and 8 in one  preprocess_backward.cu, and update_by_photos.cu for several photos: pull the
+/// gradients back and update the parameters by their mean at once, so that no gradient of a
+/// parameter is stored. Gradients of the photos are cleared. Invisible rows are updated, too; SH
+/// coefficients beyond the degree of the last photo stay. Nothing is updated while `halted` is
+/// raised. add_position_noise() adds the noise that update.density asks for.
 void update_by_photos(Context& context, TrainingModel& model, Span<const PhotoRows> photos,
-                      const AdamSteps& steps, const AdamRule& rule, const MomentRounding& rounding,
-                      const DensityStep& density, const std::uint32_t* halted,
+                      const ModelUpdate& update, const std::uint32_t* halted,
                       const Shard& shard = {});
-
-/// 7 for one photo of another batch  preprocess_backward.cu: sums += weight * the photo's gradients,
-/// and its statistics. Nothing is added while workspace.halted is raised.
-void preprocess_backward_and_add(Context& context, const GaussiansSpan& gaussians,
-                                 const Camera& camera, const RenderSettings& settings,
-                                 const DensityStep& density, Workspace& workspace, RenderPass& pass,
-                                 float weight, const BatchSums& sums,
-                                 const DevicePose* pose = nullptr, const Shard& shard = {});
-/// 8 for a batch  adam.cu: updates the parameters by the sums, and the statistics but for sums over
-/// fragments, and clears what it took. `all_have_gradients`: sums may have some also in rows that
-/// no photo has touched. SH coefficients beyond `sh_degree` have no gradients and stay. Nothing is
-/// updated while `halted` is raised.
-void update_by_sums(Context& context, TrainingModel& model, const AdamSteps& steps,
-                    const AdamRule& rule, const MomentRounding& rounding, int sh_degree,
-                    bool all_have_gradients, const std::uint32_t* halted, const BatchSums& sums,
-                    const Shard& shard = {});
 
 /// Additions of the MCMC strategy to 8  langevin.cu: the regularizers' gradients before Adam, where
 /// gradients are stored, and noise on the means after Adam. No noise is added while `halted` is
 /// raised; `halted` may be null.
 void add_regularizer_gradients(Context& context, const GaussiansSpan& gaussians,
-                               const Regularizers& regularizers, const GaussiansSpan& gradients,
-                               const Shard& shard = {});
+                               const Regularizers& regularizers, const GaussiansSpan& gradients);
 void add_position_noise(Context& context, const GaussiansSpan& gaussians,
                         const PositionNoise& noise, float position_rate,
                         const std::uint32_t* halted, const Shard& shard = {});

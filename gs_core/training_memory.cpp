@@ -74,16 +74,20 @@ void add_borrowed(Rows& rows) {
   rows.add(sizeof(Rect));
 }
 
+// Sums over fragments of one photo; 0 where they are among the gradients, or there are none.
+double fragment_sum_bytes(const TrainingSize& size) {
+  if (!size.has_sums) return 0;
+  if (size.is_deterministic) return kFixedFragmentSumBytes;
+  return size.has_pixel_values || size.is_absolute ? sizeof(Vec4f) : 0;
+}
+
 // The other arrays of the step.
 void add_step(const TrainingSize& size, Rows& rows) {
   // tile counts, depth order, depth keys, rows and the first instances
   for (int array = 0; array < 5; ++array) rows.add(kWord);
   rows.add(kGradientSumBytes);
   if (size.is_deterministic) rows.add(kFixedSumBytes);
-  if (size.has_sums && size.is_deterministic)
-    rows.add(kFixedFragmentSumBytes);
-  else if (size.has_pixel_values || (size.has_sums && size.is_absolute))
-    rows.add(sizeof(Vec4f));  // other sums of forces are among the gradients
+  rows.add(fragment_sum_bytes(size));
   if (size.has_depth_maps) {
     rows.add(sizeof(float));                                          // depths
     for (int array = 0; array < 2; ++array) rows.add(sizeof(Vec3f));  // colors, and gradients
@@ -102,28 +106,17 @@ void add_row_operations(const TrainingSize& size, Rows& rows) {
   for (int array = 0; array < 3; ++array) rows.add(kWord);  // sources, clones, parents
 }
 
-// True where the photos of a batch are done together (cuda/train/batch_choice.h).
-bool are_done_together(const TrainingSize& size) {
-  const bool are_sums_apart =
-      size.has_sums && (size.is_deterministic || size.is_absolute || size.has_pixel_values);
-  return size.batch <= kMostTogether && !size.has_time && !size.has_depth_maps && !are_sums_apart;
-}
-
-// What the photos of a batch keep until all are drawn, or its sums.
+// What each photo of a batch but one keeps until all are drawn.
 void add_batch(const TrainingSize& size, Rows& rows) {
-  if (size.batch < 2) return;
-  if (are_done_together(size)) {
-    for (int photo = 1; photo < size.batch; ++photo)
-      for (const double bytes :
-           {double(sizeof(Splat)), double(sizeof(Rect)), kWord, kWord, double(kGradientSumBytes)})
-        rows.add(bytes);
-    return;
+  for (int photo = 1; photo < size.batch; ++photo) {
+    add_borrowed(rows);
+    for (int array = 0; array < 2; ++array) rows.add(kWord);  // tile counts, depth keys
+    rows.add(kGradientSumBytes);
+    rows.add(fragment_sum_bytes(size));
+    if (size.has_depth_maps) rows.add(sizeof(float));  // depths
   }
-  for_each_array([&](const char*, auto& array) { rows.add(sizeof *array.data()); },
-                 arrays_of(size));
-  for (int statistic = 0; statistic < 2; ++statistic) rows.add(sizeof(float));
-  if (size.has_sums) rows.add(sizeof(FragmentSums));
-  rows.add(1 / 8.0);  // marks
+  const bool are_among_gradients = size.has_sums && fragment_sum_bytes(size) == 0;
+  if (size.batch > 1 && size.has_depth_maps && are_among_gradients) rows.add(sizeof(FragmentSums));
 }
 
 double instance_bytes(const TrainingSize& size, bool have_reserve) {

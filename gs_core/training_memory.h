@@ -17,8 +17,6 @@ inline constexpr std::size_t kFixedSumBytes = 96 + 88;     // FineSums and Coars
 inline constexpr std::size_t kFixedFragmentSumBytes = 24;  // FixedFragmentSums
 inline constexpr std::size_t kCheckpointBytesOfInstance = 8;
 inline constexpr std::size_t kFirstInstances = std::size_t(1) << 20;  // a view's least capacity
-/// The most photos of a batch that the GPU does together (cuda/train/batch_choice.h).
-inline constexpr int kMostTogether = 4;
 
 /// Before an array of so many bytes grows, the step's other buffers are released, so that its old
 /// rows have room beside the new ones. Those of smaller ones are not worth the time.

@@ -154,23 +154,21 @@ void find_pixel_values(Context& context, const PhotoBytes& bytes, const View& vi
   context.launch("pixel values", stretch_kernel, blocks, kThreads, values, range, limit);
 }
 
-void gather_fragment_sums(Context& context, const RenderSettings& settings, Workspace& workspace,
-                          const RenderPass& pass, const DensityStatistics& to, const Shard& shard) {
+void gather_fragment_sums(Context& context, const PhotoRows& photo, Span<FragmentSums> to,
+                          const std::uint32_t* halted, const Shard& shard) {
+  const RenderSettings& settings = photo.settings;
   if (sums_of_forces_are_added(settings)) return;
   const StageScope scope(context, "statistics");
   const float scale =
-      settings.deterministic ? 1.0f : force_scale(settings.fragment_statistic, pass.pixel_count());
-  const std::size_t blocks = blocks_for(to.sums.size(), kThreads);
-  const std::uint32_t* const halted = shard.halted_or(workspace.halted.data());
+      settings.deterministic ? 1.0f : force_scale(settings.fragment_statistic, photo.pixel_count());
+  const std::size_t blocks = blocks_for(to.size, kThreads);
   if (sums_among_gradients(settings))
-    context.launch("statistics", gather_forces_kernel, blocks, kThreads, to.sums.span(),
-                   pass.tile_counts.data(), pass.splats.data(), workspace.splat_gradients.data(),
-                   scale, halted, shard);
+    context.launch("statistics", gather_forces_kernel, blocks, kThreads, to, photo.tile_counts,
+                   photo.splats, photo.gradients, scale, halted, shard);
   else
-    context.launch("statistics", gather_kernel, blocks, kThreads, to.sums.span(),
-                   workspace.fragment_sums.data(),
-                   settings.deterministic ? workspace.fixed_fragment_sums.data() : nullptr, scale,
-                   halted, shard);
+    context.launch("statistics", gather_kernel, blocks, kThreads, to, photo.fragment_sums,
+                   settings.deterministic ? photo.fixed_fragment_sums : nullptr, scale, halted,
+                   shard);
 }
 
 void add_fragment_sums(Context& context, Span<FragmentSums> to, Span<FragmentSums> from,

@@ -31,12 +31,11 @@ __global__ void position_noise_kernel(GaussiansSpan gaussians, PositionNoise noi
 }  // namespace
 
 void add_regularizer_gradients(Context& context, const GaussiansSpan& gaussians,
-                               const Regularizers& regularizers, const GaussiansSpan& gradients,
-                               const Shard& shard) {
+                               const Regularizers& regularizers, const GaussiansSpan& gradients) {
   const StageScope scope(context, "regularizers");
   const std::size_t count = gaussians.mean.size;
   context.launch("regularizers", regularizer_kernel, blocks_for(count, kThreads), kThreads,
-                 gaussians, regularizers.of_each(shard.count_of_all(count)), gradients);
+                 gaussians, regularizers.of_each(count), gradients);
 }
 
 void add_position_noise(Context& context, const GaussiansSpan& gaussians,

@@ -69,24 +69,24 @@ __global__ void share_kernel(GaussiansSpan rows, Span<const std::uint32_t> drawn
   rows.log_scale[i] = shared.log_scale;
 }
 
-// Rows of kWords words: row to[k], or first + k where `to` is null, becomes row source[k].
-template <int kWords, class Word>
-__global__ void copy_rows_kernel(Word* rows, Span<const std::uint32_t> source,
+// Rows of so many words: row to[k], or first + k where `to` is null, becomes row source[k].
+template <class Word>
+__global__ void copy_rows_kernel(Word* rows, std::size_t words, Span<const std::uint32_t> source,
                                  const std::uint32_t* to, std::size_t first) {
-  const std::size_t item = thread_number(), k = item / kWords, word = item % kWords;
+  const std::size_t item = thread_number(), k = item / words, word = item % words;
   if (k >= source.size) return;
   const std::size_t row = to ? to[k] : first + k;
-  rows[row * kWords + word] = rows[std::size_t(source[k]) * kWords + word];
+  rows[row * words + word] = rows[std::size_t(source[k]) * words + word];
 }
 
 // The same rows become zero.
-template <int kWords, class Word>
-__global__ void clear_rows_kernel(Word* rows, std::size_t count, const std::uint32_t* to,
-                                  std::size_t first) {
-  const std::size_t item = thread_number(), k = item / kWords, word = item % kWords;
+template <class Word>
+__global__ void clear_rows_kernel(Word* rows, std::size_t words, std::size_t count,
+                                  const std::uint32_t* to, std::size_t first) {
+  const std::size_t item = thread_number(), k = item / words, word = item % words;
   if (k >= count) return;
   const std::size_t row = to ? to[k] : first + k;
-  rows[row * kWords + word] = 0;
+  rows[row * words + word] = 0;
 }
 
 }  // namespace
@@ -143,9 +143,9 @@ void Relocation::share_sources(TrainingModel& model, float least_opacity) {
   for_each_row_array(
       [&]<class T>(const RowArray& which, Buffer<T>& rows) {
         if (which.role == RowRole::moment)
-          launch(clear_rows_kernel<kWordsOf<T>, WordOf<T>>, source_.size() * kWordsOf<T>,
-                 words_of(rows), source_.size(), static_cast<const std::uint32_t*>(source_.data()),
-                 std::size_t(0));
+          launch(clear_rows_kernel<WordOf<T>>, source_.size() * kWordsOf<T>, words_of(rows),
+                 std::size_t(kWordsOf<T>), source_.size(),
+                 static_cast<const std::uint32_t*>(source_.data()), std::size_t(0));
       },
       model);
 }
@@ -155,12 +155,11 @@ void Relocation::copy_rows(TrainingModel& model, const std::uint32_t* to, std::s
   const Span<const std::uint32_t> source = source_.span();
   for_each_row_array(
       [&]<class T>(const RowArray& which, Buffer<T>& rows) {
-        const std::size_t words = source.size * kWordsOf<T>;
+        const std::size_t words = kWordsOf<T>, items = source.size * words;
         if (which.role == RowRole::parameter)
-          launch(copy_rows_kernel<kWordsOf<T>, WordOf<T>>, words, words_of(rows), source, to,
-                 first);
+          launch(copy_rows_kernel<WordOf<T>>, items, words_of(rows), words, source, to, first);
         if (which.role == RowRole::moment)
-          launch(clear_rows_kernel<kWordsOf<T>, WordOf<T>>, words, words_of(rows), source.size, to,
+          launch(clear_rows_kernel<WordOf<T>>, items, words_of(rows), words, source.size, to,
                  first);
       },
       model);

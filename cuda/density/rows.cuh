@@ -96,19 +96,20 @@ WordOf<T>* words_of(const Buffer<T>& rows) {
   return reinterpret_cast<WordOf<T>*>(rows.data());
 }
 
-/// Copies kCopied words of each row. Rows lie kFrom words apart in `from`, and kTo words apart in
-/// `to`. Row i comes from row source[i], or from row i without a source.
+/// Copies kCopied words of each row. Rows lie so many words apart in `from` and in `to`. Row i comes from row source[i], or from row i without a source.
 /// A block takes kGatherThreads rows. Its threads take one word after another, so that neighboring
 /// threads read and write neighboring words.
-template <int kCopied, int kFrom, int kTo, class Word>
-__global__ void copy_columns_kernel(const Word* from, const std::uint32_t* source, std::size_t rows,
-                                    Word* to) {
+template <int kCopied, class Word>
+__global__ void copy_columns_kernel(const Word* from, unsigned words_apart_from,
+                                    const std::uint32_t* source, std::size_t rows, Word* to,
+                                    unsigned words_apart_to) {
   const std::size_t first = std::size_t(blockIdx.x) * kGatherThreads;
   const unsigned words = unsigned(min_of(rows - first, std::size_t(kGatherThreads))) * kCopied;
   for (unsigned k = threadIdx.x; k < words; k += kGatherThreads) {
     const std::size_t row = first + k / kCopied;
     const unsigned word = k % kCopied;
-    to[row * kTo + word] = from[std::size_t(source ? source[row] : row) * kFrom + word];
+    to[row * words_apart_to + word] =
+        from[std::size_t(source ? source[row] : row) * words_apart_from + word];
   }
 }
 
@@ -146,10 +147,10 @@ class RowGather {
     constexpr int kCopied = std::min(kWords - kFirst, BorrowedRoom::kWordsOfRow);
     Word* const room = reinterpret_cast<Word*>(room_.words(source.size));
     const std::size_t blocks = blocks_for(source.size, kGatherThreads);
-    context_.launch("gather", copy_columns_kernel<kCopied, kWords, kCopied, Word>, blocks,
-                    kGatherThreads, rows + kFirst, source.data, source.size, room);
-    context_.launch("gather", copy_columns_kernel<kCopied, kCopied, kWords, Word>, blocks,
-                    kGatherThreads, room, nullptr, source.size, rows + kFirst);
+    context_.launch("gather", copy_columns_kernel<kCopied, Word>, blocks, kGatherThreads,
+                    rows + kFirst, kWords, source.data, source.size, room, kCopied);
+    context_.launch("gather", copy_columns_kernel<kCopied, Word>, blocks, kGatherThreads, room,
+                    kCopied, nullptr, source.size, rows + kFirst, kWords);
     if constexpr (kFirst + kCopied < kWords) gather_columns<kWords, kFirst + kCopied>(rows, source);
   }
 

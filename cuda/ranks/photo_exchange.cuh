@@ -26,7 +26,7 @@ struct PhotoUnderWay {
 
 /// What the rank that has drawn photos tells the others of them.
 struct DrawerStatus {
-  static constexpr int kMostPhotos = kMostTogether;
+  static constexpr int kMostPhotos = kMostBatch;
   std::uint32_t halted;                  // 1: a photo had too many instances, now or earlier
   std::uint32_t instances[kMostPhotos];  // of its photos, in their order
 };

@@ -112,7 +112,7 @@ struct PhotoRoom {
 struct Rank {
   Rank(int device, RankStreams& streams)
       : context(device), memory(context, streams), photos(context, memory), room(context, memory),
-        loss(make_loss(context, memory, photos)), shard(memory), dL_dimage(memory), sums(memory),
+        loss(make_loss(context, memory, photos)), shard(memory), dL_dimage(memory),
         has_projected(context), has_drawn(context), has_pulled_back(context) {
     streams.add(context);
   }
@@ -120,7 +120,6 @@ struct Rank {
   void release_caches() {
     room.release_caches();
     dL_dimage.release();
-    sums = BatchSums(memory);
   }
 
   Context context;
@@ -131,7 +130,6 @@ struct Rank {
   TrainingModel shard;  // its rows of the model
   Shard place;          // which these are
   Buffer<float> dL_dimage;
-  BatchSums sums;  // of its rows
   Mark has_projected, has_drawn, has_pulled_back;
 };
 

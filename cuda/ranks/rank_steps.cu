@@ -1,12 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
-// A photo of a round belongs to one rank, which draws it:
+// A photo of a step belongs to one rank, which draws it:
 //
-//   each rank     projects its rows for each photo of the round, into the room of the photo's rank
-//   photo's rank  sorts, blends, compares, blends backward
-//   each rank     pulls the gradients of its rows back, from the room of the photo's rank
-//   each rank     after all rounds of a batch: updates its rows
-//
-// Most batches are done together (photo_rows.cuh): there are no rounds then.
+//   each rank     projects its rows for all photos, into the rooms of the photos' ranks
+//   photo's rank  sorts, blends, compares, blends backward, one of its photos after another
+//   each rank     pulls the gradients of its rows back, from the rooms of the photos' ranks, and
+//                 updates its rows
 //
 // Within a process kernels read and write the memory of other GPUs, so that nothing is packed, sent
 // and unpacked. Between processes a rank projects into a room of its own, and its rows of that are
@@ -131,27 +129,19 @@ void RankSteps::release_caches(bool shards_are_in_use) {
 
 // No rank begins an update before all memory for the step was found.
 void RankSteps::enqueue(const RankedStep& step) {
-  const bool are_together = step.are_together(*model_);
   {
     const OnDevice here(device());
     photometric_->begin(model_->photometric, step.batch.size());
   }
-  for (const std::unique_ptr<Rank>& rank : ranks_) {
-    if (step.density.fragment_statistic() != FragmentStatistic::none) begin_sums(rank->shard);
-    if (step.is_batch() && !are_together) rank->sums.reserve(rank->shard);
-  }
-  if (are_together)
-    run_together(step);
-  else
-    for (std::size_t first = 0; first < step.batch.size(); first += std::size_t(count_))
-      run_round(step, first);
+  if (step.density.fragment_statistic() != FragmentStatistic::none)
+    for (const std::unique_ptr<Rank>& rank : ranks_) begin_sums(rank->shard);
+  run(step);
   update_looks(step);
+  if (!(step.density.noise.scale > 0)) return;
   for (const std::unique_ptr<Rank>& rank : ranks_) {
     const OnDevice here(rank->context.device());
-    if (step.is_batch() && !are_together) update(step, *rank);
-    if (step.density.noise.scale > 0)
-      add_position_noise(rank->context, rank->shard.gaussians.span(), step.density.noise,
-                         step.position_rate, rank->halted(), rank->place);
+    add_position_noise(rank->context, rank->shard.gaussians.span(), step.density.noise,
+                       step.position_rate, rank->halted(), rank->place);
   }
 }
 
@@ -165,9 +155,9 @@ void RankSteps::update_looks(const RankedStep& step) {
   if (step.photometric.is_due) first.has_pulled_back.set();
 }
 
-// All photos of a step: the ranks project their rows for all of them, then each draws its photos,
-// and then they update their rows by all of them.
-void RankSteps::run_together(const RankedStep& step) {
+// The ranks project their rows for all photos, then each draws its photos, and then they update
+// their rows by all of them.
+void RankSteps::run(const RankedStep& step) {
   const std::size_t count = std::size_t(count_);
   std::vector<DrawnPhoto> batch;
   std::vector<PhotoRows> photos;
@@ -177,15 +167,16 @@ void RankSteps::run_together(const RankedStep& step) {
     PhotoRoom& room = drawn.room;
     const OnDevice here(drawn.rank ? drawn.rank->context.device() : device());
     steps_.reports().clear(drawn.number);
-    photos.push_back(room.photo_buffers.rows(i / count, drawn.camera, drawn.settings, deal_.rows,
-                                             room.renderer, room.pass, drawn.rank != nullptr));
+    photos.push_back(room.photo_buffers.rows(i / count, drawn.camera, drawn.settings, nullptr,
+                                             deal_.rows, room.renderer, room.pass,
+                                             drawn.rank != nullptr));
     if (i < count && drawn.rank) drawn.rank->photos.prefetch_next(*drawn.photo.view);
   }
   const Span<const PhotoRows> all{photos.data(), photos.size()};
   for (const std::unique_ptr<Rank>& rank : ranks_) {
     const OnDevice here(rank->context.device());
     wait_for_others(*rank);
-    preprocess_batch(rank->context, rank->shard.gaussians.span(), all, rank->place);
+    preprocess(rank->context, rank->shard.gaussians.span(), all, rank->place);
     rank->has_projected.set();
   }
   std::vector<PhotoUnderWay> sent;
@@ -199,50 +190,26 @@ void RankSteps::run_together(const RankedStep& step) {
     PhotoRoom& room = batch[i].room;
     const OnDevice here(rank.context.device());
     if (i + count < batch.size()) rank.photos.prefetch_next(*batch[i + count].photo.view);
-    room.photo_buffers.select(i / count, batch[i].camera, deal_.rows, room.renderer, room.pass);
+    room.photo_buffers.select(i / count, photos[i], deal_.rows, room.renderer, room.pass);
     draw(step, batch[i]);
   }
   if (exchange_) exchange_->send_gradients(deal_, sent, ranks_.front()->halted(), *link_);
-  for (const std::unique_ptr<Rank>& rank : ranks_) {
-    const OnDevice here(rank->context.device());
-    for (const std::unique_ptr<Rank>& other : ranks_) {
-      other->has_drawn.hold_back(rank->context);
-      if (other != rank) halt_by(*rank, *other);
-    }
-    update_by_photos(rank->context, rank->shard, all, step.adam, step.rule, step.rounding,
-                     step.density, rank->halted(), rank->place);
-    rank->has_pulled_back.set();
-  }
+  for (const std::unique_ptr<Rank>& rank : ranks_) update(step, *rank, all);
 }
 
-// As many photos as there are ranks, from photo `first` of the step on.
-void RankSteps::run_round(const RankedStep& step, std::size_t first) {
-  std::vector<DrawnPhoto> round;
-  for (std::size_t k = 0; k < std::size_t(count_) && first + k < step.batch.size(); ++k)
-    round.push_back(drawn_photo(step, first + k));
-  for (const DrawnPhoto& drawn : round) {
-    const OnDevice here(drawn.rank ? drawn.rank->context.device() : device());
-    steps_.reports().clear(drawn.number);
-    drawn.room.renderer.reserve_gradients(deal_.rows, drawn.settings, drawn.rank != nullptr);
-    if (drawn.rank) drawn.rank->photos.prefetch_next(*drawn.photo.view);
+// A rank's rows, once all ranks have drawn. Where a photo did not fit, nothing changes.
+void RankSteps::update(const RankedStep& step, Rank& rank, Span<const PhotoRows> photos) {
+  const OnDevice here(rank.context.device());
+  for (const std::unique_ptr<Rank>& other : ranks_) {
+    other->has_drawn.hold_back(rank.context);
+    if (other.get() != &rank) halt_by(rank, *other);
   }
-  for (const std::unique_ptr<Rank>& rank : ranks_) project(*rank, round);
-  std::vector<PhotoUnderWay> sent;
-  if (exchange_) {
-    std::vector<PhotoRows> rows;
-    for (const DrawnPhoto& drawn : round) {
-      const RenderPass& pass = drawn.room.pass;
-      Workspace& workspace = drawn.room.renderer.workspace();
-      rows.push_back({drawn.camera, drawn.settings, pass.splats, pass.pixel_rects, pass.tile_counts,
-                      workspace.depth_keys, workspace.splat_gradients});
-    }
-    sent = under_way(step, round, rows);
-    exchange_->send_splats(deal_, sent, *link_);
-  }
-  for (const DrawnPhoto& drawn : round)
-    if (drawn.rank) draw(step, drawn);
-  if (exchange_) exchange_->send_gradients(deal_, sent, ranks_.front()->halted(), *link_);
-  for (const std::unique_ptr<Rank>& rank : ranks_) pull_back(step, *rank, round);
+  for (const PhotoRows& photo : photos)
+    if (photo.settings.fragment_statistic != FragmentStatistic::none)
+      gather_fragment_sums(rank.context, photo, rank.shard.statistics.sums.span(), rank.halted(),
+                           rank.place);
+  update_by_photos(rank.context, rank.shard, photos, step, rank.halted(), rank.place);
+  rank.has_pulled_back.set();
 }
 
 RankSteps::DrawnPhoto RankSteps::drawn_photo(const RankedStep& step, std::size_t index) {
@@ -262,29 +229,18 @@ std::vector<PhotoUnderWay> RankSteps::under_way(const RankedStep& step,
   std::vector<PhotoUnderWay> all;
   for (std::size_t i = 0; i < drawn.size(); ++i) {
     const DrawnPhoto& photo = drawn[i];
-    const Workspace& workspace = photo.room.renderer.workspace();
     const bool has_sums = photo.settings.fragment_statistic != FragmentStatistic::none &&
                           !sums_among_gradients(photo.settings);
     const bool is_fixed = photo.settings.deterministic;
-    all.push_back(
-        {photo.drawer, rows[i], has_sums && !is_fixed ? workspace.fragment_sums.data() : nullptr,
-         has_sums && is_fixed ? workspace.fixed_fragment_sums.data() : nullptr,
-         photometric_->is_on() ? photometric_->row_of(model_->photometric, step.photometric,
-                                                      photo.index, step.batch.size())
-                               : Span<double>{},
-         steps_.reports().of_step(photo.number), photo.number});
+    all.push_back({photo.drawer, rows[i], has_sums && !is_fixed ? rows[i].fragment_sums : nullptr,
+                   has_sums && is_fixed ? rows[i].fixed_fragment_sums : nullptr,
+                   photometric_->is_on()
+                       ? photometric_->row_of(model_->photometric, step.photometric, photo.index,
+                                              step.batch.size())
+                       : Span<double>{},
+                   steps_.reports().of_step(photo.number), photo.number});
   }
   return all;
-}
-
-// A rank's rows for each photo of a round, once all ranks are done with the photos before.
-void RankSteps::project(Rank& rank, const std::vector<DrawnPhoto>& round) {
-  const OnDevice here(rank.context.device());
-  wait_for_others(rank);
-  for (const DrawnPhoto& drawn : round)
-    preprocess(rank.context, rank.shard.gaussians.span(), drawn.camera, drawn.settings,
-               drawn.room.renderer.workspace(), drawn.room.pass, nullptr, rank.place);
-  rank.has_projected.set();
 }
 
 // What a rank launches from now on comes after all that was launched on the others.
@@ -322,59 +278,16 @@ void RankSteps::draw(const RankedStep& step, const DrawnPhoto& drawn) {
   rank.has_drawn.set();
 }
 
-// The gradients of a rank's rows, photo after photo. Where a photo did not fit, nothing changes.
-void RankSteps::pull_back(const RankedStep& step, Rank& rank,
-                          const std::vector<DrawnPhoto>& round) {
-  const OnDevice here(rank.context.device());
-  for (const DrawnPhoto& drawn : round) {
-    Workspace& workspace = drawn.room.renderer.workspace();
-    RenderPass& pass = drawn.room.pass;
-    if (drawn.rank) drawn.rank->has_drawn.hold_back(rank.context);
-    if (drawn.rank && drawn.rank != &rank) halt_by(rank, *drawn.rank);
-    if (drawn.settings.fragment_statistic != FragmentStatistic::none)
-      gather_fragment_sums(rank.context, drawn.settings, workspace, pass,
-                           step.is_batch() ? rank.sums.statistics : rank.shard.statistics,
-                           rank.place);
-    if (step.is_batch())
-      preprocess_backward_and_add(rank.context, rank.shard.gaussians.span(), drawn.camera,
-                                  drawn.settings, step.density, workspace, pass,
-                                  1.0f / float(step.batch.size()), rank.sums, nullptr, rank.place);
-    else
-      preprocess_backward_and_update(rank.context, rank.shard, drawn.camera, drawn.settings,
-                                     step.adam, step.rule, step.rounding, step.density, workspace,
-                                     pass, nullptr, rank.place);
-  }
-  rank.has_pulled_back.set();
-}
-
-void RankSteps::update(const RankedStep& step, Rank& rank) {
-  const Regularizers& regularizers = step.density.regularizers;
-  if (regularizers.any())
-    add_regularizer_gradients(rank.context, rank.shard.gaussians.span(), regularizers,
-                              rank.sums.gradients.span(), rank.place);
-  update_by_sums(rank.context, rank.shard, step.adam, step.rule, step.rounding,
-                 step.batch.back().settings.sh_degree, regularizers.any(), rank.halted(), rank.sums,
-                 rank.place);
-  if (rank.shard.statistics.has_sums)
-    add_fragment_sums(rank.context, rank.shard.statistics.sums.span(),
-                      rank.sums.statistics.sums.span(), rank.halted());
-}
-
 void RankSteps::clear_failed_step() {
   for (PhotoRoom* const room : rooms_) room->clear_gradients();
-  clear_sums();
+  photometric_->clear_gradients();
 }
 
 void RankSteps::clear_halted_steps() {
   for (const std::unique_ptr<Rank>& rank : ranks_)
     rank->room.renderer.workspace().halted.fill_zero();
-  clear_sums();
-  streams_.synchronize();  // before one rank sees the flag of another
-}
-
-void RankSteps::clear_sums() {
-  for (const std::unique_ptr<Rank>& rank : ranks_) rank->sums.clear();
   photometric_->clear_gradients();
+  streams_.synchronize();  // before one rank sees the flag of another
 }
 
 void RankSteps::keep_watch() {

@@ -85,14 +85,11 @@ class RankSteps final : private StepLauncher<RankedStep> {
   };
 
   void enqueue(const RankedStep& step) override;
-  void run_together(const RankedStep& step);
-  void run_round(const RankedStep& step, std::size_t first);
+  void run(const RankedStep& step);
+  void update(const RankedStep& step, Rank& rank, Span<const PhotoRows> photos);
   DrawnPhoto drawn_photo(const RankedStep& step, std::size_t index);
-  void project(Rank& rank, const std::vector<DrawnPhoto>& round);
   void wait_for_others(const Rank& rank) const;
   void draw(const RankedStep& step, const DrawnPhoto& drawn);
-  void pull_back(const RankedStep& step, Rank& rank, const std::vector<DrawnPhoto>& round);
-  void update(const RankedStep& step, Rank& rank);
   void update_looks(const RankedStep& step);
   std::vector<PhotoUnderWay> under_way(const RankedStep& step, const std::vector<DrawnPhoto>& drawn,
                                        const std::vector<PhotoRows>& rows);
@@ -100,7 +97,6 @@ class RankSteps final : private StepLauncher<RankedStep> {
   void wait_for_launches() override { streams_.synchronize(); }
   void clear_failed_step() override;
   void clear_halted_steps() override;
-  void clear_sums();
   void keep_watch() override;
 
   // Null where it is another process.

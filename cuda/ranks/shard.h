@@ -17,16 +17,14 @@ namespace gs::cuda {
 /// all ranks project into the buffers of the rank that draws it.
 struct Shard {
   unsigned rank = 0, ranks = 1;
-  unsigned chunk_bits = 0;                // chunks have 2^chunk_bits rows
-  std::size_t all_rows = 0;               // of the whole model; not used by default
-  const std::uint32_t* halted = nullptr;  // the rank's own flag; null: that of the workspace
+  unsigned chunk_bits = 0;   // chunks have 2^chunk_bits rows
+  std::size_t all_rows = 0;  // of the whole model; not used by default
 
   Shard() = default;
   /// Chunks must have 2^k rows, whole warps of them.
-  Shard(const Deal& deal, int rank_, const std::uint32_t* halted_)
+  Shard(const Deal& deal, int rank_)
       : rank(unsigned(rank_)), ranks(unsigned(deal.ranks)),
-        chunk_bits(unsigned(std::countr_zero(deal.chunk_rows))), all_rows(deal.rows),
-        halted(halted_) {
+        chunk_bits(unsigned(std::countr_zero(deal.chunk_rows))), all_rows(deal.rows) {
     GS_CHECK(std::has_single_bit(deal.chunk_rows) && deal.chunk_rows >= 32);
   }
 
@@ -38,9 +36,6 @@ struct Shard {
   }
   /// Rows of the whole model, where the shard has `own`.
   std::size_t count_of_all(std::size_t own) const { return ranks == 1 ? own : all_rows; }
-  const std::uint32_t* halted_or(const std::uint32_t* of_workspace) const {
-    return halted ? halted : of_workspace;
-  }
 };
 
 }  // namespace gs::cuda

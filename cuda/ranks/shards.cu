@@ -145,7 +145,7 @@ void merge(const std::vector<std::unique_ptr<Rank>>& ranks, const Deal& deal,
 
 void take_place(const TrainingModel& model, const Deal& deal, int number, Rank& rank) {
   take_shape_of(model, deal.count_of(number), rank.shard);
-  rank.place = Shard(deal, number, rank.halted());
+  rank.place = Shard(deal, number);
 }
 
 void deal_to_processes(Rank& rank, const Deal& deal, int number, const TrainingModel* model,

@@ -27,7 +27,6 @@ __device__ Box3 box_of_warp(Box3 box) {
   return box;
 }
 
-template <bool has_filter>
 __global__ void __launch_bounds__(kThreads)
     pack_ellipsoids_kernel(GaussiansSpan gaussians, Ellipsoid* ellipsoids, Box3* boxes) {
   __shared__ Box3 box_of_warps[kThreads / kWarp];
@@ -37,11 +36,9 @@ __global__ void __launch_bounds__(kThreads)
     const Vec3f mean = gaussians.mean[i], log_scale = gaussians.log_scale[i];
     const Quatf rotation = gaussians.rotation[i];
     const float logit_opacity = gaussians.logit_opacity[i];
-    Ellipsoid ellipsoid;
-    if constexpr (has_filter)
-      ellipsoid = ellipsoid_of(mean, log_scale, rotation, logit_opacity, gaussians.filter_scale[i]);
-    else
-      ellipsoid = ellipsoid_of(mean, log_scale, rotation, logit_opacity);
+    const float filter_scale = gaussians.has_filter ? gaussians.filter_scale[i] : 0.0f;
+    const Ellipsoid ellipsoid =
+        ellipsoid_of(mean, log_scale, rotation, logit_opacity, filter_scale);
     ellipsoids[i] = ellipsoid;
     box = box_of(ellipsoid);
   }
@@ -219,14 +216,8 @@ CudaPackedScene::CudaPackedScene(Context& context, Memory& memory, const Gaussia
       boxes(blocks_for(gaussians.mean.size, kRowsOfBox), memory), colors(memory) {
   GS_CHECK(!gaussians.has_time);
   const StageScope scope(context, "pack");
-  const auto pack_ellipsoids = [&](auto kernel) {
-    context.launch("pack ellipsoids", kernel, boxes.size(), kThreads, gaussians, ellipsoids.data(),
-                   boxes.data());
-  };
-  if (gaussians.has_filter)
-    pack_ellipsoids(pack_ellipsoids_kernel<true>);
-  else
-    pack_ellipsoids(pack_ellipsoids_kernel<false>);
+  context.launch("pack ellipsoids", pack_ellipsoids_kernel, boxes.size(), kThreads, gaussians,
+                 ellipsoids.data(), boxes.data());
   with_sh_degree(sh_degree, [&](auto degree) {
     using Row = ColorRow<degree()>;
     colors.resize(count() * (sizeof(Row) / sizeof(float4)));

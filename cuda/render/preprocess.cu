@@ -9,7 +9,6 @@
 #include "cuda/render/preprocess.cuh"
 #include "cuda/render/refined_camera.cuh"
 #include "cuda/render/sh_rows.cuh"
-#include "cuda/train/photo_rows.cuh"
 #include "gs_core/math/filtered_splat.h"
 #include "gs_core/math/spacetime_splat.h"
 
@@ -131,14 +130,24 @@ __device__ void store_in_lines(Splat* shared, Splat* first, const Splat& splat, 
       reinterpret_cast<float4*>(first)[item] = reinterpret_cast<const float4*>(shared)[item];
 }
 
+// One photo of a step, or a frame.
+struct PhotoInput {
+  Camera given;
+  const DevicePose* pose;  // null: that of the camera
+  SplatSettings settings;
+  int tiles_x, tiles_y;
+  Output out;
+};
+
 // Blocks of a multiprocessor, for which shared memory has room.
 constexpr int kBlocks = 7;
 
 template <int degree, bool has_time>
 __global__ void __launch_bounds__(kPreprocessThreads, kBlocks)
-    preprocess_kernel(GaussiansSpan gaussians, Camera given, const DevicePose* pose,
-                      SplatSettings settings, int tiles_x, int tiles_y, Output out, Shard shard) {
-  const Camera camera = refined(given, pose);
+    preprocess_kernel(GaussiansSpan gaussians, const __grid_constant__ PhotoInput in, Shard shard) {
+  const Camera camera = refined(in.given, in.pose);
+  const SplatSettings& settings = in.settings;
+  const Output& out = in.out;
   __shared__ WarpShared shared_of_warps[kPreprocessThreads / kWarp];
   auto& shared = shared_of_warps[threadIdx.x / kWarp];
   const std::size_t i = std::size_t(blockIdx.x) * kPreprocessThreads + threadIdx.x;
@@ -162,7 +171,7 @@ __global__ void __launch_bounds__(kPreprocessThreads, kBlocks)
     projected = project<has_time>(camera, gaussian, settings);
     if (projected.is_visible)
       pixels = pixels_of(settings.bounds, projected.splat.mean2d, projected.cov2d,
-                         projected.splat.cutoff, tiles_x, tiles_y);
+                         projected.splat.cutoff, in.tiles_x, in.tiles_y);
   }
   Splat& splat = projected.splat;
   std::uint32_t hits = 0;
@@ -192,21 +201,15 @@ __global__ void __launch_bounds__(kPreprocessThreads, kBlocks)
   if (out.depths) out.depths[to] = projected.depth;
 }
 
-// A photo of a batch as the kernel below reads it.
-struct PhotoInput {
-  Camera camera;
-  SplatSettings settings;
-  int tiles_x, tiles_y;
-  Output out;
-};
+// The photos of a batch.
 struct BatchInput {
   int photos;
-  PhotoInput of[kMostTogether];
+  PhotoInput of[kMostBatch];
 };
 
-// The same for a few photos: parameters are read once for all of them.
-template <int degree>
-__global__ void __launch_bounds__(kPreprocessThreads, degree == kMaxShDegree ? 6 : 5)
+// The same for several photos: parameters are read once for all of them.
+template <int degree, bool has_time>
+__global__ void __launch_bounds__(kPreprocessThreads, degree == kMaxShDegree && !has_time ? 6 : 5)
     preprocess_batch_kernel(GaussiansSpan gaussians, const __grid_constant__ BatchInput in,
                             Shard shard) {
   __shared__ WarpShared shared_of_warps[kPreprocessThreads / kWarp];
@@ -217,29 +220,47 @@ __global__ void __launch_bounds__(kPreprocessThreads, degree == kMaxShDegree ? 6
   if (first >= count) return;  // the whole warp
   const int rows = int(min(count - first, std::size_t(kWarp)));
   const std::size_t to = shard.row_of_all(i);
-  Gaussian gaussian = load_gaussian<false>(shared.parameters, gaussians, first, rows);
-  bool has_sh = false;  // in shared memory
+  unsigned near = (1u << in.photos) - 1;  // photos in whose time a row of the warp is; a bit each
+  if constexpr (has_time)
+    for (int p = 0; p < in.photos; ++p) {
+      const bool is_near = i < count && !is_row_far_in_time(gaussians, i, in.of[p].given.time);
+      if (!__any_sync(kAllLanes, is_near)) near &= ~(1u << p);
+    }
+  Gaussian gaussian;
+  if (near) gaussian = load_gaussian<has_time>(shared.parameters, gaussians, first, rows);
+  std::uint32_t has_sh = 0;  // rows whose SH is in shared memory
 #pragma unroll 1
   for (int p = 0; p < in.photos; ++p) {
     const PhotoInput& photo = in.of[p];
+    if (!(near >> p & 1)) {
+      if (i < count) cull(photo.out.rows, to);
+      continue;
+    }
+    Gaussian now = gaussian;
     ProjectedGaussian<float> projected;
     Rect pixels{0, 0, 0, 0};
     if (i < count) {
-      projected = project<false>(photo.camera, gaussian, photo.settings);
+      projected = project<has_time>(refined(photo.given, photo.pose), now, photo.settings);
       if (projected.is_visible)
         pixels = pixels_of(photo.settings.bounds, projected.splat.mean2d, projected.cov2d,
                            projected.splat.cutoff, photo.tiles_x, photo.tiles_y);
     }
     Splat& splat = projected.splat;
     std::uint32_t hits = 0;
-    if (__any_sync(kAllLanes, !pixels.empty())) {
-      if (!has_sh)
-        start_sh_copy<degree>(shared.sh_rows, numbers_from(gaussians.sh_rest, first), rows);
+    if (const std::uint32_t visible = __ballot_sync(kAllLanes, !pixels.empty())) {
+      const std::uint32_t missing = (has_time ? visible : kAllLanes) & ~has_sh;
+      const float* const sh_rest = numbers_from(gaussians.sh_rest, first);
+      if constexpr (has_time)
+        start_sh_copy<degree>(shared.sh_rows, sh_rest, rows, SomeRows{missing});
+      else if (missing)
+        start_sh_copy<degree>(shared.sh_rows, sh_rest, rows);
       hits = count_hit_tiles(shared, outline_of(splat), pixels, photo.settings.bounds);
-      if (!has_sh) finish_copies();
-      has_sh = true;
+      if (missing) finish_copies();
+      has_sh |= missing;
       if (hits > 0) {
-        const Vec3f direction = unit_direction(photo.camera.position(), gaussian.mean);
+        // Read again, so that the camera takes no registers in between.
+        const Vec3f position = refined(photo.given, photo.pose).position();
+        const Vec3f direction = unit_direction(position, now.mean);
         const auto* const row =
             reinterpret_cast<const Vec3f*>(shared.sh_rows + lane * kShRowNumbers);
         // SH may rise by a degree between two photos of a batch.
@@ -255,6 +276,7 @@ __global__ void __launch_bounds__(kPreprocessThreads, degree == kMaxShDegree ? 6
     if (hits > 0) {
       keep(photo.out.rows, to, hits, projected.depth, pixels);
       if (shard.ranks == 1) store_in_vectors(photo.out.splats + to, splat);
+      if (photo.out.depths) photo.out.depths[to] = projected.depth;
     } else if (i < count) {
       cull(photo.out.rows, to);
     }
@@ -262,47 +284,46 @@ __global__ void __launch_bounds__(kPreprocessThreads, degree == kMaxShDegree ? 6
   }
 }
 
+PhotoInput input_of(const PhotoRows& photo) {
+  const RenderSettings& settings = photo.settings;
+  return {photo.camera,
+          photo.pose,
+          settings,
+          (photo.camera.width + kTileWidth - 1) / kTileWidth,
+          (photo.camera.height + kTileHeight - 1) / kTileHeight,
+          {photo.splats,
+           photo.depths,
+           {photo.depth_keys, photo.pixel_rects, photo.tile_counts,
+            depth_keys(settings.near_plane, settings.far_plane)}}};
+}
+
 }  // namespace
 
-void preprocess_batch(Context& context, const GaussiansSpan& gaussians,
-                      Span<const PhotoRows> photos, const Shard& shard) {
+void preprocess(Context& context, const GaussiansSpan& gaussians, Span<const PhotoRows> photos,
+                const Shard& shard) {
   const StageScope scope(context, "preprocess");
-  GS_CHECK(photos.size >= 1 && photos.size <= std::size_t(kMostTogether) && !gaussians.has_time);
-  const std::size_t count = gaussians.mean.size;
+  GS_CHECK(photos.size >= 1 && photos.size <= std::size_t(kMostBatch));
   BatchInput in{int(photos.size), {}};
-  for (std::size_t p = 0; p < photos.size; ++p) {
-    const PhotoRows& photo = photos[p];
-    const RenderSettings& settings = photo.settings;
-    in.of[p] = {photo.camera,
-                settings,
-                (photo.camera.width + kTileWidth - 1) / kTileWidth,
-                (photo.camera.height + kTileHeight - 1) / kTileHeight,
-                {photo.splats,
-                 nullptr,
-                 {photo.depth_keys, photo.pixel_rects, photo.tile_counts,
-                  depth_keys(settings.near_plane, settings.far_plane)}}};
-  }
-  with_sh_degree(photos[photos.size - 1].settings.sh_degree, [&](auto degree) {
-    context.launch("preprocess", preprocess_batch_kernel<degree()>,
-                   blocks_for(count, kPreprocessThreads), kPreprocessThreads, gaussians, in, shard);
+  for (std::size_t p = 0; p < photos.size; ++p) in.of[p] = input_of(photos[p]);
+  const std::size_t blocks = blocks_for(gaussians.mean.size, kPreprocessThreads);
+  with_form(photos[photos.size - 1].settings.sh_degree, gaussians, [&](auto degree, auto time) {
+    const auto launch = [&](auto kernel, const auto& input) {
+      context.launch("preprocess", kernel, blocks, kPreprocessThreads, gaussians, input, shard);
+    };
+    if (in.photos == 1)
+      launch(preprocess_kernel<degree(), time()>, in.of[0]);
+    else
+      launch(preprocess_batch_kernel<degree(), time()>, in);
   });
 }
 
 void preprocess(Context& context, const GaussiansSpan& gaussians, const Camera& camera,
-                const RenderSettings& settings, Workspace& workspace, RenderPass& pass,
-                const DevicePose* pose, const Shard& shard) {
-  const StageScope scope(context, "preprocess");
-  const std::size_t count = gaussians.mean.size, all = shard.count_of_all(count);
-  pass.begin(camera, all, true, settings.with_depths);
+                const RenderSettings& settings, Workspace& workspace, RenderPass& pass) {
+  pass.begin(camera, gaussians.mean.size, true, settings.with_depths);
   pass.scratch<CudaScratch>().has_view_splats = false;
-  workspace.depth_keys.resize_discard(all);
-  const Output out{pass.splats.data(), settings.with_depths ? pass.depths.data() : nullptr,
-                   projected_rows(settings, workspace, pass)};
-  with_form(settings.sh_degree, gaussians, [&](auto degree, auto time) {
-    context.launch("preprocess", preprocess_kernel<degree(), time()>,
-                   blocks_for(count, kPreprocessThreads), kPreprocessThreads, gaussians, camera,
-                   pose, settings, pass.tiles_x, pass.tiles_y, out, shard);
-  });
+  workspace.depth_keys.resize_discard(gaussians.mean.size);
+  const PhotoRows photo(camera, settings, nullptr, workspace, pass);
+  preprocess(context, gaussians, {&photo, 1});
 }
 
 }  // namespace gs::cuda

@@ -28,13 +28,6 @@ CudaRenderer::CudaRenderer(Context& context, Memory& memory)
   workspace_.halted.fill_zero();
 }
 
-void CudaRenderer::forward(const GaussiansSpan& gaussians, const Camera& camera,
-                           const RenderSettings& settings, RenderPass& pass, std::uint32_t capacity,
-                           StepReport* report, std::uint32_t step, const DevicePose* pose) {
-  preprocess(context_, gaussians, camera, settings, workspace_, pass, pose);
-  finish_projected(settings, pass, capacity, report, step);
-}
-
 void CudaRenderer::finish_projected(const RenderSettings& settings, RenderPass& pass,
                                     std::uint32_t capacity, StepReport* report,
                                     std::uint32_t step) {
@@ -171,7 +164,7 @@ void CudaRenderer::backward(const GaussiansSpan& gaussians, const Camera& camera
   plain.fragment_statistic = FragmentStatistic::none;  // steps alone gather them: backend.cu
   reserve_gradients(gaussians.mean.size, plain);
   blend_backward(context_, plain, dL_dimage, workspace_, pass);
-  preprocess_backward(context_, gaussians, camera, settings, workspace_, pass, gradients,
+  preprocess_backward(context_, gaussians, {camera, settings, nullptr, workspace_, pass}, gradients,
                       dL_dmean2d);
 }
 

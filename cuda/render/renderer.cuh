@@ -31,11 +31,8 @@ class CudaRenderer final : public Renderer {
                 const RenderSettings& settings, RenderPass& pass, Span<const float> dL_dimage,
                 const GaussiansSpan& gradients, Span<Vec2f> dL_dmean2d) override;
 
-  /// forward() for at most `capacity` instances, without waiting; see create_instances().
-  void forward(const GaussiansSpan& gaussians, const Camera& camera, const RenderSettings& settings,
-               RenderPass& pass, std::uint32_t capacity, StepReport* report, std::uint32_t step,
-               const DevicePose* pose);
-  /// The same after stage 1, whose results are in the workspace and the pass.
+  /// forward() after stage 1, whose results are in the workspace and the pass, for at most
+  /// `capacity` instances, without waiting; see create_instances().
   void finish_projected(const RenderSettings& settings, RenderPass& pass, std::uint32_t capacity,
                         StepReport* report, std::uint32_t step);
   /// Reserves dL/d(splat) of so many Gaussians. New entries are zero. `draws` is false where

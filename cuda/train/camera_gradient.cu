@@ -70,17 +70,15 @@ __global__ void __launch_bounds__(kThreads)
 
 }  // namespace
 
-void camera_gradient(Context& context, const GaussiansSpan& gaussians, const Camera& camera,
-                     const RenderSettings& settings, Workspace& workspace, const RenderPass& pass,
-                     const DevicePose* pose, const PoseRow& row, double weight) {
+void camera_gradient(Context& context, const GaussiansSpan& gaussians, const PhotoRows& photo,
+                     Workspace& workspace, const PoseRow& row, double weight) {
   const StageScope scope(context, "camera gradient");
   const std::size_t blocks = blocks_for(gaussians.mean.size, kThreads);
   workspace.camera_sums.resize_discard(kSums * blocks);
-  const SplatGradients in{pass.tile_counts.data(), pass.splats.data(),
-                          workspace.splat_gradients.data()};
-  const SplatSettings& of_splats = settings;
-  context.launch("camera gradient", add_gaussians_kernel, blocks, kThreads, gaussians, camera, pose,
-                 of_splats, in, workspace.camera_sums.data());
+  const SplatGradients in{photo.tile_counts, photo.splats, photo.gradients};
+  const SplatSettings& settings = photo.settings;
+  context.launch("camera gradient", add_gaussians_kernel, blocks, kThreads, gaussians, photo.camera,
+                 photo.pose, settings, in, workspace.camera_sums.data());
   context.launch("camera gradient", add_blocks_kernel, 1, kThreads,
                  static_cast<const double*>(workspace.camera_sums.data()), blocks, row, weight);
 }

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// What an update does with the numbers of one quantity: their gradients are written to an array or
-// added to a sum, or Adam updates them. Those whose moments are codes are in updates_of_codes.cuh.
+// What an update does with the numbers of one quantity: their gradients are written to an array, or
+// Adam updates them. Those whose moments are codes are in updates_of_codes.cuh.
 #pragma once
 
 #include <type_traits>
@@ -78,23 +78,6 @@ struct GradientNumbers {
   __device__ void finish(std::size_t at, Vector (&)[kArrays], const Vector& gradient,
                          const Place&) const {
     reinterpret_cast<Vector*>(gradients)[at] = gradient;
-  }
-};
-
-/// The numbers of one quantity, for AddGradients: finish() adds the gradient to a sum.
-struct SumNumbers {
-  static constexpr int kArrays = 2;
-  static constexpr bool kHasCodes = false;
-  float* arrays[kArrays];  // parameters and sums
-  float weight;
-
-  template <class Vector, class Place>
-  __device__ void finish(std::size_t at, Vector (&numbers)[kArrays], const Vector& gradient,
-                         const Place&) const {
-    for (int k = 0; k < int(sizeof(Vector) / sizeof(float)); ++k)
-      reinterpret_cast<float*>(&numbers[1])[k] +=
-          weight * reinterpret_cast<const float*>(&gradient)[k];
-    reinterpret_cast<Vector*>(arrays[1])[at] = numbers[1];
   }
 };
 

@@ -18,36 +18,30 @@
 
 #include "cuda/render/renderer.cuh"
 #include "cuda/render/reports.cuh"
+#include "cuda/stages.cuh"
 #include "cuda/train/instance_forecast.h"
-#include "cuda/train/photo_rows.cuh"
 
 namespace gs::cuda {
 
 /// A step that may have to be launched again. Its photos have numbers of their own, in order.
-struct PendingStep {
+struct PendingStep : ModelUpdate {
   std::vector<TrainingPhoto> batch;
   LossSettings loss_settings;
-  AdamSteps adam;
-  AdamRule rule;
-  MomentRounding rounding;
-  DensityStep density;
   float position_rate;            // Adam's rate for the means, which scales the noise
   std::uint32_t first_photo = 0;  // its number
   bool is_launched = false;
 
   PendingStep(const TrainingModel& model, Span<const TrainingPhoto> batch_,
               const LossSettings& loss_settings_, const Update& update, const DensityStep& density_)
-      : batch(batch_.begin(), batch_.end()), loss_settings(loss_settings_),
-        adam(adam_steps(model.adam_steps + update.rule.steps, update.rates)),
-        rule(update.rule), rounding{update.rounding_seed, model.adam_steps + update.rule.steps},
-        density(density_), position_rate(update.rates.mean) {}
+      : ModelUpdate{adam_steps(model.adam_steps + update.rule.steps, update.rates),
+                    update.rule,
+                    {update.rounding_seed, model.adam_steps + update.rule.steps},
+                    density_},
+        batch(batch_.begin(), batch_.end()), loss_settings(loss_settings_),
+        position_rate(update.rates.mean) {}
 
   std::uint32_t number_of(std::size_t photo) const { return first_photo + std::uint32_t(photo); }
   Span<const TrainingPhoto> photos() const { return {batch.data(), batch.size()}; }
-  bool is_batch() const { return batch.size() > 1; }
-  bool are_together(const TrainingModel& model) const {
-    return are_done_together(model, photos(), loss_settings, density);
-  }
 };
 
 /// What a backend does with its steps. `Step` is a PendingStep.

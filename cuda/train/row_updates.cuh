@@ -5,6 +5,8 @@
 // handles numbers of other lanes' Gaussians.
 #pragma once
 
+#include <type_traits>
+
 #include "cuda/render/sh_rows.cuh"
 #include "cuda/stages.cuh"
 #include "cuda/train/number_updates.cuh"
@@ -13,55 +15,121 @@
 
 namespace gs::cuda {
 
-/// Parameters or gradients of a warp's rows without SH: each quantity row after row, as it lies in
-/// its array.
-struct RowNumbers {
-  float mean[3 * kWarp], log_scale[3 * kWarp], rotation[4 * kWarp], logit_opacity[kWarp],
-      sh0[3 * kWarp];
-  // of Gaussians in space and time
-  float right_rotation[4 * kWarp], time_mean[kWarp], log_time_scale[kWarp];
+/// The learned quantities in the order of for_each_array(). Those of time come last.
+struct Quantity {
+  enum Name : int {
+    mean,
+    log_scale,
+    rotation,
+    logit_opacity,
+    sh0,
+    sh_rest,
+    right_rotation,
+    time_mean,
+    log_time_scale,
+    count
+  };
 };
+/// Numbers of a row before those of a quantity. Rows of sh_rest are handled apart from all others.
+constexpr int offset_of(int quantity) {
+  constexpr int kOffsets[Quantity::count + 1] = {0, 3, 6, 10, 11, 14, 14, 18, 19, 20};
+  return kOffsets[quantity];
+}
+constexpr int width_of(int quantity) { return offset_of(quantity + 1) - offset_of(quantity); }
+template <bool has_time>
+inline constexpr int kQuantities = has_time ? int(Quantity::count) : int(Quantity::sh_rest);
+template <bool has_time>
+inline constexpr int kRowNumbers = offset_of(kQuantities<has_time>);
 
-/// The parameters of one Gaussian without color. Those of time are undefined where it has none.
-struct Shape {
-  Vec3f mean, log_scale;
-  Quatf rotation;
-  float logit_opacity;
-  Quatf right_rotation;
-  float time_mean, log_time_scale;
+/// Calls f(std::integral_constant<int, quantity>) for each quantity of a row, without sh_rest.
+template <bool has_time, int quantity = 0, class F>
+__device__ void for_each_quantity(F&& f) {
+  if constexpr (quantity < kQuantities<has_time>) {
+    if constexpr (width_of(quantity) > 0) f(std::integral_constant<int, quantity>());
+    for_each_quantity<has_time, quantity + 1>(f);
+  }
+}
 
+/// The numbers of one row without sh_rest: parameters, or their gradients.
+template <bool has_time>
+struct Row {
+  float numbers[kRowNumbers<has_time>] = {};
+
+  __device__ float number(int quantity) const { return numbers[offset_of(quantity)]; }
+  __device__ Vec3f vector(int quantity) const {
+    const int at = offset_of(quantity);
+    return {numbers[at], numbers[at + 1], numbers[at + 2]};
+  }
+  __device__ Quatf quaternion(int quantity) const {
+    const int at = offset_of(quantity);
+    return {numbers[at], numbers[at + 1], numbers[at + 2], numbers[at + 3]};
+  }
+  __device__ void set(int quantity, float number) { numbers[offset_of(quantity)] = number; }
+  __device__ void set(int quantity, const Vec3f& vector) {
+    for (int c = 0; c < 3; ++c) numbers[offset_of(quantity) + c] = vector[c];
+  }
+  __device__ void set(int quantity, const Quatf& q) {
+    const int at = offset_of(quantity);
+    numbers[at] = q.w;
+    numbers[at + 1] = q.x;
+    numbers[at + 2] = q.y;
+    numbers[at + 3] = q.z;
+  }
+
+  /// All but the color, of Gaussians in space and time.
   __device__ SpacetimeShape<float> in_spacetime() const {
-    return {mean, log_scale, {rotation, right_rotation}, logit_opacity, time_mean, log_time_scale};
+    static_assert(has_time);
+    return {vector(Quantity::mean),
+            vector(Quantity::log_scale),
+            {quaternion(Quantity::rotation), quaternion(Quantity::right_rotation)},
+            number(Quantity::logit_opacity),
+            number(Quantity::time_mean),
+            number(Quantity::log_time_scale)};
+  }
+  __device__ void take(const SpacetimeShape<float>& shape) {
+    static_assert(has_time);
+    set(Quantity::mean, shape.mean);
+    set(Quantity::log_scale, shape.log_scale);
+    set(Quantity::rotation, shape.rotations.left);
+    set(Quantity::right_rotation, shape.rotations.right);
+    set(Quantity::logit_opacity, shape.logit_opacity);
+    set(Quantity::time_mean, shape.time_mean);
+    set(Quantity::log_time_scale, shape.log_time_scale);
+  }
+  __device__ void take(const GaussianGradient<float>& gradient) {
+    set(Quantity::mean, gradient.mean);
+    set(Quantity::log_scale, gradient.log_scale);
+    set(Quantity::rotation, gradient.rotation);
+    set(Quantity::logit_opacity, gradient.logit_opacity);
   }
 };
 
-/// The gradients of one row without the SH rest.
-struct RowGradient : GaussianGradient<float> {
-  Quatf right_rotation{};
-  float time_mean = 0, log_time_scale = 0;
-
-  __device__ SpacetimeShape<float> in_spacetime() const {
-    return {mean, log_scale, {rotation, right_rotation}, logit_opacity, time_mean, log_time_scale};
-  }
-  /// Takes all but the color's gradients.
-  __device__ void take(const SpacetimeShape<float>& dL) {
-    mean = dL.mean;
-    log_scale = dL.log_scale;
-    rotation = dL.rotations.left;
-    right_rotation = dL.rotations.right;
-    logit_opacity = dL.logit_opacity;
-    time_mean = dL.time_mean;
-    log_time_scale = dL.log_time_scale;
-  }
-};
+/// Where the numbers of a warp's rows lie in shared memory: each quantity row after row, as it lies
+/// in its array. Calls f(its number within a row, its place) for each number of this lane's row.
+template <bool has_time, class F>
+__device__ void for_each_number(F&& f) {
+  for_each_quantity<has_time>([&](auto quantity) {
+    constexpr int kWidth = width_of(quantity), kOffset = offset_of(quantity);
+    for (int c = 0; c < kWidth; ++c)
+      f(kOffset + c, kOffset * kWarp + lane_of_thread() * kWidth + c);
+  });
+}
+template <bool has_time>
+__device__ Row<has_time> row_from(const float* shared) {
+  Row<has_time> row;
+  for_each_number<has_time>([&](int number, int at) { row.numbers[number] = shared[at]; });
+  return row;
+}
+template <bool has_time>
+__device__ void store_row(float* shared, const Row<has_time>& row) {
+  for_each_number<has_time>([&](int number, int at) { shared[at] = row.numbers[number]; });
+}
 
 /// A sink for the gradients of all quantities: writes them to arrays, and dL/d(mean2d) to another
 /// one.
 struct WriteGradients {
-  static constexpr bool kSkipsInvisible = false;
   using Numbers = GradientNumbers;
-  Numbers mean, log_scale, rotation, logit_opacity, sh0, sh_rest;
-  Numbers right_rotation, time_mean, log_time_scale;  // null where rows have no time
+  Numbers of[Quantity::count];  // null where rows have no time
   Vec2f* dL_dmean2d;
   bool is_absolute;  // dL_dmean2d
 
@@ -77,7 +145,7 @@ struct WriteGradients {
     return is_absolute ? Vec2f(sum.absolute_x, sum.absolute_y) : sum.mean2d;
   }
   template <bool has_time>
-  __device__ void regularize(const Shape&, RowGradient&) const {}
+  __device__ void regularize(const Row<has_time>&, Row<has_time>&) const {}
 };
 /// The part of a sink that gathers the statistics of density control.
 struct GatherStatistics {
@@ -119,30 +187,13 @@ struct GatherStatistics {
     gradient_norm[i] = before.gradient_norm + more_norm;
   }
 };
-/// A sink that adds the gradients of one photo of a batch to sums. Rows that are not visible have
-/// nothing to add.
-struct AddGradients : GatherStatistics {
-  static constexpr bool kSkipsInvisible = true;
-  using Numbers = SumNumbers;
-  Numbers mean, log_scale, rotation, logit_opacity, sh0, sh_rest;
-  Numbers right_rotation, time_mean, log_time_scale;  // null where rows have no time
-  bool is_absolute;                                   // the statistic
-  std::uint32_t* touched;                             // BatchSums
-
-  __device__ Vec2f by_mean2d(const SplatGradientSum& sum) const {
-    return is_absolute ? Vec2f(sum.absolute_x, sum.absolute_y) : sum.mean2d;
-  }
-  template <bool has_time>
-  __device__ void regularize(const Shape&, RowGradient&) const {}
-};
 /// A sink that updates all parameters.
-template <class NumbersOfRows>
+template <class NumbersOfQuantity>
 struct UpdateByAdam : GatherStatistics {
-  static constexpr bool kSkipsInvisible = false;
-  using Numbers = NumbersOfRows;
-  Numbers mean, log_scale, rotation, logit_opacity, sh0, sh_rest;
-  Numbers right_rotation, time_mean, log_time_scale;  // null where rows have no time
-  bool is_absolute;                                   // the statistic
+  using Numbers = NumbersOfQuantity;
+  Numbers of[Quantity::count];  // null where rows have no time
+  MomentRounding rounding;      // of moments that are codes
+  bool is_absolute;             // the statistic
   bool is_regularized;
   Regularizers of_each;  // weights for one row
 
@@ -150,174 +201,75 @@ struct UpdateByAdam : GatherStatistics {
     return is_absolute ? Vec2f(sum.absolute_x, sum.absolute_y) : sum.mean2d;
   }
   template <bool has_time>
-  __device__ void regularize(const Shape& shape, RowGradient& gradient) const {
+  __device__ void regularize(const Row<has_time>& row, Row<has_time>& gradient) const {
     if (!is_regularized) return;
-    const RegularizerGradient<float> added =
-        regularizer_vjp(shape.log_scale, shape.logit_opacity, of_each);
-    gradient.log_scale += added.log_scale;
-    gradient.logit_opacity += added.logit_opacity;
+    const RegularizerGradient<float> added = regularizer_vjp(
+        row.vector(Quantity::log_scale), row.number(Quantity::logit_opacity), of_each);
+    gradient.set(Quantity::log_scale, gradient.vector(Quantity::log_scale) + added.log_scale);
+    gradient.set(Quantity::logit_opacity,
+                 gradient.number(Quantity::logit_opacity) + added.logit_opacity);
     if constexpr (has_time) {
       SpacetimeShape<float> dL = gradient.in_spacetime();
-      add_spacetime_regularizer_vjp(shape.in_spacetime(), of_each, dL);
+      add_spacetime_regularizer_vjp(row.in_spacetime(), of_each, dL);
       gradient.take(dL);
     }
   }
 };
 
-/// This lane's share of one quantity of a warp's rows, which have kInRow numbers each. `which` is
-/// EveryRow or SomeRows; numbers of other rows are neither read nor written.
-template <int kInRow, class Numbers>
-struct Share {
-  float loaded[kInRow][Numbers::kArrays];
-
-  template <class Which>
-  __device__ Share(const Numbers& numbers, std::size_t first, int rows, Which which) {
-    for (int k = 0; k < kInRow; ++k) {
-      const int item = lane_of_thread() + k * kWarp;
-      for (int a = 0; a < Numbers::kArrays; ++a)
-        if (item < rows * kInRow && which.has(item / kInRow))
-          loaded[k][a] = vector_at<Numbers>(numbers.arrays[a], a, first * kInRow + item);
-    }
-  }
-  /// Writes the parameters to `to`, row after row.
-  template <class Which>
-  __device__ void lay_out(int rows, Which which, float* to) const {
-    for (int k = 0; k < kInRow; ++k) {
-      const int item = lane_of_thread() + k * kWarp;
-      if (item < rows * kInRow && which.has(item / kInRow)) to[item] = loaded[k][0];
-    }
-  }
-  template <class Which, class RandomSource>
-  __device__ void finish(const Numbers& numbers, std::size_t first, int rows, Which which,
-                         const float* gradients, const RandomSource& random) {
-    for (int k = 0; k < kInRow; ++k) {
-      const int item = lane_of_thread() + k * kWarp;
-      if (item < rows * kInRow && which.has(item / kInRow))
-        numbers.finish(first * kInRow + item, loaded[k], gradients[item],
-                       NumberPlace<RandomSource>{random, item / kInRow, item % kInRow, kInRow});
-    }
-  }
-};
-
-/// This lane's shares of the quantities of time; none where rows have no time.
-template <class Sink, bool has_time>
-struct TimeShares {
-  using Numbers = typename Sink::Numbers;
-  Share<4, Numbers> right_rotation;
-  Share<1, Numbers> time_mean, log_time_scale;
-
-  template <class Which>
-  __device__ TimeShares(const Sink& sink, std::size_t first, int rows, Which which)
-      : right_rotation(sink.right_rotation, first, rows, which),
-        time_mean(sink.time_mean, first, rows, which),
-        log_time_scale(sink.log_time_scale, first, rows, which) {}
-  template <class Which>
-  __device__ void lay_out(int rows, Which which, RowNumbers& shared) const {
-    right_rotation.lay_out(rows, which, shared.right_rotation);
-    time_mean.lay_out(rows, which, shared.time_mean);
-    log_time_scale.lay_out(rows, which, shared.log_time_scale);
-  }
-  __device__ void read(const RowNumbers& shared, int lane, Shape& shape) const {
-    const float* const q = shared.right_rotation + 4 * lane;
-    shape.right_rotation = {q[0], q[1], q[2], q[3]};
-    shape.time_mean = shared.time_mean[lane];
-    shape.log_time_scale = shared.log_time_scale[lane];
-  }
-  template <class Which, class RandomSource>
-  __device__ void finish(const Sink& sink, std::size_t first, int rows, Which which,
-                         const RowNumbers& gradients, const RandomSource& random) {
-    right_rotation.finish(sink.right_rotation, first, rows, which, gradients.right_rotation,
-                          random);
-    time_mean.finish(sink.time_mean, first, rows, which, gradients.time_mean, random);
-    log_time_scale.finish(sink.log_time_scale, first, rows, which, gradients.log_time_scale,
-                          random);
-  }
-};
-template <class Sink>
-struct TimeShares<Sink, false> {
-  template <class Which>
-  __device__ TimeShares(const Sink&, std::size_t, int, Which) {}
-  template <class Which>
-  __device__ void lay_out(int, Which, RowNumbers&) const {}
-  __device__ void read(const RowNumbers&, int, Shape&) const {}
-  template <class Which, class RandomSource>
-  __device__ void finish(const Sink&, std::size_t, int, Which, const RowNumbers&,
-                         const RandomSource&) {}
-};
-
-/// This lane's shares of all quantities without SH.
-template <class Sink, bool has_time>
+/// This lane's share of the numbers of a warp's rows.
+template <bool has_time, class Numbers>
 struct Shares {
-  using Numbers = typename Sink::Numbers;
-  Share<3, Numbers> mean, log_scale, sh0;
-  Share<4, Numbers> rotation;
-  Share<1, Numbers> logit_opacity;
-  TimeShares<Sink, has_time> time;
+  float loaded[kRowNumbers<has_time>][Numbers::kArrays];
 
-  template <class Which>
-  __device__ Shares(const Sink& sink, std::size_t first, int rows, Which which)
-      : mean(sink.mean, first, rows, which), log_scale(sink.log_scale, first, rows, which),
-        sh0(sink.sh0, first, rows, which), rotation(sink.rotation, first, rows, which),
-        logit_opacity(sink.logit_opacity, first, rows, which), time(sink, first, rows, which) {}
+  __device__ Shares(const Numbers* of, std::size_t first, int rows) {
+    for_each(
+        [&](auto quantity, int k, int item) {
+          constexpr int kWidth = width_of(quantity);
+          for (int a = 0; a < Numbers::kArrays; ++a)
+            loaded[k][a] = vector_at<Numbers>(of[quantity].arrays[a], a, first * kWidth + item);
+        },
+        rows);
+  }
   /// The whole warp: returns this lane's row of parameters; the lanes exchange them through shared
   /// memory.
-  template <class Which>
-  __device__ Shape row(RowNumbers& shared, int rows, Which which) const {
-    mean.lay_out(rows, which, shared.mean);
-    log_scale.lay_out(rows, which, shared.log_scale);
-    rotation.lay_out(rows, which, shared.rotation);
-    logit_opacity.lay_out(rows, which, shared.logit_opacity);
-    time.lay_out(rows, which, shared);
+  __device__ Row<has_time> row(float* shared, int rows) const {
+    for_each(
+        [&](auto quantity, int k, int item) {
+          constexpr int kOffset = offset_of(quantity);
+          shared[kOffset * kWarp + item] = loaded[k][0];
+        },
+        rows);
     __syncwarp();
-    const int lane = lane_of_thread();
-    const auto vector = [&](const float* of) {
-      return Vec3f(of[3 * lane], of[3 * lane + 1], of[3 * lane + 2]);
-    };
-    const float* const q = shared.rotation + 4 * lane;
-    Shape shape;
-    shape.mean = vector(shared.mean);
-    shape.log_scale = vector(shared.log_scale);
-    shape.rotation = {q[0], q[1], q[2], q[3]};
-    shape.logit_opacity = shared.logit_opacity[lane];
-    time.read(shared, lane, shape);
+    const Row<has_time> row = row_from<has_time>(shared);
     __syncwarp();
-    return shape;
+    return row;
   }
-  template <class Which, class RandomSource>
-  __device__ void finish(const Sink& sink, std::size_t first, int rows, Which which,
-                         const RowNumbers& gradients, const RandomSource& random) {
-    mean.finish(sink.mean, first, rows, which, gradients.mean, random);
-    log_scale.finish(sink.log_scale, first, rows, which, gradients.log_scale, random);
-    sh0.finish(sink.sh0, first, rows, which, gradients.sh0, random);
-    rotation.finish(sink.rotation, first, rows, which, gradients.rotation, random);
-    logit_opacity.finish(sink.logit_opacity, first, rows, which, gradients.logit_opacity, random);
-    time.finish(sink, first, rows, which, gradients, random);
+  template <class RandomSource>
+  __device__ void finish(const Numbers* of, std::size_t first, int rows, const float* gradients,
+                         const RandomSource& random) {
+    for_each(
+        [&](auto quantity, int k, int item) {
+          constexpr int kWidth = width_of(quantity), kOffset = offset_of(quantity);
+          of[quantity].finish(
+              first * kWidth + item, loaded[k], gradients[kOffset * kWarp + item],
+              NumberPlace<RandomSource>{random, item / kWidth, item % kWidth, kWidth});
+        },
+        rows);
+  }
+
+ private:
+  // Calls f(quantity, which of the lane's numbers, its item of the quantity).
+  template <class F>
+  static __device__ void for_each(F&& f, int rows) {
+    for_each_quantity<has_time>([&](auto quantity) {
+      constexpr int kWidth = width_of(quantity), kOffset = offset_of(quantity);
+      for (int k = 0; k < kWidth; ++k) {
+        const int item = lane_of_thread() + k * kWarp;
+        if (item < rows * kWidth) f(quantity, kOffset + k, item);
+      }
+    });
   }
 };
-
-__device__ inline void stage_quaternion(float* to, const Quatf& q) {
-  to[0] = q.w;
-  to[1] = q.x;
-  to[2] = q.y;
-  to[3] = q.z;
-}
-/// Writes this lane's row of gradients to shared memory.
-template <bool has_time>
-__device__ void stage(RowNumbers& to, const RowGradient& gradient) {
-  const int lane = lane_of_thread();
-  for (int c = 0; c < 3; ++c) {
-    to.mean[3 * lane + c] = gradient.mean[c];
-    to.log_scale[3 * lane + c] = gradient.log_scale[c];
-    to.sh0[3 * lane + c] = gradient.sh0[c];
-  }
-  stage_quaternion(to.rotation + 4 * lane, gradient.rotation);
-  to.logit_opacity[lane] = gradient.logit_opacity;
-  if constexpr (has_time) {
-    stage_quaternion(to.right_rotation + 4 * lane, gradient.right_rotation);
-    to.time_mean[lane] = gradient.time_mean;
-    to.log_time_scale[lane] = gradient.log_time_scale;
-  }
-}
 
 /// An array as plain numbers, or codes as floats of the same bits.
 template <class T>

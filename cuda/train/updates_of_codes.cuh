@@ -39,21 +39,20 @@ __device__ inline void store_codes(float* array, std::size_t at, const float4& c
 
 /// The whole warp: starts to copy the codes of its SH rows into shared memory: those that
 /// `degree` uses, in whole vectors, with their neighbors.
-template <int degree, class Which>
-__device__ void start_copy_of_codes(std::uint16_t* to, const std::uint16_t* from, int rows,
-                                    Which which) {
+template <int degree>
+__device__ void start_copy_of_codes(std::uint16_t* to, const std::uint16_t* from, int rows) {
   constexpr int kInUse = kShNumbersInUse<degree>, kInVector = sizeof(float4) / sizeof(TinyCode);
   static_assert(kWarp * kShRowNumbers % kInVector == 0);
   if (rows == kWarp) {
     for (int k = kInVector * lane_of_thread(); k < kWarp * kShRowNumbers; k += kInVector * kWarp) {
       const int row = k / kShRowNumbers, next = (k + kInVector - 1) / kShRowNumbers;
-      if ((which.has(row) && k % kShRowNumbers < kInUse) || (next > row && which.has(next)))
+      if (k % kShRowNumbers < kInUse || next > row)
         __pipeline_memcpy_async(to + k, from + k, sizeof(float4));
     }
   } else {  // two bytes are too few for an asynchronous copy
     for (int k = lane_of_thread(); k < rows * kInUse; k += kWarp) {
       const int at = k / kInUse * kShRowNumbers + k % kInUse;
-      if (which.has(k / kInUse)) to[at] = from[at];
+      to[at] = from[at];
     }
   }
 }
@@ -67,8 +66,7 @@ struct AdamCodes {
   float* arrays[kArrays];  // parameters and codes
   AdamStep step;
   AdamRule rule;
-  MomentRounding rounding;  // all quantities have the same
-  int place;                // NumberPlaces
+  int place;  // NumberPlaces
 
   template <class Vector, class Place>
   __device__ void finish(std::size_t at, Vector (&numbers)[kArrays], const Vector& gradient,

@@ -187,11 +187,12 @@ void TrainSession::clear_folder_for_photos() {
 // A photo is drawn by one GPU.
 void TrainSession::warn_of_idle_gpus() const {
   const TrainConfig& train = config_.train;
-  if (train.batch < train.ranks && &backend_->memory() != &host_memory())
+  if (const int most = std::min(train.ranks, kMostBatch);
+      train.batch < most && &backend_->memory() != &host_memory())
     log_warning(
         "train.batch is {}, so that {} of {} GPUs wait while photos are drawn; a new run with "
         "--set train.batch={} keeps all of them busy",
-        train.batch, train.ranks - train.batch, train.ranks, train.ranks);
+        train.batch, train.ranks - train.batch, train.ranks, most);
 }
 
 // Ranks that are processes are told of the scene when the trainer announces its views.

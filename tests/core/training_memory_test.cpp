@@ -71,8 +71,39 @@ TEST(TrainingMemory, AGaussianTakesTheSumOfItsArrays) {
   EXPECT_NEAR(more([](TrainingSize& size) { size.has_depth_maps = true; }), 4 + 24, 0.01);
   EXPECT_NEAR(more([](TrainingSize& size) { size.batch = 2; }), 112, 0.01);
   EXPECT_NEAR(more([](TrainingSize& size) { size.batch = 4; }), 3 * 112, 0.01);
-  EXPECT_NEAR(more([](TrainingSize& size) { size.batch = 8; }), 236 + 8 + 1 / 8.0, 0.01);
+  EXPECT_NEAR(more([](TrainingSize& size) { size.batch = 8; }), 7 * 112, 0.01);
   EXPECT_NEAR(more([](TrainingSize& size) { size.instance_places += 1; }), 12, 0.01);
+}
+
+// Each photo but one also keeps what stages 5 and 6 add for other photos once alone.
+TEST(TrainingMemory, PhotosOfABatchKeepDepthsAndSumsOfTheirOwn) {
+  const auto bytes_of_photo = [](auto&& change) {
+    TrainingSize size = steady(0);
+    change(size);
+    size.batch = 3;
+    const double of_three = bytes_of_gaussian(size);
+    size.batch = 2;
+    return of_three - bytes_of_gaussian(size);
+  };
+  EXPECT_NEAR(bytes_of_photo([](TrainingSize& size) { size.has_time = true; }), 112, 0.01);
+  EXPECT_NEAR(bytes_of_photo([](TrainingSize& size) { size.has_sums = true; }), 112, 0.01);
+  EXPECT_NEAR(
+      bytes_of_photo([](TrainingSize& size) { size.has_sums = size.is_deterministic = true; }),
+      112 + 24, 0.01);
+  EXPECT_NEAR(bytes_of_photo([](TrainingSize& size) { size.has_sums = size.is_absolute = true; }),
+              112 + 16, 0.01);
+  EXPECT_NEAR(bytes_of_photo([](TrainingSize& size) { size.has_depth_maps = true; }), 112 + 4,
+              0.01);
+}
+
+// Forces are among the gradients, to which a depth map adds.
+TEST(TrainingMemory, ABatchWithDepthMapsKeepsItsForcesApart) {
+  TrainingSize size = steady(0);
+  size.batch = 2;
+  size.has_depth_maps = true;
+  const double without = bytes_of_gaussian(size);
+  size.has_sums = true;
+  EXPECT_NEAR(bytes_of_gaussian(size) - without, 12 + 12, 0.01);
 }
 
 TEST(TrainingMemory, TakesTheBytesOfMomentsFromTheConfig) {

@@ -2,6 +2,7 @@
 // The fused step by several photos, which share one update, against the scalar backend.
 #include <gtest/gtest.h>
 
+#include "gs_core/config/config.h"
 #include "tests/cuda/fused_step.h"
 
 namespace gs {
@@ -36,18 +37,39 @@ TEST_F(CudaBatch, ABatchIsThatOfTheScalarBackend) {
     }
 }
 
-// Photos that are done together, and more of them, whose gradients are summed up.
+// The gradients of four photos are copied at a time. In space and time each photo has its own.
 TEST_F(CudaBatch, BatchesOfAllSizesAreThoseOfTheScalarBackend) {
+  std::vector<View> views = some_views(131, 77, kMostBatch);
+  for (std::size_t i = 0; i < views.size(); ++i) views[i].camera.time = 0.1f * float(i);
+  for (const bool has_time : {false, true})
+    for (const std::size_t size : {2, 4, 5, 8}) {
+      SCOPED_TRACE(testing::Message() << size << (has_time ? " in time" : ""));
+      std::vector<TrainingPhoto> batch = batch_of(views, {});
+      batch.resize(size);
+      Gaussians start = random_gaussians(kTypical, 3000, views[0].camera, 4);
+      if (has_time) start = in_spacetime(start, 8);
+      TrainingModel expected = model_of(start);
+      TrainingModel fused = on_gpu(expected);
+      const DensityStep density{.gather_statistics = true, .score = GrowthScore::force};
+      batches_both(3, expected, fused, batch, {kRates, batch_rule(int(size))}, density);
+      expect_same(on_host(fused), expected, 2e-2);
+    }
+}
+
+// Sums over fragments are those of all photos, among the gradients or, if deterministic, apart.
+TEST_F(CudaBatch, ABatchSumsForcesAsTheScalarBackendDoes) {
   const std::vector<View> views = some_views(131, 77, 6);
-  for (const std::size_t size : {2, 4, 5}) {
-    SCOPED_TRACE(size);
-    std::vector<TrainingPhoto> batch = batch_of(views, {});
-    batch.resize(size);
+  for (const bool is_deterministic : {false, true}) {
+    SCOPED_TRACE(is_deterministic);
+    RenderSettings settings;
+    settings.deterministic = is_deterministic;
+    std::vector<TrainingPhoto> batch = batch_of(views, settings);
+    batch[1].reduction = 2;
     TrainingModel expected = model_of(random_gaussians(kTypical, 3000, views[0].camera, 4));
     TrainingModel fused = on_gpu(expected);
     const DensityStep density{.gather_statistics = true, .score = GrowthScore::force};
-    batches_both(3, expected, fused, batch, {kRates, batch_rule(int(size))}, density);
-    expect_same(on_host(fused), expected, 2e-2);
+    batches_both(1, expected, fused, batch, {kRates, batch_rule(6)}, density);
+    expect_same_sums(on_host(fused), expected, 1e-2);
   }
 }
 
@@ -92,14 +114,27 @@ TEST_F(CudaBatch, ABatchWithTooLittleRoomLosesNothing) {
   const Recipe large{
       .sigma_low = 30, .sigma_high = 60, .opacity_low = 0.02f, .opacity_high = 0.05f};
   const TrainingModel start = model_of(random_gaussians(large, 20000, views[0].camera, 3));
-  const std::vector<TrainingPhoto> batch = batch_of(views, {});
-  TrainingModel fused = on_gpu(start), plain = on_gpu(start);
-  for (int step = 0; step < 6; ++step)
-    gpu().step(fused, {batch.data(), batch.size()}, {0.2f}, {kRates}, {true});
-  gpu().synchronize(fused);
-  for (int step = 0; step < 6; ++step)
-    gpu().Backend::step(plain, {batch.data(), batch.size()}, {0.2f}, {kRates}, {true});
-  expect_same(on_host(fused), on_host(plain), 2e-2);
+  for (const bool is_deterministic : {false, true}) {
+    SCOPED_TRACE(is_deterministic);
+    RenderSettings settings;
+    settings.deterministic = is_deterministic;
+    const std::vector<TrainingPhoto> batch = batch_of(views, settings);
+    const DensityStep density{.gather_statistics = true, .score = GrowthScore::force};
+    TrainingModel again = on_gpu(start), fused = on_gpu(start);
+    // Steps of the first model find buffers that are too small; those of the second do not.
+    gpu().upload_views(views, std::size_t(1) << 30);
+    for (TrainingModel* const model : {&again, &fused}) {
+      for (int step = 0; step < 6; ++step)
+        gpu().step(*model, {batch.data(), batch.size()}, {0.2f}, {kRates}, density);
+      gpu().synchronize(*model);
+    }
+    expect_same(on_host(again), on_host(fused), 2e-2);
+    expect_same_sums(on_host(again), on_host(fused), 2e-2);
+    TrainingModel plain = on_gpu(start);
+    for (int step = 0; step < 6; ++step)
+      gpu().Backend::step(plain, {batch.data(), batch.size()}, {0.2f}, {kRates}, {true});
+    expect_same(on_host(fused), on_host(plain), 2e-2);
+  }
 }
 
 // Each photo of a batch is copied while the one before it is trained on.

@@ -56,14 +56,15 @@ class CudaDepth : public CudaTest {
     return random_gaussians(kTypical, count, scene_.train_views[0].camera, 5);
   }
   void step(Backend& backend, TrainingModel& model, const std::vector<std::size_t>& rows,
-            const RenderSettings& settings, float weight = kWeight) const {
+            const RenderSettings& settings, float weight = kWeight,
+            const DensityStep& density = {true}) const {
     std::vector<TrainingPhoto> batch;
     for (const std::size_t row : rows)
       batch.push_back({&scene_.train_views[row], settings, rows.size() > 1 ? 2 : 1, row});
     LossSettings loss{0.2f};
     loss.depth_weight = weight;
     backend.step(model, {batch.data(), batch.size()}, loss,
-                 Update{kRates, batch_rule(int(rows.size()))}, {true});
+                 Update{kRates, batch_rule(int(rows.size()))}, density);
   }
   /// The first moments are the gradients times a constant, after one step.
   void expect_same_gradients(const TrainingModel& actual, const TrainingModel& expected,
@@ -122,6 +123,28 @@ TEST_F(CudaDepth, AStepWithA3dFilterIsTheScalarOne) {
 
 TEST_F(CudaDepth, AStepInSpaceAndTimeIsTheScalarOne) {
   expect_scalar_step(in_spacetime(plain(), 41));
+}
+
+// The sums of forces are those of the colors, although a depth map adds to the same gradients.
+TEST_F(CudaDepth, ForcesAreThoseOfTheScalarStep) {
+  const DensityStep density{.gather_statistics = true, .score = GrowthScore::force};
+  for (const bool is_deterministic : {false, true})
+    for (const std::vector<std::size_t>& rows :
+         {std::vector<std::size_t>{0}, std::vector<std::size_t>{0, 1, 2, 0}}) {
+      RenderSettings settings;
+      settings.deterministic = is_deterministic;
+      TrainingModel expected = model_of(plain()), actual = on_gpu(expected);
+      step(cpu(), expected, rows, settings, kWeight, density);
+      step(gpu(), actual, rows, settings, kWeight, density);
+      gpu().synchronize(actual);
+      const TrainingModel here = on_host(actual);
+      std::vector<float> forces, expected_forces;
+      for (std::size_t i = 0; i < here.count(); ++i) {
+        forces.push_back(here.statistics.sums[i].first);
+        expected_forces.push_back(expected.statistics.sums[i].first);
+      }
+      EXPECT_LT(norm_difference(forces, expected_forces), 1e-2) << is_deterministic << rows.size();
+    }
 }
 
 TEST_F(CudaDepth, LearnsTheSameBitsEachTimeIfDeterministic) {

@@ -83,6 +83,19 @@ class FusedStepTest : public CudaTest {
                               downloaded(expected.statistics.visits)),
               tolerance);
   }
+  /// The sums over fragments of both models.
+  void expect_same_sums(const TrainingModel& actual, const TrainingModel& expected,
+                        double tolerance) {
+    const auto numbers = [](const TrainingModel& model, float FragmentSums::*number) {
+      std::vector<float> all;
+      for (std::size_t i = 0; i < model.count(); ++i)
+        all.push_back(model.statistics.sums[i].*number);
+      return all;
+    };
+    for (float FragmentSums::*const number :
+         {&FragmentSums::count, &FragmentSums::first, &FragmentSums::second})
+      EXPECT_LT(norm_difference(numbers(actual, number), numbers(expected, number)), tolerance);
+  }
 };
 
 }  // namespace gs

@@ -110,20 +110,26 @@ TEST_F(CudaMemory, StepsWithSumsOverFragmentsTakeWhatIsForecast) {
 
 TEST_F(CudaMemory, BatchesTakeWhatIsForecast) {
   for (const int batch : {2, 4, 6})
-    for (const bool has_sums : {false, true}) {
-      SCOPED_TRACE(batch);
-      expect_steps_as_forecast([&](RenderSettings&, DensityStep& density, TrainingSize& size) {
-        size.batch = batch;
-        size.has_sums = has_sums;
-        if (has_sums) density.score = GrowthScore::force;
-      });
-    }
+    for (const bool has_sums : {false, true})
+      for (const bool is_deterministic : {false, true}) {
+        SCOPED_TRACE(batch);
+        expect_steps_as_forecast(
+            [&](RenderSettings& settings, DensityStep& density, TrainingSize& size) {
+              size.batch = batch;
+              settings.deterministic = size.is_deterministic = is_deterministic;
+              size.has_sums = has_sums;
+              if (has_sums) density.score = GrowthScore::force;
+            });
+      }
 }
 
 TEST_F(CudaMemory, StepsInSpaceAndTimeTakeWhatIsForecast) {
   rows_ = in_spacetime(rows_, 8);
-  expect_steps_as_forecast(
-      [](RenderSettings&, DensityStep&, TrainingSize& size) { size.has_time = true; });
+  for (const int batch : {1, 4})
+    expect_steps_as_forecast([&](RenderSettings&, DensityStep&, TrainingSize& size) {
+      size.has_time = true;
+      size.batch = batch;
+    });
 }
 
 // ---- runs, whose Gaussians become more ---------------------------------------------------------
