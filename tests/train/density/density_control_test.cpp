@@ -77,7 +77,7 @@ TEST(DensityControl, EveryMethodGrowsInItsRegionAlone) {
     control->set_region(region);
     TrainingModel model = growing_model();
     begin_sums(model);
-    for (std::size_t i = 0; i < 30; ++i) model.statistics.sums[i] = {5, 1e5, 1e5};
+    for (std::size_t i = 0; i < 30; ++i) model.statistics.sums[i] = {1, 1, 1e5};
     control->after_step(model, *backend, 14900);
     EXPECT_GT(model.count(), 30u) << row.name;
     for (std::size_t i = 30; i < model.count(); ++i)
