@@ -217,6 +217,19 @@ void merge_section(Config& config, const ConfigSource& source, const std::string
   config.density.strategy = rules.resolved(config.density.strategy, named);
 }
 
+// The sections of a text.
+void merge_sections(Config& config, const ConfigSource& source, const toml::table& root,
+                    SettingOrigins& origins) {
+  for (const auto& [section_key, section] : root) {
+    const std::string section_name = with_underscores(std::string(section_key.str()));
+    if (section_name == "base") continue;
+    const std::string where = place_of(source, section) + ": ";
+    if (!section.is_table()) refuse_key(where, section_name);
+    if (section.as_table()->empty()) check_section(section_name, where);
+    merge_section(config, source, section_name, *section.as_table(), origins);
+  }
+}
+
 // `chain` holds the files whose base is being read.
 void merge(Config& config, const std::string& name, ConfigChain& chain, SettingOrigins& origins) {
   chain.push_back(open_config(name, chain));
@@ -230,14 +243,7 @@ void merge(Config& config, const std::string& name, ConfigChain& chain, SettingO
   }
   const ConfigSource source = std::move(chain.back());
   chain.pop_back();
-  for (const auto& [section_key, section] : root) {
-    const std::string section_name = with_underscores(std::string(section_key.str()));
-    if (section_name == "base") continue;
-    const std::string where = place_of(source, section) + ": ";
-    if (!section.is_table()) refuse_key(where, section_name);
-    if (section.as_table()->empty()) check_section(section_name, where);
-    merge_section(config, source, section_name, *section.as_table(), origins);
-  }
+  merge_sections(config, source, root, origins);
 }
 
 // The value of `--set key=TEXT`: TOML if the text is valid TOML, else a bare word.
@@ -273,6 +279,13 @@ void load_config(Config& config, const fs::path& name, SettingOrigins* origins) 
   config = merged;
   if (origins)
     for (auto& [key, place] : merged_origins) (*origins)[key] = std::move(place);
+}
+
+Config config_of_text(const std::string& text, const std::string& shown) {
+  Config config;
+  SettingOrigins origins;
+  merge_sections(config, {shown, {}, {}, {}}, parse_toml(text, shown), origins);
+  return config;
 }
 
 std::string apply_setting(Config& config, const std::string& assignment) {

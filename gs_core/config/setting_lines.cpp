@@ -1,8 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "gs_core/config/setting_lines.h"
 
-#include <algorithm>
-
 #include "gs_core/config/config_fields.h"
 #include "gs_core/config/config_text.h"
 
@@ -16,14 +14,6 @@ std::string setting_lines(const Config& config) {
   return text;
 }
 
-Config config_of_lines(const std::string& text) {
-  Config config;
-  for (std::size_t begin = 0; begin < text.size();) {
-    const std::size_t end = std::min(text.find('\n', begin), text.size());
-    apply_setting(config, text.substr(begin, end - begin));
-    begin = end + 1;
-  }
-  return config;
-}
+Config config_of_lines(const std::string& text) { return config_of_text(text, "settings"); }
 
 }  // namespace gs

@@ -17,6 +17,7 @@
 #include "gs_core/config/config_text.h"
 #include "gs_core/config/nearest_word.h"
 #include "gs_core/config/read_toml.h"
+#include "gs_core/config/setting_lines.h"
 #include "gs_core/error.h"
 #include "tests/support/error_of.h"
 #include "tests/support/temp_folder.h"
@@ -567,6 +568,21 @@ TEST_F(ConfigFile, RulesOfOlderVersionsAreReadAsTheMethodThatHasThem) {
             "adaptive");
   EXPECT_EQ(load("base = 'mcmc'\n[density]\nstrategy = 'mcmc'\nsplit = 'axis'\n").density.strategy,
             "mcmc");
+}
+
+TEST(SettingLines, OfACheckpointOfAnOlderRunAreReadAsItsMethod) {
+  const std::string lines =
+      "density.curve = \"root\"\ndensity.absolute_gradient = true\ndensity.score = \"edge\"\n"
+      "density.select = \"race\"\ndensity.small_scale = 0.0\ndensity.strategy = \"budgeted\"\n"
+      "density.window = \"refinement\"\ndensity.most_growth = 1.0\n"
+      "density.child_opacity_factor = 0.6\ndensity.opacity_policy = \"reset\"\n"
+      "density.opacity_amount = 0.05\ndensity.opacity_clears = \"opacity\"\n"
+      "density.recovery_prune = 0.2\ndensity.recovery_after = 300\n"
+      "density.recovery_until = 6000\ntrain.seed = 7\n";
+  EXPECT_EQ(config_of_lines(lines).density.strategy, "improved_gs");
+  EXPECT_EQ(config_of_lines(lines).train.seed, 7u);
+  EXPECT_EQ(to_toml(config_of_lines(setting_lines(everything_changed()))),
+            to_toml(everything_changed()));
 }
 
 TEST_F(ConfigFile, RulesThatNoMethodHasAreRefusedWithTheirPlaceAndTheNearestMethod) {
