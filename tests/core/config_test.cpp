@@ -534,7 +534,14 @@ TEST(Config, SettingsOfOlderVersionsAreReadOverWhereTheyChangedNothing) {
   apply_setting(config, "optimizer.beta2=0.999");
   apply_setting(config, "density.static_after=0.0");
   apply_setting(config, "optimizer.time_color_lr=0.0025");
+  for (const char* const constant :
+       {"train.morton_every=5000", "train.morton_until=15000", "optimizer.position_decay_from=0",
+        "optimizer.time_mean_lr=0.0008", "model.most_points=2000000", "poses.warmup=1000",
+        "poses.pull=0.0001", "loss.depth_weight_final=0.002", "density.noise_scale=500000.0"})
+    apply_setting(config, constant);
   EXPECT_EQ(to_toml(config), to_toml(Config()));
+  EXPECT_THAT(error_of([&] { apply_setting(config, "poses.pull=3"); }),
+              HasSubstr("poses.pull = 3 cannot be used: the pull to the given poses"));
   EXPECT_THAT(error_of([&] { apply_setting(config, "optimizer.moments=compact"); }),
               HasSubstr("optimizer.moments = \"compact\" cannot be used: codes of 32 bits"));
   EXPECT_THAT(error_of([&] { apply_setting(config, "photometric.model=ppisp"); }),
