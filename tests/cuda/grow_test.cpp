@@ -313,7 +313,7 @@ TEST_F(CudaGrowthRun, RepeatsItselfInDeterministicSteps) {
   for (const int batch : {1, 3}) {
     config_.train.batch = batch;
     const TrainingModel once = trained();
-    EXPECT_GT(once.count(), scene_.points.size());
+    EXPECT_NE(once.count(), scene_.points.size());  // rows came and went
     EXPECT_TRUE(same_bits(trained(), once)) << batch;
   }
 }
