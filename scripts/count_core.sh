@@ -7,7 +7,7 @@ set -euo pipefail
 cd "$(dirname "$0")/.."
 
 [[ ${1:-} != -* ]] || { sed -n '4,5s/^# //p' "$0"; exit 2; }
-library=${1:-$(ls -t build/*/cuda/libgs_cuda.a 2>/dev/null | head -n 1 || true)}
+library=${1:-$(find build -path 'build/*/cuda/libgs_cuda.a' -printf '%T@ %p\n' 2>/dev/null | sort -rn | sed -n '1s/^[^ ]* //p')}
 fields=gs_core/config/config_fields.h
 
 show() { printf '%7d  %s\n' "$1" "$2"; }
