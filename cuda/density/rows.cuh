@@ -96,7 +96,8 @@ WordOf<T>* words_of(const Buffer<T>& rows) {
   return reinterpret_cast<WordOf<T>*>(rows.data());
 }
 
-/// Copies kCopied words of each row. Rows lie so many words apart in `from` and in `to`. Row i comes from row source[i], or from row i without a source.
+/// Copies kCopied words of each row. Rows lie words_apart_from words apart in `from`, and
+/// words_apart_to in `to`. Row i comes from row source[i], or from row i without a source.
 /// A block takes kGatherThreads rows. Its threads take one word after another, so that neighboring
 /// threads read and write neighboring words.
 template <int kCopied, class Word>

@@ -33,10 +33,10 @@ struct Rows {
 __global__ void __launch_bounds__(kThreads)
     update_kernel(Rows rows, AdamStep step, AdamRule rule, const std::uint32_t* halted) {
   if (*halted) return;
+  const double weight = kPosePull * kPoseNumbers / double(rows.count);
   for (int i = int(threadIdx.x); i < rows.count; i += kThreads) {
     const double sigma = i % int(kPoseNumbers) < 3 ? kPoseSpreadTurn : kPoseSpreadShift;
-    const double of_pull =
-        kPosePull * kPoseNumbers / double(rows.count) * double(rows.values[i]) / (sigma * sigma);
+    const double of_pull = weight * double(rows.values[i]) / (sigma * sigma);
     adam_update(rows.values[i], rows.first_moment[i], rows.second_moment[i],
                 float(rows.gradient[i] + of_pull), step, rule);
     rows.gradient[i] = 0;

@@ -164,8 +164,8 @@ std::string RemovedRules::resolved(const std::string& strategy, std::string_view
   const auto refusal = [](const Setting& setting, std::string_view nearest) {
     return UsageError(fmt::format(
         "{}{}{} = {} cannot be used: it is a constant of a method now, and no method has it "
-        "together "
-        "with the other ones (the nearest is {}); leave it out, set density.strategy to one of {}, "
+        "together with the other ones (the nearest is {}); leave it out, set density.strategy to "
+        "one of {}, "
         "or write a method (docs/extending.md)",
         setting.where, kSection, setting.rule, shown_word(setting.text), nearest,
         growth_method_words()));
