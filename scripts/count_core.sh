@@ -25,7 +25,7 @@ show "$(lines_of gs_core gs_render gs_train cuda)" "lines in these four"
 if [[ -n $library ]]; then
   names=$(kernels)
   own=$(grep '^ZN2gs' <<<"$names" || true)
-  show "$(grep -cE 'preprocess_backward|update_by_photos|[0-9]+adam_|_by_sums_kernel' <<<"$own")" \
+  show "$(grep -cE 'preprocess_backward|update_by_photos|[0-9]+adam_' <<<"$own")" \
     "kernels of stages 7 and 8 in $library"
   show "$(grep -c . <<<"$own")" "kernels of this project"
   show "$(grep -c . <<<"$names")" "kernels with those of CUB"
