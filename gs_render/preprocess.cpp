@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Stage 1: one splat per Gaussian; see gs_core/math/splat.h for the formulas, spacetime_splat.h for
-// those of Gaussians in space and time, and filtered_splat.h for those with a 3D filter.
+// Stage 1: one splat per Gaussian; see gs_core/math/splat.h for the formulas, and spacetime_splat.h
+// for those of Gaussians in space and time.
 #include "gs_core/threads/parallel.h"
 #include "gs_render/stage_clock.h"
 #include "gs_render/stages.h"
@@ -12,9 +12,6 @@ ProjectedGaussian<float> project_row(const GaussiansSpan& gaussians, std::size_t
                                      const Camera& camera, const RenderSettings& settings) {
   if (gaussians.has_time)
     return project_gaussian(camera, spacetime_parameters_of(gaussians, i), camera.time, settings);
-  if (gaussians.has_filter)
-    return project_gaussian(camera, parameters_of(gaussians, i), gaussians.filter_scale[i],
-                            settings);
   return project_gaussian(camera, parameters_of(gaussians, i), settings);
 }
 

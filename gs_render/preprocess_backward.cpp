@@ -83,10 +83,6 @@ void preprocess_backward(const GaussiansSpan& gaussians, const Camera& camera,
       write_row(gradients, i,
                 project_gaussian_vjp(camera, spacetime_parameters_of(gaussians, i), camera.time,
                                      settings, dL_dsplat, dL_dsh_rest));
-    else if (gaussians.has_filter)
-      write_row(gradients, i,
-                project_gaussian_vjp(camera, parameters_of(gaussians, i), gaussians.filter_scale[i],
-                                     settings, dL_dsplat, dL_dsh_rest));
     else
       write_row(gradients, i,
                 project_gaussian_vjp(camera, parameters_of(gaussians, i), settings, dL_dsplat,

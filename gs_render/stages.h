@@ -8,7 +8,6 @@
 
 #include "gs_core/camera.h"
 #include "gs_core/gaussians.h"
-#include "gs_core/math/filtered_splat.h"
 #include "gs_core/math/growth.h"
 #include "gs_core/math/pose.h"
 #include "gs_core/math/spacetime_splat.h"
@@ -114,8 +113,13 @@ FragmentSums fragment_sums_of(const RenderPass& pass, std::size_t i);
 
 /// Row i of the Gaussians, as the formulas take it.
 inline GaussianParameters<float> parameters_of(const GaussiansSpan& gaussians, std::size_t i) {
-  return {gaussians.mean[i],          gaussians.log_scale[i], gaussians.rotation[i],
-          gaussians.logit_opacity[i], gaussians.sh0[i],       gaussians.sh_rest[i].coefficient};
+  return {gaussians.mean[i],
+          gaussians.log_scale[i],
+          gaussians.rotation[i],
+          gaussians.logit_opacity[i],
+          gaussians.sh0[i],
+          gaussians.sh_rest[i].coefficient,
+          gaussians.has_filter ? gaussians.filter_scale[i] : 0.0f};
 }
 inline SpacetimeParameters<float> spacetime_parameters_of(const GaussiansSpan& gaussians,
                                                           std::size_t i) {

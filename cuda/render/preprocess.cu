@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Stage 1: one splat per Gaussian; see gs_core/math/splat.h for the formulas, spacetime_splat.h for
-// those of Gaussians in space and time, and filtered_splat.h for those with a 3D filter. A thread
+// Stage 1: one splat per Gaussian; see gs_core/math/splat.h for the formulas, and spacetime_splat.h
+// for those of Gaussians in space and time. A thread
 // projects one Gaussian. The threads of a warp read the parameters of their 32 Gaussians together,
 // in whole cache lines. They also share the tile rows of the 32 splats evenly when they count
 // tiles. Faster-GS, fused activations, exact and balanced tile culling
@@ -9,7 +9,6 @@
 #include "cuda/render/preprocess.cuh"
 #include "cuda/render/refined_camera.cuh"
 #include "cuda/render/sh_rows.cuh"
-#include "gs_core/math/filtered_splat.h"
 #include "gs_core/math/spacetime_splat.h"
 
 namespace gs::cuda {

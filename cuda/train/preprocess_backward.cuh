@@ -14,7 +14,6 @@
 #include "cuda/stages.cuh"
 #include "cuda/train/row_updates.cuh"
 #include "cuda/train/updates_of_codes.cuh"
-#include "gs_core/math/filtered_splat.h"
 #include "gs_core/math/spacetime_splat.h"
 
 namespace gs::cuda {

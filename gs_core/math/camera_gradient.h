@@ -38,9 +38,9 @@ GS_HD Ellipsoid ellipsoid_at(const GaussiansSpan& gaussians, std::size_t i, floa
   const Vec3f mean = gaussians.mean[i], log_scale = gaussians.log_scale[i];
   const Quatf rotation = gaussians.rotation[i];
   const float logit_opacity = gaussians.logit_opacity[i];
-  if (gaussians.has_filter)
-    return ellipsoid_of(mean, log_scale, rotation, logit_opacity, gaussians.filter_scale[i]);
-  if (!gaussians.has_time) return ellipsoid_of(mean, log_scale, rotation, logit_opacity);
+  if (!gaussians.has_time)
+    return ellipsoid_of(mean, log_scale, rotation, logit_opacity,
+                        gaussians.has_filter ? gaussians.filter_scale[i] : 0.0f);
   const SpacetimeShape<float> shape{mean,
                                     log_scale,
                                     {rotation, gaussians.right_rotation[i]},

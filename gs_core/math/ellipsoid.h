@@ -5,7 +5,7 @@
 
 #include <limits>
 
-#include "gs_core/math/filtered_splat.h"
+#include "gs_core/math/splat.h"
 
 namespace gs {
 
@@ -22,14 +22,8 @@ inline constexpr Ellipsoid kNoEllipsoid = {
 
 /// The ellipsoid of stored parameters (gaussians.h). project_shape() makes the same numbers, so
 /// that it and project_ellipsoid() of the result agree to the last bit.
-GS_HD Ellipsoid ellipsoid_of(const Vec3f& mean, const Vec3f& log_scale, const Quatf& rotation,
-                             float logit_opacity) {
-  if (is_degenerate(rotation)) return kNoEllipsoid;
-  return {mean, covariance(rotation_matrix(rotation), variance(log_scale)), sigmoid(logit_opacity)};
-}
-/// The same with a 3D filter (filter_3d.h).
 ///
-/// filter_scale  standard deviation of the filter   world units
+/// filter_scale  standard deviation of its 3D filter (filter_3d.h)   world units; 0: none
 GS_HD Ellipsoid ellipsoid_of(const Vec3f& mean, const Vec3f& log_scale, const Quatf& rotation,
                              float logit_opacity, float filter_scale) {
   if (is_degenerate(rotation)) return kNoEllipsoid;

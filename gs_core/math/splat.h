@@ -6,6 +6,7 @@
 
 #include "gs_core/math/activations.h"
 #include "gs_core/math/covariance.h"
+#include "gs_core/math/filter_3d.h"
 #include "gs_core/math/projection.h"
 #include "gs_core/math/rotation.h"
 #include "gs_core/math/sh.h"
@@ -31,6 +32,7 @@ struct GaussianParameters {
   T logit_opacity;
   Vec3<T> sh0;
   const Vec3<T>* sh_rest;  // sh_rest_count(degree in use) coefficients
+  T filter_scale{};        // standard deviation of its 3D filter, world units; 0: none
 };
 
 /// A Gaussian's footprint in one view: all that blending reads. Aligned for loads of 16 bytes.
@@ -107,15 +109,21 @@ GS_HD ProjectedGaussian<T> project_ellipsoid(const PinholeCamera<T>& camera, con
 /// Projects one Gaussian into a view: everything but its color.
 ///                                       Kerbl et al. 2023, Sec. 4; Faster-GS, fused activations
 ///
+/// filter_scale  standard deviation of its 3D filter (filter_3d.h)   world units; 0: none
+///
 /// Not visible: degenerate rotation, depth outside [near, far], or as project_ellipsoid() says.
 template <class T>
 GS_HD ProjectedGaussian<T> project_shape(const PinholeCamera<T>& camera, const Vec3<T>& mean,
                                          const Vec3<T>& log_scale, const Quat<T>& rotation,
-                                         const T& logit_opacity, const SplatSettings& settings) {
+                                         const T& logit_opacity, const T& filter_scale,
+                                         const SplatSettings& settings) {
   const Vec3<T> p = to_camera(camera, mean);
   if (!is_between_planes(p.z, settings) || is_degenerate(rotation)) return {};
-  const Sym3<T> sigma = covariance(rotation_matrix(rotation), variance(log_scale));
-  return project_ellipsoid(camera, p, sigma, sigmoid(logit_opacity), settings);
+  const Vec3<T> variances = variance(log_scale);
+  const Sym3<T> sigma =
+      covariance(rotation_matrix(rotation), filtered_variance(variances, filter_scale));
+  const T opacity = sigmoid(logit_opacity) * filter_factor(variances, filter_scale);
+  return project_ellipsoid(camera, p, sigma, opacity, settings);
 }
 
 /// Gives a splat its color, that of the direction from the camera to `mean`. Not visible where it
@@ -137,8 +145,9 @@ template <class T>
 GS_HD ProjectedGaussian<T> project_gaussian(const PinholeCamera<T>& camera,
                                             const GaussianParameters<T>& gaussian,
                                             const SplatSettings& settings) {
-  ProjectedGaussian<T> result = project_shape(camera, gaussian.mean, gaussian.log_scale,
-                                              gaussian.rotation, gaussian.logit_opacity, settings);
+  ProjectedGaussian<T> result =
+      project_shape(camera, gaussian.mean, gaussian.log_scale, gaussian.rotation,
+                    gaussian.logit_opacity, gaussian.filter_scale, settings);
   color_splat(result, camera, gaussian.mean, gaussian, settings);
   return result;
 }
@@ -189,23 +198,27 @@ GS_HD EllipsoidGradient<T> project_ellipsoid_vjp(const PinholeCamera<T>& camera,
 }
 
 /// Gradients of project_shape(), for a Gaussian that was visible; sh0 and the color's part of the
-/// mean are left out. Everything but the parameters is computed again.
+/// mean are left out. The filter is a constant. Everything but the parameters is computed again.
 template <class T>
 GS_HD GaussianGradient<T> project_shape_vjp(const PinholeCamera<T>& camera, const Vec3<T>& mean,
                                             const Vec3<T>& log_scale, const Quat<T>& rotation,
-                                            const T& logit_opacity, const SplatSettings& settings,
+                                            const T& logit_opacity, const T& filter_scale,
+                                            const SplatSettings& settings,
                                             const BasicSplatGradient<T>& dL_dsplat) {
   const Mat3<T> R = rotation_matrix(rotation);
   const Vec3<T> variances = variance(log_scale);
-  const T opacity = sigmoid(logit_opacity);
-  const EllipsoidGradient<T> dL = project_ellipsoid_vjp(
-      camera, to_camera(camera, mean), covariance(R, variances), opacity, settings, dL_dsplat);
+  const Vec3<T> filtered = filtered_variance(variances, filter_scale);
+  const T opacity = sigmoid(logit_opacity), factor = filter_factor(variances, filter_scale);
+  const EllipsoidGradient<T> dL =
+      project_ellipsoid_vjp(camera, to_camera(camera, mean), covariance(R, filtered),
+                            opacity * factor, settings, dL_dsplat);
 
   GaussianGradient<T> gradient;
   gradient.sh0 = Vec3<T>(T(0));
-  gradient.logit_opacity = sigmoid_vjp(opacity, dL.opacity);
-  const CovarianceGradient<T> dL_covariance = covariance_vjp(R, variances, dL.sigma);
-  gradient.log_scale = variance_vjp(variances, dL_covariance.variance);
+  gradient.logit_opacity = sigmoid_vjp(opacity, dL.opacity * factor);
+  const CovarianceGradient<T> dL_covariance = covariance_vjp(R, filtered, dL.sigma);
+  gradient.log_scale = variance_vjp(variances, dL_covariance.variance) +
+                       filter_factor_vjp(variances, filter_scale, factor, dL.opacity * opacity);
   gradient.rotation = rotation_matrix_vjp(rotation, dL_covariance.R);
   gradient.mean = dL.mean;
   return gradient;
@@ -238,7 +251,7 @@ GS_HD GaussianGradient<T> project_gaussian_vjp(const PinholeCamera<T>& camera,
                                                Vec3<T>* dL_dsh_rest) {
   GaussianGradient<T> gradient =
       project_shape_vjp(camera, gaussian.mean, gaussian.log_scale, gaussian.rotation,
-                        gaussian.logit_opacity, settings, dL_dsplat);
+                        gaussian.logit_opacity, gaussian.filter_scale, settings, dL_dsplat);
   const ColorGradient<T> dL_color =
       color_splat_vjp(camera, gaussian.mean, gaussian, settings, dL_dsplat.color, dL_dsh_rest);
   gradient.sh0 = dL_color.sh0;

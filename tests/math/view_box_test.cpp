@@ -12,18 +12,15 @@ namespace gs {
 namespace {
 
 Ellipsoid ellipsoid_at(const Gaussians& rows, std::size_t i) {
-  return rows.has_filter ? ellipsoid_of(rows.mean[i], rows.log_scale[i], rows.rotation[i],
-                                        rows.logit_opacity[i], rows.filter_scale[i])
-                         : ellipsoid_of(rows.mean[i], rows.log_scale[i], rows.rotation[i],
-                                        rows.logit_opacity[i]);
+  return ellipsoid_of(rows.mean[i], rows.log_scale[i], rows.rotation[i], rows.logit_opacity[i],
+                      rows.has_filter ? rows.filter_scale[i] : 0.0f);
 }
 
 ProjectedGaussian<float> projected_at(const Gaussians& rows, std::size_t i, const Camera& camera,
                                       const SplatSettings& settings) {
-  return rows.has_filter ? project_shape(camera, rows.mean[i], rows.log_scale[i], rows.rotation[i],
-                                         rows.logit_opacity[i], rows.filter_scale[i], settings)
-                         : project_shape(camera, rows.mean[i], rows.log_scale[i], rows.rotation[i],
-                                         rows.logit_opacity[i], settings);
+  return project_shape(camera, rows.mean[i], rows.log_scale[i], rows.rotation[i],
+                       rows.logit_opacity[i], rows.has_filter ? rows.filter_scale[i] : 0.0f,
+                       settings);
 }
 
 constexpr Recipe kRecipes[] = {kTypical, kSharp, kNeedles, kHuge, kFaint, kOffScreen, kBehind};

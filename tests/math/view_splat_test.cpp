@@ -61,7 +61,7 @@ std::vector<ShapedSplat> visible_splats(const Recipe& recipe, std::size_t count,
   std::vector<ShapedSplat> shaped;
   for (std::size_t i = 0; i < rows.count(); ++i) {
     const auto projected = project_shape(camera, rows.mean[i], rows.log_scale[i], rows.rotation[i],
-                                         rows.logit_opacity[i], SplatSettings());
+                                         rows.logit_opacity[i], 0.0f, SplatSettings());
     if (!projected.is_visible) continue;
     shaped.push_back({projected.splat, projected.cov2d, i});
     shaped.back().splat.color = {0.5f, 0.5f, 0.5f};

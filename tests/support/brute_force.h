@@ -12,7 +12,6 @@
 
 #include "gs_core/gaussians.h"
 #include "gs_core/math/blend.h"
-#include "gs_core/math/filtered_splat.h"
 #include "gs_core/math/spacetime_splat.h"
 #include "gs_render/render_pass.h"
 
@@ -90,14 +89,14 @@ ReferenceSplats reference_splats(const std::vector<DoubleGaussian>& gaussians,
         {T(g.rotation.w), T(g.rotation.x), T(g.rotation.y), T(g.rotation.z)},
         T(g.logit_opacity),
         Vec3<T>(g.sh0),
-        sh_rest};
+        sh_rest,
+        T(g.filter_scale)};
     const Quat<double>& r = g.right_rotation;
     const SpacetimeParameters<T> in_time{
         parameters, {T(r.w), T(r.x), T(r.y), T(r.z)}, T(g.time_mean), T(g.log_time_scale)};
     const ProjectedGaussian<T> p =
-        g.has_time           ? project_gaussian(camera_t, in_time, camera_t.time, settings)
-        : g.filter_scale > 0 ? project_gaussian(camera_t, parameters, T(g.filter_scale), settings)
-                             : project_gaussian(camera_t, parameters, settings);
+        g.has_time ? project_gaussian(camera_t, in_time, camera_t.time, settings)
+                   : project_gaussian(camera_t, parameters, settings);
     if (!p.is_visible) continue;
     const BasicSplat<T>& s = p.splat;
     result.entries.push_back({i,
