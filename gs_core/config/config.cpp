@@ -17,6 +17,7 @@
 #include "gs_core/config/region_text.h"
 #include "gs_core/config/removed_rules.h"
 #include "gs_core/config/removed_settings.h"
+#include "gs_core/config/setting_lines.h"
 #include "gs_core/density/growth_method.h"
 #include "gs_core/error.h"
 #include "gs_core/foreign_text.h"
@@ -281,10 +282,11 @@ void load_config(Config& config, const fs::path& name, SettingOrigins* origins) 
     for (auto& [key, place] : merged_origins) (*origins)[key] = std::move(place);
 }
 
-Config config_of_text(const std::string& text, const std::string& shown) {
+Config config_of_lines(const std::string& text) {
+  constexpr const char* kShown = "settings";  // in messages
   Config config;
   SettingOrigins origins;
-  merge_sections(config, {shown, {}, {}, {}}, parse_toml(text, shown), origins);
+  merge_sections(config, {kShown, {}, {}, {}}, parse_toml(text, kShown), origins);
   return config;
 }
 

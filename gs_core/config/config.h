@@ -215,10 +215,6 @@ using SettingOrigins = std::map<std::string, std::string, std::less<>>;
 void load_config(Config& config, const std::filesystem::path& name,
                  SettingOrigins* origins = nullptr);
 
-/// The defaults with what a TOML text changes; it has no base. `shown` names the text in messages.
-/// Throws as load_config().
-Config config_of_text(const std::string& text, const std::string& shown);
-
 /// Applies one `section.key=value`. The value has TOML syntax; a bare word is a string. Returns the
 /// key. Throws UsageError, which names the key and the nearest known one, or the value and its
 /// range.

@@ -14,6 +14,4 @@ std::string setting_lines(const Config& config) {
   return text;
 }
 
-Config config_of_lines(const std::string& text) { return config_of_text(text, "settings"); }
-
 }  // namespace gs

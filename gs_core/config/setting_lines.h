@@ -10,7 +10,8 @@
 namespace gs {
 
 std::string setting_lines(const Config& config);
-/// Throws UsageError for a setting that this version does not have.
+/// Reads it over the defaults (config.cpp, as files are read). Throws UsageError for a setting that
+/// this version does not have.
 Config config_of_lines(const std::string& text);
 
 }  // namespace gs
