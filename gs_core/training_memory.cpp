@@ -80,9 +80,9 @@ void add_step(const TrainingSize& size, Rows& rows) {
   for (int array = 0; array < 5; ++array) rows.add(kWord);
   rows.add(kGradientSumBytes);
   if (size.is_deterministic) rows.add(kFixedSumBytes);
-  if (size.has_sums && size.is_deterministic)
+  if (size.has_score_pass || (size.has_sums && size.is_deterministic))
     rows.add(kFixedFragmentSumBytes);
-  else if (size.has_pixel_values || (size.has_sums && size.is_absolute))
+  else if (size.has_sums && size.is_absolute)
     rows.add(sizeof(Vec4f));  // other sums of forces are among the gradients
   if (size.has_depth_maps) {
     rows.add(sizeof(float));                                          // depths
@@ -105,7 +105,7 @@ void add_row_operations(const TrainingSize& size, Rows& rows) {
 // True where the photos of a batch are done together (cuda/train/batch_choice.h).
 bool are_done_together(const TrainingSize& size) {
   const bool are_sums_apart =
-      size.has_sums && (size.is_deterministic || size.is_absolute || size.has_pixel_values);
+      size.has_sums && !size.has_score_pass && (size.is_deterministic || size.is_absolute);
   return size.batch <= kMostTogether && !size.has_time && !size.has_depth_maps && !are_sums_apart;
 }
 
@@ -137,7 +137,7 @@ double instance_bytes(const TrainingSize& size, bool have_reserve) {
 
 double picture_bytes(const TrainingSize& size) {
   double bytes = kBytesOfPixel + kBytesOfReducedPhoto + kBytesOfTile / kTilePixels;
-  if (size.has_pixel_values) bytes += sizeof(float);
+  if (size.has_score_pass) bytes += sizeof(float);
   if (size.has_depth_maps) bytes += kBytesOfDepthPixel;
   return bytes * size.pixels + size.photo_bytes + sizeof(float) * size.depth_pixels;
 }
@@ -177,7 +177,7 @@ TrainingSize training_size(const Config& config, const PictureSizes& pictures, d
   size.has_time = config.model.dynamic;
   size.has_filter = config.model.filter_3d;
   size.has_sums = needs_fragment_sums(method.score) || method.prunes_shares();
-  size.has_pixel_values = sums_pixel_values(method.score);
+  size.has_score_pass = sums_pixel_values(method.score);
   size.is_absolute = method.absolute_gradient;
   size.has_depth_maps = config.loss.depth_weight > 0 && pictures.depth_pixels > 0;
   size.depth_pixels = size.has_depth_maps ? pictures.depth_pixels : 0;

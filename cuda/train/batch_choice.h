@@ -26,8 +26,8 @@ inline bool compares_depth(const TrainingPhoto& photo, const LossSettings& loss_
 
 /// True where stages 1, 7 and 8 are done for all photos of a batch together. In other batches
 /// preprocess_backward_and_add() adds the gradients of one photo after another to sums: in larger
-/// ones, in space and time, with refined poses or depth maps, and with scores whose sums have
-/// arrays of their own.
+/// ones, in space and time, with refined poses or depth maps, and where the sums of forces have
+/// an array of their own.
 inline bool are_done_together(const TrainingModel& model, Span<const TrainingPhoto> batch,
                               const LossSettings& loss_settings, const DensityStep& density) {
   if (batch.size < 2 || batch.size > std::size_t(kMostTogether) || model.gaussians.has_time ||

@@ -51,7 +51,6 @@ TEST(BatchChoice, OtherStepsAreNot) {
   const std::vector<std::pair<const char*, std::function<void(Step&)>>> changes = {
       {"depth map", [](Step& step) { step.view.has_depth_map = true; }},
       {"time", [](Step& step) { step.model.gaussians.has_time = true; }},
-      {"score", [](Step& step) { step.density.score = GrowthScore::error; }},
       {"absolute", [](Step& step) { step.batch[0].settings.absolute_gradient = true; }},
       {"deterministic", [](Step& step) { step.batch[0].settings.deterministic = true; }},
   };
