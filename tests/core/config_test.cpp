@@ -581,8 +581,9 @@ TEST(SettingLines, OfACheckpointOfAnOlderRunAreReadAsItsMethod) {
       "density.recovery_until = 6000\ntrain.seed = 7\n";
   EXPECT_EQ(config_of_lines(lines).density.strategy, "improved_gs");
   EXPECT_EQ(config_of_lines(lines).train.seed, 7u);
-  EXPECT_EQ(to_toml(config_of_lines(setting_lines(everything_changed()))),
-            to_toml(everything_changed()));
+  Config changed = everything_changed();
+  changed.loss.kind = Config().loss.kind;  // the only word that there is
+  EXPECT_EQ(to_toml(config_of_lines(setting_lines(changed))), to_toml(changed));
 }
 
 TEST_F(ConfigFile, RulesThatNoMethodHasAreRefusedWithTheirPlaceAndTheNearestMethod) {
