@@ -143,6 +143,26 @@ class CudaBackend final : private Device, private StepLauncher<Step>, public Bac
     if (poses.is_due) model.poses.adam_steps += update.photo_rule.steps;
   }
 
+  void score_photos(TrainingModel& model, Span<const TrainingPhoto> photos,
+                    const PixelRule& rule) override {
+    finish_pending();
+    begin_sums(model);
+    model.statistics.sums.fill_zero();
+    for (const TrainingPhoto& photo : photos) {
+      RenderSettings settings = photo.settings;
+      settings.with_depths = false;
+      renderer_.forward(model.gaussians.span(), reduced(photo.camera(), photo.reduction), settings,
+                        pass_);
+      std::optional<PhotoOnDevice> on_device;
+      if (photometric_.is_on())
+        on_device = PhotoOnDevice{model.photometric.photo(photo.photo_row).data};
+      Workspace& workspace = renderer_.workspace();
+      find_pixel_values(context, photos_.photo(*photo.view, photo.reduction), *photo.view,
+                        on_device ? &*on_device : nullptr, rule, workspace, pass_);
+      blend_values(context, settings, workspace, pass_, model.statistics.sums.span());
+    }
+  }
+
   void release_caches() override {
     release_pass();
     rows_->release_caches();
@@ -163,8 +183,9 @@ class CudaBackend final : private Device, private StepLauncher<Step>, public Bac
   std::optional<double> clock_mhz() override { return cuda::clock_mhz(context, device_memory); }
 
  protected:
-  void find_pixel_values(const View&, const DensityStep&, RenderPass&) override {
-    GS_CHECK(false);  // of Backend::step(), which step() below overrides
+  void add_pixel_scores(const View&, const RenderSettings&, const PixelRule&, RenderPass&,
+                        Span<FragmentSums>) override {
+    GS_CHECK(false);  // of Backend::score_photos(), which is overridden
   }
   void gather(const DensityStatistics& statistics, const RenderPass& pass,
               Span<const Vec2f> dL_dmean2d) override {
@@ -276,9 +297,6 @@ class CudaBackend final : private Device, private StepLauncher<Step>, public Bac
                                steps_.forecast().capacity_for(photo, model_->count()),
                                steps_.reports().of_step(number), number);
     loss_->forward_backward(pass_, *photo.view, loss_settings, dL_dimage_);
-    if (settings.fragment_statistic == FragmentStatistic::values)
-      gs::cuda::find_pixel_values(context, photos_.last(), *photo.view,
-                                  loss_settings.photo_on_device, step.density, workspace, pass_);
     blend_backward(context, settings, dL_dimage_.span(), workspace, pass_);
     if (settings.with_depths) {
       if (sums_among_gradients(settings)) gather_forces(rows, step.batch.size());

@@ -80,10 +80,10 @@ struct Workspace {
   Buffer<FineSums> fine_sums;             // (N)  zero between steps, if deterministic
   Buffer<CoarseSums> coarse_sums;         // (N)  zero between steps, if deterministic
   Buffer<double> camera_sums;             // (blocks, 6)  of runs that refine poses; empty in others
-  // For scores that sum over fragments; empty without one, and where they are among the gradients.
+  // For scores that sum over fragments; empty without one, and where they are among the gradients
   Buffer<Vec4f> fragment_sums;            // (N)  count, first, second; zero between steps
-  Buffer<FixedFragmentSums> fixed_fragment_sums;  // (N)  the same if deterministic
-  Buffer<float> pixel_values;             // (H, W)  what the score sums
+  Buffer<FixedFragmentSums> fixed_fragment_sums;  // (N)  the same if deterministic, and of a score pass
+  Buffer<float> pixel_values;             // (H, W)  of a score pass
   Buffer<std::uint32_t> value_range;      // (2)  bits of the lowest and the highest value
   Buffer<std::uint32_t> halted;           // (1)  1: too many instances; no update until cleared
 
@@ -262,15 +262,14 @@ inline bool sums_of_forces_are_added(const RenderSettings& settings) {
 }
 /// From a photo's forces by the mean loss to those by its sum.
 inline float force_scale(std::size_t pixels) { return 3.0f * float(pixels); }
-/// The same where only sums of forces are scaled.
-inline float force_scale(FragmentStatistic statistic, std::size_t pixels) {
-  return statistic == FragmentStatistic::force ? force_scale(pixels) : 1.0f;
-}
-/// Before 6  fragment_sums.cu: the values of the pixels that the score sums, into
+/// After 4, in a score pass  pixel_values.cu: the values of the pixels, into
 /// workspace.pixel_values. `photo` is null without a photometric model.
 void find_pixel_values(Context& context, const PhotoBytes& bytes, const View& view,
-                       const PhotoOnDevice* photo, const DensityStep& density, Workspace& workspace,
+                       const PhotoOnDevice* photo, const PixelRule& rule, Workspace& workspace,
                        const RenderPass& pass);
+/// After that  blend_values.cu: adds their sums over the fragments of each Gaussian to `to`.
+void blend_values(Context& context, const RenderSettings& settings, Workspace& workspace,
+                  const RenderPass& pass, Span<FragmentSums> to);
 /// After 6  fragment_sums.cu: adds the photo's sums over fragments to `to`, and clears those that
 /// are not among the gradients. Those that are must be gathered before anything else adds to the
 /// gradients. Does nothing where sums_of_forces_are_added(). `to` stays as it is while `halted` is

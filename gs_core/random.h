@@ -21,7 +21,8 @@ enum class RandomStream : std::uint32_t {
   initial_time,
   growth = 10,  // 9 was that of noise on times
   alignment,
-  moment_rounding
+  moment_rounding,
+  score_photos
 };
 
 struct RandomBits {

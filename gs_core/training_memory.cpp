@@ -74,11 +74,14 @@ void add_borrowed(Rows& rows) {
   rows.add(sizeof(Rect));
 }
 
-// Sums over fragments of one photo; 0 where they are among the gradients, or there are none.
+// True where steps sum forces over fragments.
+bool sums_forces(const TrainingSize& size) { return size.has_sums && !size.has_score_pass; }
+
+// Sums of forces of one photo; 0 where they are among the gradients, or there are none.
 double fragment_sum_bytes(const TrainingSize& size) {
-  if (!size.has_sums) return 0;
+  if (!sums_forces(size)) return 0;
   if (size.is_deterministic) return kFixedFragmentSumBytes;
-  return size.has_pixel_values || size.is_absolute ? sizeof(Vec4f) : 0;
+  return size.is_absolute ? sizeof(Vec4f) : 0;
 }
 
 // The other arrays of the step.
@@ -88,6 +91,7 @@ void add_step(const TrainingSize& size, Rows& rows) {
   rows.add(kGradientSumBytes);
   if (size.is_deterministic) rows.add(kFixedSumBytes);
   rows.add(fragment_sum_bytes(size));
+  if (size.has_score_pass) rows.add(kFixedFragmentSumBytes);
   if (size.has_depth_maps) {
     rows.add(sizeof(float));                                          // depths
     for (int array = 0; array < 2; ++array) rows.add(sizeof(Vec3f));  // colors, and gradients
@@ -115,7 +119,7 @@ void add_batch(const TrainingSize& size, Rows& rows) {
     rows.add(fragment_sum_bytes(size));
     if (size.has_depth_maps) rows.add(sizeof(float));  // depths
   }
-  const bool are_among_gradients = size.has_sums && fragment_sum_bytes(size) == 0;
+  const bool are_among_gradients = sums_forces(size) && fragment_sum_bytes(size) == 0;
   if (size.batch > 1 && size.has_depth_maps && are_among_gradients) rows.add(sizeof(FragmentSums));
 }
 
@@ -130,7 +134,7 @@ double instance_bytes(const TrainingSize& size, bool have_reserve) {
 
 double picture_bytes(const TrainingSize& size) {
   double bytes = kBytesOfPixel + kBytesOfReducedPhoto + kBytesOfTile / kTilePixels;
-  if (size.has_pixel_values) bytes += sizeof(float);
+  if (size.has_score_pass) bytes += sizeof(float);
   if (size.has_depth_maps) bytes += kBytesOfDepthPixel;
   return bytes * size.pixels + size.photo_bytes + sizeof(float) * size.depth_pixels;
 }
@@ -170,7 +174,7 @@ TrainingSize training_size(const Config& config, const PictureSizes& pictures, d
   size.has_time = config.model.dynamic;
   size.has_filter = config.model.filter_3d;
   size.has_sums = needs_fragment_sums(method.score) || method.prunes_shares();
-  size.has_pixel_values = sums_pixel_values(method.score);
+  size.has_score_pass = sums_pixel_values(method.score);
   size.is_absolute = method.absolute_gradient;
   size.has_depth_maps = config.loss.depth_weight > 0 && pictures.depth_pixels > 0;
   size.depth_pixels = size.has_depth_maps ? pictures.depth_pixels : 0;

@@ -55,8 +55,8 @@ struct TrainingSize {
   int batch = 1;           // photos of an update
   int moment_bytes = 8;    // of both of Adam's moments of one parameter
   bool has_time = false, has_filter = false;  // as in Gaussians
-  bool has_sums = false;                      // the score sums over fragments ...
-  bool has_pixel_values = false;              // ... and over values of pixels
+  bool has_sums = false;                      // over fragments, of the score
+  bool has_score_pass = false;                // a pass of its own fills them, not the steps
   bool is_absolute = false;  // gradients of means are also summed as absolute values
   bool has_depth_maps = false;
   bool is_deterministic = false;

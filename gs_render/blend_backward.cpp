@@ -20,18 +20,16 @@ struct TilePixels {
   float transmittance[kTilePixels];
   float d_red[kTilePixels], d_green[kTilePixels], d_blue[kTilePixels];  // dL/d(pixel)
   float d_final[kTilePixels];
-  float value[kTilePixels];  // with FragmentStatistic::values
   std::uint32_t last[kTilePixels];
   std::uint32_t largest_last = 0;
 
   TilePixels(const RenderPass& pass, const Tile& tile, const Vec3f& background,
-             Span<const float> dL_dimage, const float* values) {
+             Span<const float> dL_dimage) {
     const std::size_t plane = pass.pixel_count();
     for (int pixel = 0; pixel < kTilePixels; ++pixel) {
       red[pixel] = green[pixel] = blue[pixel] = 0.0f;
       d_red[pixel] = d_green[pixel] = d_blue[pixel] = d_final[pixel] = 0.0f;
       transmittance[pixel] = 1.0f;
-      value[pixel] = 0.0f;
       last[pixel] = 0;
       if (!tile.contains(pass, pixel)) continue;
       const std::size_t from = tile.image_index(pass, pixel);
@@ -43,7 +41,6 @@ struct TilePixels {
       d_green[pixel] = dL_dimage[plane + from];
       d_blue[pixel] = dL_dimage[2 * plane + from];
       d_final[pixel] = -T * inner(Vec3f(d_red[pixel], d_green[pixel], d_blue[pixel]), background);
-      if (values) value[pixel] = values[from];
       last[pixel] = pass.last_instance[from];
       largest_last = std::max(largest_last, last[pixel]);
     }
@@ -76,8 +73,7 @@ struct LaneSums {
   Vec2f absolute_total() const { return {sum(absolute_x), sum(absolute_y)}; }
   // `scale` is that of the forces, from the gradients of the mean loss to those of its sum.
   FragmentSums fragment_total(float scale) const {
-    return {sum(count), scale * sum(first),
-            (kStatistic == FragmentStatistic::force ? scale * scale : scale) * sum(second)};
+    return {sum(count), scale * sum(first), scale * scale * sum(second)};
   }
 };
 
@@ -94,10 +90,6 @@ inline void blend_backward_lanes(const Splat& splat, float dx, float dy, std::ui
     const float alpha = keep ? fragment_alpha<rule>(s.opacity, gaussian) : 0.0f;
 
     if constexpr (kStatistic != FragmentStatistic::none) sums.count[lane] += float(keep);
-    if constexpr (kStatistic == FragmentStatistic::values) {
-      sums.first[lane] += pixels.transmittance[i] * alpha * pixels.value[i];
-      sums.second[lane] += keep ? pixels.value[i] : 0.0f;
-    }
     PixelBackwardState<float> state{{pixels.red[i], pixels.green[i], pixels.blue[i]},
                                     pixels.transmittance[i],
                                     {pixels.d_red[i], pixels.d_green[i], pixels.d_blue[i]},
@@ -138,11 +130,8 @@ void blend_backward_tile(const RenderSettings& settings, Span<const float> dL_di
                          const RenderPass& pass, std::size_t tile_index) {
   const Tile tile(pass, tile_index);
   const ScalarScratch& scratch = pass.scratch<ScalarScratch>();
-  const bool has_values = kStatistic == FragmentStatistic::values;
-  TilePixels pixels(pass, tile, settings.background, dL_dimage,
-                    has_values ? scratch.pixel_values.data() : nullptr);
-  const float scale =
-      kStatistic == FragmentStatistic::force ? 3.0f * float(pass.pixel_count()) : 1.0f;
+  TilePixels pixels(pass, tile, settings.background, dL_dimage);
+  const float scale = 3.0f * float(pass.pixel_count());
   for (std::uint32_t k = tile.begin; k < tile.end; ++k) {
     LaneSums<kAbsolute, kStatistic> sums;
     const std::uint32_t instance = scratch.tile_instances[k], position = k - tile.begin;
@@ -186,7 +175,6 @@ BlendTiles* tiles_for_statistic(const RenderSettings& settings) {
   switch (settings.fragment_statistic) {
     case FragmentStatistic::none: break;
     case FragmentStatistic::force: return tiles_for<FragmentStatistic::force>(settings);
-    case FragmentStatistic::values: return tiles_for<FragmentStatistic::values>(settings);
   }
   return tiles_for<FragmentStatistic::none>(settings);
 }
@@ -201,8 +189,6 @@ void blend_backward(const RenderSettings& settings, Span<const float> dL_dimage,
   scratch.instance_gradients.resize_discard(instances);
   scratch.absolute_gradients.resize_discard(settings.absolute_gradient ? instances : 0);
   scratch.fragment_sums.resize_discard(has_sums ? instances : 0);
-  if (settings.fragment_statistic == FragmentStatistic::values)
-    GS_CHECK(scratch.pixel_values.size() == pass.pixel_count());
   tiles_for_statistic(settings)(settings, dL_dimage, pass);
   add_depth_gradients(pass);
 }

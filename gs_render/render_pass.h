@@ -13,7 +13,7 @@
 namespace gs {
 
 /// What backward sums over the fragments of each Gaussian besides gradients (FragmentSums).
-enum class FragmentStatistic { none, force, values };
+enum class FragmentStatistic { none, force };
 
 /// How to render. It is passed by value with each call; there is no global state.
 struct RenderSettings : SplatSettings {

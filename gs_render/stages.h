@@ -37,16 +37,14 @@ struct ScalarScratch final : BackendScratch {
   // depth maps. Its color is that of (z, 1, 0).
   Buffer<SplatGradient> depth_gradients;
   Buffer<Vec2f> depth_absolute_gradients;
-  // (H, W)  v of FragmentSums; written before the backward pass, for FragmentStatistic::values
-  Buffer<float> pixel_values;
-  // (I)  each instance's share; only with a fragment_statistic
+  // (I)  each instance's share; only with a fragment_statistic, and after blend_values()
   Buffer<FragmentSums> fragment_sums;
 
   explicit ScalarScratch(Memory& memory)
       : first_instance(memory), instance_tiles(memory), instance_splats(memory),
         sort_scratch(memory), tile_instances(memory), instance_gradients(memory),
         absolute_gradients(memory), depth_gradients(memory), depth_absolute_gradients(memory),
-        pixel_values(memory), fragment_sums(memory) {}
+        fragment_sums(memory) {}
 };
 
 /// 1  Activate, cull, project, color: one splat per Gaussian, and how many tiles it hits.
@@ -80,6 +78,10 @@ void add_depth_gradients(RenderPass& pass);
 /// 6  From dL/d(image), (3, H, W), to dL/d(splat) of every instance, front to back again.
 void blend_backward(const RenderSettings& settings, Span<const float> dL_dimage, RenderPass& pass);
 
+/// After 4, in a score pass: sums values of the pixels, (H, W), over the fragments of each instance
+/// (FragmentSums); fragment_sums_of() has those of a Gaussian.
+void blend_values(const RenderSettings& settings, Span<const float> values, RenderPass& pass);
+
 /// 7  Sum each splat's instances and pull the gradient back to the stored parameters.
 void preprocess_backward(const GaussiansSpan& gaussians, const Camera& camera,
                          const RenderSettings& settings, const RenderPass& pass,
@@ -107,8 +109,8 @@ CameraGradient<double> sum_of_rows(const std::vector<CameraGradientRow>& rows);
 SplatGradient splat_gradient_of(const RenderPass& pass, std::size_t i);
 /// The gradient by its mean, of absolute values; only with RenderSettings::absolute_gradient.
 Vec2f absolute_gradient_of(const RenderPass& pass, std::size_t i);
-/// The sums over the fragments of a visible Gaussian that blend_backward() left, of all its
-/// instances in order.
+/// The sums over the fragments of a visible Gaussian that blend_backward() or blend_values() left, of
+/// all its instances in order.
 FragmentSums fragment_sums_of(const RenderPass& pass, std::size_t i);
 
 /// Row i of the Gaussians, as the formulas take it.

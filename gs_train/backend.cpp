@@ -99,8 +99,19 @@ void Backend::compare(const TrainingModel& model, const TrainingPhoto& photo, co
   LossSettings of_photo = loss_settings;
   of_photo.appearance = appearance_.get();
   loss().forward_backward(pass, view, of_photo, dL_dimage_);
-  if (density.fragment_statistic() != FragmentStatistic::none)
-    find_pixel_values(view, density, pass);
+}
+
+void Backend::score_photos(TrainingModel& model, Span<const TrainingPhoto> photos,
+                           const PixelRule& rule) {
+  begin_sums(model);
+  model.statistics.sums.fill_zero();
+  for (const TrainingPhoto& photo : photos) {
+    const std::shared_ptr<const View> view = loaded_view(photo);
+    renderer().forward(model.gaussians.span(), reduced(photo.camera(), photo.reduction),
+                       photo.settings, pass_);
+    appearance_ = appearance_of(model, photo, *view, pass_);
+    add_pixel_scores(*view, photo.settings, rule, pass_, model.statistics.sums.span());
+  }
 }
 
 void Backend::use_photometric(std::shared_ptr<const PhotometricModel> photometric) {

@@ -8,6 +8,7 @@
 #include <string>
 #include <vector>
 
+#include "gs_core/math/pixel_rule.h"
 #include "gs_render/renderer.h"
 #include "gs_render/stage_clock.h"
 #include "gs_train/loss.h"
@@ -22,13 +23,12 @@ struct DensityStep {
   bool gather_statistics = false;  // of visibility and image-plane gradients
   Regularizers regularizers = {};  // in the loss
   PositionNoise noise = {};        // on the means, after the update
-  // With the statistics, the sums over fragments that this score is made of
+  // With the statistics, the sums over fragments of the score "force"
   GrowthScore score = GrowthScore::gradient;
-  float mask_error = 0;  // of the score "mask"
 
   FragmentStatistic fragment_statistic() const {
-    if (!gather_statistics || !needs_fragment_sums(score)) return FragmentStatistic::none;
-    return score == GrowthScore::force ? FragmentStatistic::force : FragmentStatistic::values;
+    return gather_statistics && score == GrowthScore::force ? FragmentStatistic::force
+                                                            : FragmentStatistic::none;
   }
 };
 
@@ -104,6 +104,12 @@ class Backend {
     step(model, Span<const TrainingPhoto>{&photo, 1}, loss_settings, Update{rates}, density);
   }
 
+  /// A score pass: replaces the model's sums over fragments by those of the values that `rule` gives
+  /// the pixels of these photos (FragmentSums). Nothing else changes. Call it after synchronize(),
+  /// which brings the refined poses that the photos have.
+  virtual void score_photos(TrainingModel& model, Span<const TrainingPhoto> photos,
+                            const PixelRule& rule);
+
   /// Waits until all steps so far have updated the model. A device runs steps asynchronously, so
   /// call this before you read a model. Row operations do it themselves.
   virtual void synchronize(TrainingModel&) {}
@@ -124,9 +130,10 @@ class Backend {
  protected:
   /// The part of release_caches() for the members below.
   void release_pass();
-  /// Writes the pixel values that the score sums (FragmentSums), before the backward pass.
-  virtual void find_pixel_values(const View& view, const DensityStep& density,
-                                 RenderPass& pass) = 0;
+  /// Adds the sums of the values of the pixels of a photo, whose view the pass has rendered, to
+  /// `to`, one for each Gaussian.
+  virtual void add_pixel_scores(const View& view, const RenderSettings& settings,
+                                const PixelRule& rule, RenderPass& pass, Span<FragmentSums> to) = 0;
   /// Blends depths with the lists of the pass, compares them with the view's map, and leaves the
   /// gradient with the pass, whose backward() adds it.
   virtual void compare_depth(const View& view, const RenderSettings& settings, float weight,
@@ -150,8 +157,8 @@ class Backend {
   static std::shared_ptr<const View> loaded_view(const TrainingPhoto& photo);
   /// How a step renders a photo.
   static RenderSettings settings_of(const TrainingPhoto& photo, const DensityStep& density);
-  /// Compares the picture of a pass with its photo: fills dL_dimage_, and what density control sums
-  /// over fragments. With a depth map, compares depths first.
+  /// Compares the picture of a pass with its photo: fills dL_dimage_. With a depth map, compares
+  /// depths first.
   void compare(const TrainingModel& model, const TrainingPhoto& photo, const View& view,
                const LossSettings& loss_settings, const DensityStep& density, RenderPass& pass);
   void prepare_sums(const TrainingModel& model);
@@ -178,7 +185,7 @@ class Backend {
                                                  const RenderPass& pass);
 
   std::shared_ptr<const PhotometricModel> photometric_;
-  std::unique_ptr<Appearance> appearance_;  // of the photo that is differentiated
+  std::unique_ptr<Appearance> appearance_;  // of the photo that is differentiated or scored
   std::vector<double> photometric_sum_;     // of a batch
   std::vector<double> pose_sum_;            // of a batch; empty while poses rest
   RenderPass pass_;

@@ -189,11 +189,6 @@ Schedule::Steps Schedule::steps_of_statistics(int refinement) const {
   return takes_epoch ? epoch : Steps{begin, refinement};
 }
 
-int Schedule::photos_of_statistics(int step) const {
-  const Steps steps = steps_of_statistics(step);
-  return steps.until - steps.after;
-}
-
 bool Schedule::has_seen_all_views(int step) const {
   return views_ > 0 && last_epoch(step).after >= last_clearing_before(step);
 }

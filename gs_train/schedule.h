@@ -49,8 +49,6 @@ class Schedule {
   bool raise_sh_degree(int step) const;  // one degree more from this step on
   bool reorder(int step) const;          // Morton order
   bool gather_statistics(int step) const;
-  /// How many photos the statistics of a refinement in this step come from.
-  int photos_of_statistics(int step) const;
   /// Measure the 3D filter again: at every refinement and as often before the first one, and then
   /// at every tenth of such intervals, since the means hardly move any more.
   bool measure_filter(int step) const;

@@ -231,7 +231,7 @@ void add_bench(CLI::App& program) {
                   "of tile bounds, into this folder")
       ->type_name("FOLDER");
   verb.add_flag("--scores", command->scores,
-                "time what the statistics of each growth score cost a training step");
+                "time what the statistics of the scores gradient and force cost a training step");
   add_generator_options(verb, *command);
   add_plan_options(verb, command->plan);
   add_dataset_options(verb, *command, "-d,--data,-s,--source-path");

@@ -1,13 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
-// Around stage 6, for the scores of density control that sum over fragments: the values of the
-// pixels before it, twin of gs_train/stages/pixel_values.cpp, and the gathering of the sums after
-// it.
+// After stage 6, for the score "force" of density control: the gathering of the sums over fragments.
 #include "cuda/density/fragment_sums.cuh"
 
 #include "cuda/stages.cuh"
-#include "cuda/train/photometric.cuh"
-#include "gs_core/image.h"
-#include "gs_core/math/photo_weight.h"
 
 namespace gs::cuda {
 namespace {
@@ -16,74 +11,8 @@ constexpr int kThreads = 256;  // pixels and rows are independent: any size that
 
 __device__ std::size_t thread_number() { return std::size_t(blockIdx.x) * kThreads + threadIdx.x; }
 
-/// A render and its photo.
-struct ComparedPictures {
-  const float* image;  // (3, H, W)
-  PhotoBytes bytes;
-  int width, height;
-  Vec3f exposure, background;
-  bool over_background;
-  float white;
-  PhotoLook look;  // where the appearance is learned, in place of the exposure
-};
-
-template <bool kIsLearned>
-__global__ void errors_kernel(ComparedPictures pictures, Span<float> values) {
-  const std::size_t i = thread_number();
-  if (i >= values.size) return;
-  const float m = pictures.bytes.mask ? pictures.bytes.mask[i] * kPerByte : 1.0f;
-  float sum = 0;
-  for (int c = 0; c < 3; ++c) {
-    const float e = kIsLearned ? pictures.look.photo_gain(c) : pictures.exposure[c];
-    const PhotoWeight<float> weight =
-        photo_weight(m, e, pictures.background[c], pictures.over_background);
-    const float x = weight.gain * pictures.image[c * values.size + i];
-    const float y = pictures.bytes.photo[3 * i + c] * kPerByte;
-    sum += fabsf(x - compared_photo(x, weight.cover * y + weight.backdrop, y, pictures.white));
-  }
-  values[i] = sum / 3.0f;
-}
-
-__global__ void edges_kernel(const std::uint8_t* photo, int width, int height, Span<float> values) {
-  const std::size_t i = thread_number();
-  if (i >= values.size) return;
-  const int x = int(i % std::size_t(width)), y = int(i / std::size_t(width));
-  const auto gray = [&](int column, int row) {
-    column = clamp_to(column, 0, width - 1);
-    row = clamp_to(row, 0, height - 1);
-    const std::uint8_t* const rgb = photo + 3 * (std::size_t(row) * width + std::size_t(column));
-    return (rgb[0] + rgb[1] + rgb[2]) * (kPerByte / 3.0f);
-  };
-  float sum = -9.0f * gray(x, y);
-  for (int dy = -1; dy <= 1; ++dy)
-    for (int dx = -1; dx <= 1; ++dx) sum += gray(x + dx, y + dy);
-  values[i] = fabsf(sum);
-}
-
-// The smallest and the largest value. The bits of floats from 0 on are ordered as the floats are.
-__global__ void range_kernel(Span<const float> values, std::uint32_t* range) {
-  const std::size_t i = thread_number();
-  const bool exists = i < values.size;
-  const std::uint32_t bits = exists ? __float_as_uint(values[i]) : 0;
-  const std::uint32_t highest = warp_max(bits);
-  const std::uint32_t lowest = ~warp_max(exists ? ~bits : 0u);
-  if (lane_of_thread() != 0 || !exists) return;
-  atomicMin(range, lowest);
-  atomicMax(range + 1, highest);
-}
-
-// To the range 0 to 1 of the view; with a limit, to 1 above it and 0 elsewhere.
-__global__ void stretch_kernel(Span<float> values, const std::uint32_t* range, float limit) {
-  const std::size_t i = thread_number();
-  if (i >= values.size) return;
-  const float from = __uint_as_float(range[0]), span = __uint_as_float(range[1]) - from;
-  const float scale = span > 0 ? 1 / span : 0;
-  const float value = (values[i] - from) * scale;
-  values[i] = limit < 0 ? value : value > limit ? 1.0f : 0.0f;
-}
-
-// Sums that have memory of their own. `scale` is that of the forces; 1 for values, and for sums in
-// fixed point, which were scaled before they were rounded. Clears the sums of the photo, also where
+// Sums that have memory of their own. `scale` is that of the forces; 1 for sums in fixed point, which
+// were scaled before they were rounded. Clears the sums of the photo, also where
 // a step is not to be counted.
 __global__ void gather_kernel(Span<FragmentSums> statistics, Vec4f* sums, FixedFragmentSums* fixed,
                               float scale, const std::uint32_t* halted, Shard shard) {
@@ -127,40 +56,12 @@ __global__ void add_sums_kernel(Span<FragmentSums> to, FragmentSums* from,
 
 }  // namespace
 
-void find_pixel_values(Context& context, const PhotoBytes& bytes, const View& view,
-                       const PhotoOnDevice* photo, const DensityStep& density, Workspace& workspace,
-                       const RenderPass& pass) {
-  const StageScope scope(context, "pixel values");
-  const std::size_t pixels = pass.pixel_count(), blocks = blocks_for(pixels, kThreads);
-  workspace.pixel_values.resize_discard(pixels);
-  const Span<float> values = workspace.pixel_values.span();
-  const ComparedPictures pictures{
-      pass.image.data(), bytes,           pass.width,           pass.height,
-      view.exposure,     pass.background, view.over_background, photo ? kPhotoWhite : view.white(),
-      PhotoLook(photo)};
-  if (density.score == GrowthScore::edge)
-    context.launch("pixel values", edges_kernel, blocks, kThreads, bytes.photo, pass.width,
-                   pass.height, values);
-  else
-    context.launch("pixel values", photo ? errors_kernel<true> : errors_kernel<false>, blocks,
-                   kThreads, pictures, values);
-  if (density.score == GrowthScore::error) return;
-  workspace.value_range.resize_discard(2);
-  std::uint32_t* const range = workspace.value_range.data();
-  check(cudaMemsetAsync(range, 0xff, sizeof(std::uint32_t), context.stream()), "pixel values");
-  check(cudaMemsetAsync(range + 1, 0, sizeof(std::uint32_t), context.stream()), "pixel values");
-  context.launch("pixel values", range_kernel, blocks, kThreads, values, range);
-  const float limit = density.score == GrowthScore::mask ? density.mask_error : -1.0f;
-  context.launch("pixel values", stretch_kernel, blocks, kThreads, values, range, limit);
-}
-
 void gather_fragment_sums(Context& context, const PhotoRows& photo, Span<FragmentSums> to,
                           const std::uint32_t* halted, const Shard& shard) {
   const RenderSettings& settings = photo.settings;
   if (sums_of_forces_are_added(settings)) return;
   const StageScope scope(context, "statistics");
-  const float scale =
-      settings.deterministic ? 1.0f : force_scale(settings.fragment_statistic, photo.pixel_count());
+  const float scale = settings.deterministic ? 1.0f : force_scale(photo.pixel_count());
   const std::size_t blocks = blocks_for(to.size, kThreads);
   if (sums_among_gradients(settings))
     context.launch("statistics", gather_forces_kernel, blocks, kThreads, to, photo.tile_counts,

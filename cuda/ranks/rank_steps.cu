@@ -270,10 +270,6 @@ void RankSteps::draw(const RankedStep& step, const DrawnPhoto& drawn) {
     loss_settings.photo_on_device = &*on_device;
   }
   rank.loss->forward_backward(pass, *drawn.photo.view, loss_settings, rank.dL_dimage);
-  if (drawn.settings.fragment_statistic == FragmentStatistic::values)
-    gs::cuda::find_pixel_values(rank.context, rank.photos.last(), *drawn.photo.view,
-                                loss_settings.photo_on_device, step.density, renderer.workspace(),
-                                pass);
   blend_backward(rank.context, drawn.settings, rank.dL_dimage.span(), renderer.workspace(), pass);
   rank.has_drawn.set();
 }

@@ -108,6 +108,13 @@ class RankedCudaBackend final : public Backend {
     whole_->synchronize(model);
   }
 
+  // On the merged model, by the first GPU.
+  void score_photos(TrainingModel& model, Span<const TrainingPhoto> photos,
+                    const PixelRule& rule) override {
+    synchronize(model);
+    whole_->score_photos(model, photos, rule);
+  }
+
   void release_caches() override {
     finish_pending();
     release_pass();
@@ -129,8 +136,11 @@ class RankedCudaBackend final : public Backend {
   std::vector<StageTime> stage_times() override { return steps_->context().stage_times(); }
 
  protected:
-  // Parts of Backend::step(), which step() above overrides.
-  void find_pixel_values(const View&, const DensityStep&, RenderPass&) override { GS_CHECK(false); }
+  // Parts of Backend::step() and score_photos(), which are overridden above.
+  void add_pixel_scores(const View&, const RenderSettings&, const PixelRule&, RenderPass&,
+                        Span<FragmentSums>) override {
+    GS_CHECK(false);
+  }
   void gather(const DensityStatistics&, const RenderPass&, Span<const Vec2f>) override {
     GS_CHECK(false);
   }

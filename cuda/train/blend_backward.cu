@@ -20,9 +20,8 @@
 // in shared memory, which is the order in which a lane's registers hold the left-hand side of a
 // product.
 //
-// Scores of density control that sum over fragments (FragmentSums) cost little more. sum f is one
-// of the moments, and sum w v is another column of the colors, with a value v of each pixel. The
-// rest is summed from the registers that the products load.
+// The score "force" of density control (FragmentSums) costs little more: sum f is one of the moments,
+// and sum f^2 is summed from the registers that the products load.
 #include "cuda/device/mma.cuh"
 #include "cuda/render/subtile.cuh"
 #include "cuda/stages.cuh"
@@ -50,9 +49,9 @@ constexpr int kListed = kProductSplats + kWarp;
 using Walk = PartWalkOf<Splat, kTileWidth, true, std::uint16_t>;
 static_assert(kSegmentLength <= 65536);  // a walk of 16 bits
 
-template <FragmentStatistic statistic>
+constexpr int kColorColumns = 6;  // in use
+
 struct WarpShared {
-  static constexpr int kColorColumns = statistic == FragmentStatistic::values ? 8 : 6;  // in use
   ListedSplat list[kListed];
   Walk::Ahead ahead;
   // the left-hand sides: f and w of 16 splats at each pixel; then the sums over the pixels
@@ -87,17 +86,12 @@ struct Monomials {
 };
 
 // Writes this lane's row of the right-hand side of the colors: red, green and blue of dL/d(pixel),
-// which a product cuts off to TF32, and the rest of each. Where asked for, v and its rest follow.
-template <class Shared>
-__device__ void write_colors(Shared& shared, const Vec3f& dL_dpixel, float value) {
+// which a product cuts off to TF32, and the rest of each.
+__device__ void write_colors(WarpShared& shared, const Vec3f& dL_dpixel) {
   const int lane = lane_of_thread();
   for (int c = 0; c < 3; ++c) {
     shared.colors[c][lane] = dL_dpixel[c];
     shared.colors[3 + c][lane] = dL_dpixel[c] - tf32_part(dL_dpixel[c]);
-  }
-  if constexpr (Shared::kColorColumns == 8) {
-    shared.colors[6][lane] = value;
-    shared.colors[7][lane] = value - tf32_part(value);
   }
 }
 
@@ -128,19 +122,13 @@ __device__ Vec2f absolute_gradient(const ListedSplat& splat, float dx, float dy,
 }
 
 // FragmentSums::second of the splats 2 g and 2 g + 1 over the pixels that this lane loads.
-template <FragmentStatistic statistic>
 struct SecondSums {
   float first = 0, second = 0;
 
-  // Left-hand sides of f and w, and v of their two pixels.
-  __device__ void add(const float4& f, const float4& w, const float2& values) {
-    if (statistic == FragmentStatistic::force) {
-      first = fmaf(f.x, f.x, fmaf(f.z, f.z, first));
-      second = fmaf(f.y, f.y, fmaf(f.w, f.w, second));
-    } else if (statistic == FragmentStatistic::values) {
-      first += (w.x > 0 ? values.x : 0.0f) + (w.z > 0 ? values.y : 0.0f);
-      second += (w.y > 0 ? values.x : 0.0f) + (w.w > 0 ? values.y : 0.0f);
-    }
+  // Left-hand sides of f.
+  __device__ void add(const float4& f) {
+    first = fmaf(f.x, f.x, fmaf(f.z, f.z, first));
+    second = fmaf(f.y, f.y, fmaf(f.w, f.w, second));
   }
   /// The four lanes with the same g: the sum over all pixels, of splat 2 g in even lanes and of
   /// 2 g + 1 in odd ones.
@@ -160,15 +148,15 @@ struct SplatOfLane {
 
 // The whole warp: sums f and w of up to 16 splats over the pixels, and adds each splat's share to
 // the sums of its Gaussian. Splats 2 g and 2 g + 1 are rows g and g + 8 of the products.
-template <class Sums, class Shared>
-__device__ void add_shares(Shared& shared, const ListedSplat* list, int count,
+template <class Sums>
+__device__ void add_shares(WarpShared& shared, const ListedSplat* list, int count,
                            const SplatOfLane& of_lane, const Monomials& monomials,
                            const Vec2f& center, const Sums& sums) {
   constexpr bool kHasFragments = Sums::kStatistic != FragmentStatistic::none;
   const int lane = lane_of_thread(), g = lane / 4, t = lane % 4;
   __syncwarp();
-  const float* const column = shared.colors[min(g, Shared::kColorColumns - 1)] + 2 * t;
-  SecondSums<Sums::kStatistic> seconds;
+  const float* const column = shared.colors[min(g, kColorColumns - 1)] + 2 * t;
+  SecondSums seconds;
   float moments[4] = {}, colors[4] = {};
 #pragma unroll
   for (int q = 0; q < kProducts; ++q) {
@@ -178,10 +166,7 @@ __device__ void add_shares(Shared& shared, const ListedSplat* list, int count,
     const float2 color = *reinterpret_cast<const float2*>(column + 8 * q);
     multiply_add_exactly(moments, {f.x, f.y, f.z, f.w}, {monomials.x[0] * y, monomials.x[1] * y});
     multiply_add_exactly(colors, {w.x, w.y, w.z, w.w}, {color.x, color.y});
-    if (kHasFragments)
-      seconds.add(f, w,
-                  *reinterpret_cast<const float2*>(shared.colors[Shared::kColorColumns - 2] +
-                                                   8 * q + 2 * t));
+    if (kHasFragments) seconds.add(f);
   }
   [[maybe_unused]] const float second = kHasFragments ? seconds.total() : 0.0f;
   __syncwarp();
@@ -202,12 +187,8 @@ __device__ void add_shares(Shared& shared, const ListedSplat* list, int count,
     if (Sums::kAbsolute)
       share.gradient.absolute_x = of_lane.absolute.x,
       share.gradient.absolute_y = of_lane.absolute.y;
-    if (kHasFragments) {
-      const bool is_force = Sums::kStatistic == FragmentStatistic::force;
-      const float of_values = of_splat[14] + of_splat[15];
-      share.fragments = {float(__popc(of_lane.kept)), is_force ? of_splat[0] : of_values,
-                         of_splat[kSecondAt]};
-    }
+    if (kHasFragments)
+      share.fragments = {float(__popc(of_lane.kept)), of_splat[0], of_splat[kSecondAt]};
   }
   sums.add(count, gaussian, share, shared.fragments);
   __syncwarp();
@@ -286,8 +267,8 @@ __global__ void __launch_bounds__(kBlendThreads, kBlocks)
     blend_backward_kernel(TileLists lists, const ListSegment* segments, Vec3f background,
                           Forward forward, const float* dL_dimage, Sums sums) {
   constexpr bool kHasFragments = Sums::kStatistic != FragmentStatistic::none;
-  __shared__ WarpShared<Sums::kStatistic> shared_of_warps[kBlendWarps];
-  auto& shared = shared_of_warps[threadIdx.x / kWarp];
+  __shared__ WarpShared shared_of_warps[kBlendWarps];
+  WarpShared& shared = shared_of_warps[threadIdx.x / kWarp];
   const int lane = lane_of_thread();
   const WarpWork work;
   const ListSegment segment = segments[work.item];
@@ -301,10 +282,7 @@ __global__ void __launch_bounds__(kBlendThreads, kBlocks)
   if (segment.number > 0)
     pixel.skip_to(forward.checkpoints[subtile.checkpoint(forward.first_checkpoints[segment.tile] +
                                                          segment.number - 1)]);
-  float value = 0;
-  if constexpr (Sums::kStatistic == FragmentStatistic::values)
-    if (subtile.is_inside) value = sums.fragments.values[subtile.pixel(lists)];
-  write_colors(shared, pixel.dL_dpixel, value);
+  write_colors(shared, pixel.dL_dpixel);
   const Monomials monomials;
   const Vec2f center{float(subtile.x0) + 0.5f * kSubtileWidth,
                      float(subtile.y0) + 0.5f * kSubtileHeight};
@@ -392,21 +370,14 @@ void blend_backward(Context& context, const RenderSettings& settings, Span<const
   const FragmentSink fragments{
       settings.deterministic ? nullptr : workspace.fragment_sums.data(),
       settings.deterministic ? workspace.fixed_fragment_sums.data() : nullptr,
-      settings.fragment_statistic == FragmentStatistic::values ? workspace.pixel_values.data()
-                                                               : nullptr,
-      force_scale(settings.fragment_statistic, pass.pixel_count())};
+      force_scale(pass.pixel_count())};
   const auto launch_with = [&](const auto& sums) {
     using Sums = std::remove_cvref_t<decltype(sums)>;
-    switch (settings.fragment_statistic) {
-      case FragmentStatistic::none: return launch(sums);
-      case FragmentStatistic::force:
-        if constexpr (std::is_same_v<Sums, FloatSums<false>>)
-          return launch(FloatSumsOfForces{{sums.of_gaussian}});
-        else
-          return launch(WithFragments<Sums, FragmentStatistic::force>{sums, fragments});
-      case FragmentStatistic::values:
-        return launch(WithFragments<Sums, FragmentStatistic::values>{sums, fragments});
-    }
+    if (settings.fragment_statistic == FragmentStatistic::none) return launch(sums);
+    if constexpr (std::is_same_v<Sums, FloatSums<false>>)
+      return launch(FloatSumsOfForces{{sums.of_gaussian}});
+    else
+      return launch(WithForces<Sums>{sums, fragments});
   };
   const auto launch_as_asked = [&](auto absolute) {
     if (!settings.deterministic)

@@ -84,11 +84,11 @@ struct FixedSums {
   }
 };
 
-/// The same with sums over fragments, which go to memory of their own. They have kernels of their
+/// The same with the score "force", whose sums go to memory of their own. They have kernels of their
 /// own, so that other steps do not pay for them.
-template <class Sums, FragmentStatistic kStatistic_>
-struct WithFragments : Sums {
-  static constexpr FragmentStatistic kStatistic = kStatistic_;
+template <class Sums>
+struct WithForces : Sums {
+  static constexpr FragmentStatistic kStatistic = FragmentStatistic::force;
   FragmentSink fragments;
 
   __device__ void add(int count, std::uint32_t gaussian, const SplatShare& share,

@@ -115,7 +115,7 @@ TrainingSize benchmark_size(const Gaussians& gaussians, const std::vector<View>&
                             const Config& config) {
   TrainingSize size = training_size(config, picture_sizes(views), double(gaussians.count()));
   size.growth = RowGrowth::none;
-  size.has_sums = size.has_pixel_values = size.has_depth_maps = false;
+  size.has_sums = size.has_score_pass = size.has_depth_maps = false;
   size.depth_pixels = 0;
   size.has_time = gaussians.has_time;
   size.has_filter = gaussians.has_filter;

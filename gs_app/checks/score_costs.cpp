@@ -9,7 +9,6 @@ namespace gs {
 namespace {
 
 constexpr int kRounds = 5;
-constexpr float kMaskError = 0.1f;  // as in FastGS
 
 }  // namespace
 
@@ -18,13 +17,9 @@ std::vector<ScoreCost> score_costs(Backend& backend, TrainingModel& model,
                                    const Config& config, const BenchmarkPlan& plan) {
   std::vector<ScoreCost> costs = {{"none"}};
   std::vector<DensityStep> steps = {{}};
-  for (const auto& word : Words<GrowthScore>::kTable) {
-    costs.push_back({std::string(word.text)});
-    DensityStep gathering;
-    gathering.gather_statistics = true;
-    gathering.score = word.value;
-    gathering.mask_error = kMaskError;
-    steps.push_back(gathering);
+  for (const GrowthScore score : {GrowthScore::gradient, GrowthScore::force}) {
+    costs.push_back({std::string(word_of(score))});
+    steps.push_back({.gather_statistics = true, .score = score});
   }
   // Every step of a way begins at the same view, so that all ways take the same ones.
   const auto milliseconds_of = [&](const DensityStep& step, int count) {

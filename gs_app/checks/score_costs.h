@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What the statistics of each growth score (gs_core/math/growth.h) cost a training step.
+// What the statistics of the scores that training steps gather cost such a step.
 #pragma once
 
 #include <string>
@@ -10,7 +10,7 @@
 namespace gs {
 
 struct ScoreCost {
-  std::string statistics;  // "none", or a score by name
+  std::string statistics;  // "none", "gradient" or "force"
   double ms_per_step = 0;  // median of the rounds
   double ratio = 1;  // of this time to that without statistics, the median of the rounds' ratios
 };

@@ -3,14 +3,15 @@
 // after each refinement, and faint Gaussians are pruned late.                             FastGS
 //
 // Source: the code of March 2026, github.com/fastgs/FastGS, its base setting; the thresholds that it
-// sets for each scene are the lowest of their range here. What differs: pixels are counted in all
-// photos since the last refinement, not in ten; clones and splits have the same gradient threshold;
-// every faint Gaussian is pruned, not a random half; none is pruned by the score.
+// sets for each scene are the lowest of their range here. What differs: clones and
+// splits have the same gradient threshold; every faint Gaussian is pruned, not a random half; none is
+// pruned by the score.
 #include "gs_core/density/growth_method.h"
 
 namespace gs {
 namespace {
 
+constexpr int kPhotos = 10;
 constexpr float kMaskError = 0.1f;     // of the range of errors of a photo
 constexpr float kPixels = 6;           // in the mask, of a photo, in the mean
 constexpr float kSmallScale = 0.001f;  // of the extent
@@ -22,6 +23,7 @@ constexpr float kLateOpacity = 0.1f;
 GrowthMethod fastgs_method() {
   GrowthMethod method;
   method.score = GrowthScore::mask;
+  method.score_photos = kPhotos;
   method.mask_error = kMaskError;
   method.score_threshold = kPixels;
   method.small_scale = kSmallScale;

@@ -19,7 +19,8 @@ struct GrowthMethod {
 
   // Which may grow, besides density.gradient_threshold
   GrowthScore score = GrowthScore::gradient;
-  float score_threshold = 0;       // of sums: for each photo
+  int score_photos = 0;            // drawn at a refinement, if the score sums values of pixels
+  float score_threshold = 0;       // of such sums: for each of these photos
   float mask_error = 0;            // of a photo's range of errors: pixels above it are in the mask
   bool absolute_gradient = false;  // gradients are sums of absolute values over pixels
   StatisticsWindow window = StatisticsWindow::refinement;

@@ -4,14 +4,14 @@
 //
 // Source: the code of November 2025, github.com/XiaoBin2001/Improved-GS. Its budget,
 // density.max_gaussians here, is 3 million outdoors and 1 to 1.5 million indoors. What differs: edges
-// are weighted by the blending weight and summed over all steps since the last refinement, not over
-// ten views; nothing grows in the steps of the recovery prune, nor by its gradient once the window
-// is over.
+// are weighted by the blending weight; nothing grows in the steps of the recovery prune, nor by its
+// gradient once the window is over.
 #include "gs_core/density/growth_method.h"
 
 namespace gs {
 namespace {
 
+constexpr int kPhotos = 10;
 constexpr float kOffset = 1.35f;   // standard deviations of the longest axis
 constexpr float kAlong = 0.55f;    // factor of the longest scale
 constexpr float kAcross = 0.893f;  // factor of the other scales
@@ -26,6 +26,7 @@ constexpr int kRecoveryUntil = 6000;  // the second reset
 GrowthMethod improved_gs_method() {
   GrowthMethod method;
   method.score = GrowthScore::edge;
+  method.score_photos = kPhotos;
   method.absolute_gradient = true;
   method.select = GrowthSelection::race;
   method.curve = GrowthCurve::root;

@@ -4,15 +4,20 @@
 //
 // Source: the code of June 2025, github.com/humansensinglab/taming-3dgs. Its budgets,
 // density.max_gaussians here, go by scene; 680,000 is their mean on Mip-NeRF 360. What differs: the
-// score is the error alone, not a sum of nine terms, and of all photos since the last refinement, not
-// of ten; every faint Gaussian is pruned, not a random half; opacities are trained to the end.
+// score is the error alone, not a sum of nine terms; every faint Gaussian is pruned, not a random half; opacities are trained to the end.
 #include "gs_core/density/growth_method.h"
 
 namespace gs {
+namespace {
+
+constexpr int kPhotos = 10;
+
+}  // namespace
 
 GrowthMethod taming_method() {
   GrowthMethod method;
   method.score = GrowthScore::error;
+  method.score_photos = kPhotos;
   method.select = GrowthSelection::race;
   method.curve = GrowthCurve::parabola;
   return method;

@@ -46,8 +46,8 @@ GS_HD bool needs_budget(GrowthCurve curve) { return curve != GrowthCurve::none; 
 
 // ---- scores ------------------------------------------------------------------------------------
 
-/// Sums over the fragments of one Gaussian in the photos since the last refinement; count is their
-/// number, and w = T alpha is the weight of one.
+/// Sums over the fragments of one Gaussian, of forces in training steps or of values in a score pass;
+/// count is their number, and w = T alpha is the weight of one.
 ///
 ///                 first     second
 ///   force         sum f     sum f^2    f = alpha dE/dalpha, E the loss times its 3 H W values

@@ -4,15 +4,22 @@
 #pragma once
 
 #include <algorithm>
+#include <functional>
 #include <memory>
-#include <string>
-#include <vector>
+#include <utility>
 
 #include "gs_core/config/config.h"
 #include "gs_train/backend.h"
 #include "gs_train/schedule.h"
 
 namespace gs {
+
+/// The photos of a run, of which a score pass draws some.
+struct ScorePhotos {
+  std::size_t count = 0;
+  /// One of them, as the step would train on it.
+  std::function<TrainingPhoto(std::size_t photo, int step)> photo;
+};
 
 /// Density control of a run. Its random draws depend on seed and step alone, and its memory is
 /// in the TrainingModel, so that a resumed run continues as if it had never stopped.
@@ -30,6 +37,8 @@ class DensityControl {
   /// Lowers the cap to `most` Gaussians from now on; 0: the cap is that of the config.
   void set_growth_cap(std::int64_t most) { growth_cap_ = most; }
   std::int64_t growth_cap() const { return growth_cap_; }
+  /// The photos that a score pass draws from. A control whose method has none needs none.
+  void set_photos(ScorePhotos photos) { photos_ = std::move(photos); }
   /// From now on Gaussians outside of the region do not grow.
   void set_region(const Region& region) { region_ = region; }
 
@@ -40,10 +49,12 @@ class DensityControl {
                                               : std::max(config_cap_, growth_cap_);
   }
   const Region& region() const { return region_; }
+  const ScorePhotos& photos() const { return photos_; }
 
  private:
   std::int64_t config_cap_, growth_cap_ = 0;  // Gaussians; 0: none
   Region region_;
+  ScorePhotos photos_;
 };
 
 /// The control of the method that config.density.strategy names. config.density.max_gaussians is not

@@ -2,6 +2,8 @@
 // Density control by the rules of a GrowthMethod (gs_core/density): which Gaussians grow, what they
 // become, how opacities are lowered, and what is removed. docs/density.md explains the rules.
 #include <limits>
+#include <numeric>
+#include <vector>
 
 #include "gs_core/error.h"
 #include "gs_train/density/density_control.h"
@@ -21,22 +23,26 @@ class GrowthControl final : public DensityControl {
       throw UsageError("density.strategy = \"" + config.density.strategy +
                        "\" needs a number of Gaussians to rise to; give it with --max-gaussians N "
                        "or --max-gaussians auto");
-    GS_CHECK(!method.prune_unseen || needs_fragment_sums(method.score));
+    // The rest needs the sums of training steps.
+    GS_CHECK(!method.prune_unseen || method.score == GrowthScore::force);
     GS_CHECK(!method.prunes_shares() || !sums_pixel_values(method.score));
+    GS_CHECK(sums_pixel_values(method.score) == (method.score_photos > 0));
   }
 
   DensityStep of_step(int step) const override {
-    const bool measures = schedule_.measure_sensitivity(step);
+    const bool needs_forces =
+        method_.score == GrowthScore::force || schedule_.measure_sensitivity(step);
     return {.gather_statistics = schedule_.gather_statistics(step),
             .regularizers = regularizers_,
-            .score = measures ? GrowthScore::force : method_.score,
-            .mask_error = method_.mask_error};
+            .score = needs_forces ? GrowthScore::force : GrowthScore::gradient};
   }
 
   RefineReport after_step(TrainingModel& model, Backend& backend, int step) override {
     RefineReport report;
     if (schedule_.refine(step)) {
-      report = backend.rows().grow(model, rules_in(step, model), seed_, step);
+      GrowthRules rules = rules_in(step, model);
+      if (method_.score_photos > 0) rules.score_threshold *= float(score(model, backend, step));
+      report = backend.rows().grow(model, rules, seed_, step);
       if (method_.opacity_cap < 1) backend.rows().reset_opacity(model, method_.opacity_cap);
     }
     report.pruned += prune(model, backend, step);
@@ -72,9 +78,31 @@ class GrowthControl final : public DensityControl {
     rules.limits.max_gaussians = most_gaussians() > 0 ? std::min(target, most_gaussians()) : target;
     if (schedule_.prune_large(step)) rules.limits.prune_scale = prune_scale_;
     rules.prunes_unseen = method_.prune_unseen && schedule_.has_seen_all_views(step);
-    if (needs_fragment_sums(method_.score))
-      rules.score_threshold *= float(schedule_.photos_of_statistics(step));
     return rules;
+  }
+
+  // The score pass of a refinement. Returns the number of its photos.
+  std::size_t score(TrainingModel& model, Backend& backend, int step) const {
+    backend.synchronize(model);
+    std::vector<TrainingPhoto> drawn;
+    for (const std::size_t photo : drawn_photos(step)) drawn.push_back(photos().photo(photo, step));
+    backend.score_photos(model, {drawn.data(), drawn.size()}, {method_.score, method_.mask_error});
+    return drawn.size();
+  }
+
+  // Each photo once, in their order: the draw is that of a set.
+  std::vector<std::size_t> drawn_photos(int step) const {
+    std::vector<std::size_t> all(photos().count);
+    std::iota(all.begin(), all.end(), std::size_t(0));
+    const std::size_t count = std::min(all.size(), std::size_t(method_.score_photos));
+    const Random random{seed_, RandomStream::score_photos};
+    for (std::size_t k = 0; k < count; ++k) {
+      const auto left = std::uint32_t(all.size() - k);
+      std::swap(all[k], all[k + random.below(left, std::uint64_t(step), std::uint32_t(k))]);
+    }
+    all.resize(count);
+    std::sort(all.begin(), all.end());
+    return all;
   }
 
   // What goes besides the pruning of refinements. At most one of them happens in a step, and none

@@ -124,6 +124,9 @@ Trainer::Trainer(const Scene& scene, const Config& config, Backend& backend, Tra
   if (is_auto) cap = affordable_gaussians(scene, run_.model, backend.memory(), run_.config);
   run_.density = make_density_control(run_.config, run_.schedule, scene.extent);
   run_.density->set_region(region_of(run_.config.density, scene.world_offset));
+  run_.density->set_photos({scene.train_views.size(), [this](std::size_t photo, int step) {
+                              return photo_of(recovery_.instead_of(photo), step, true);
+                            }});
   if (is_auto) run_.density->set_growth_cap(cap);  // so that checkpoints keep it
   // What fits is more than most runs come to.
   if (!is_auto && &backend.memory() != &host_memory() && rises_to_cap(run_.config))
@@ -192,14 +195,10 @@ void Trainer::advance(int last_step) {
 
 void Trainer::take_batch(int last_step) {
   batch_.clear();
-  const bool refines = !run_.model.poses.empty() && !run_.backend.makes_refined_cameras();
+  const bool refines = !run_.backend.makes_refined_cameras();
   for (int step = run_.step + 1; step <= last_step; ++step) {
     const View& view = view_of(views_, step);
-    const std::size_t row = std::size_t(&view - run_.scene.train_views.data());
-    batch_.push_back(
-        {&view, settings_of(step), run_.schedule.photo_reduction(step, view.camera), row});
-    if (refines)
-      batch_.back().refined = refined_camera(run_.model.poses, run_.scene.train_views, row);
+    batch_.push_back(photo_of(std::size_t(&view - run_.scene.train_views.data()), step, refines));
   }
   run_.backend.prefetch_next(view_of(views_, last_step + 1));
   const int photos = int(batch_.size());
@@ -217,6 +216,17 @@ void Trainer::take_batch(int last_step) {
   loss.depth_weight = run_.schedule.depth_weight(last_step);
   run_.backend.step(run_.model, {batch_.data(), batch_.size()}, loss, update,
                     run_.density->of_step(last_step));
+}
+
+// A training photo as a step takes it. `refines`: its camera is made here, from poses that the host
+// has, where there are poses.
+TrainingPhoto Trainer::photo_of(std::size_t row, int step, bool refines) {
+  const View& view = run_.scene.train_views[row];
+  TrainingPhoto photo{&view, settings_of(step), run_.schedule.photo_reduction(step, view.camera),
+                      row};
+  if (refines && !run_.model.poses.empty())
+    photo.refined = refined_camera(run_.model.poses, run_.scene.train_views, row);
+  return photo;
 }
 
 RenderSettings Trainer::settings_of(int step) {

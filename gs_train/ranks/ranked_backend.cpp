@@ -45,6 +45,13 @@ class RankedBackend final : public ScalarBackend {
     if (!model.poses.empty()) take_learned(crew_->first_shard().poses, model.poses);
   }
 
+  // On the merged model, as row operations.
+  void score_photos(TrainingModel& model, Span<const TrainingPhoto> photos,
+                    const PixelRule& rule) override {
+    synchronize(model);
+    ScalarBackend::score_photos(model, photos, rule);
+  }
+
   void synchronize(TrainingModel& model) override {
     if (!is_dealt(model)) return;
     model.statistics.visits.resize(model.count());

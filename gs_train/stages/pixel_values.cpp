@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Between stages 5 and 6: the value of each pixel that a score of density control sums over the
-// fragments of a Gaussian.
+// In a score pass: the value of each pixel that a score of density control sums over the fragments of
+// a Gaussian.
 #include <algorithm>
 #include <cmath>
 
@@ -67,20 +67,20 @@ void stretch(Span<float> values) {
 
 }  // namespace
 
-void find_pixel_values(const View& view, const DensityStep& density, const RenderPass& pass,
+void find_pixel_values(const View& view, const PixelRule& rule, const RenderPass& pass,
                        const Appearance* appearance, Buffer<float>& values) {
   const HostStage stage("pixel values");
   GS_CHECK(view.photo.width == pass.width && view.photo.height == pass.height);
   values.resize_discard(pass.pixel_count());
-  if (density.score == GrowthScore::edge)
+  if (rule.score == GrowthScore::edge)
     find_edges(view, pass, values);
   else
     find_errors(view, pass, appearance, values);
-  if (density.score == GrowthScore::error) return;
+  if (rule.score == GrowthScore::error) return;
   stretch(values.span());
-  if (density.score == GrowthScore::edge) return;
+  if (rule.score == GrowthScore::edge) return;
   parallel_for(values.size(), kPixelsAtATime,
-               [&](std::size_t i) { values[i] = values[i] > density.mask_error ? 1.0f : 0.0f; });
+               [&](std::size_t i) { values[i] = values[i] > rule.mask_error ? 1.0f : 0.0f; });
 }
 
 }  // namespace gs

@@ -40,11 +40,14 @@ void ScalarBackend::set_profiling(bool on) { host_stage_clock().set_on(on); }
 
 std::vector<StageTime> ScalarBackend::stage_times() { return host_stage_clock().times(); }
 
-void ScalarBackend::find_pixel_values(const View& view, const DensityStep& density,
-                                      RenderPass& pass) {
-  if (density.score == GrowthScore::force) return;  // sums no values
-  gs::find_pixel_values(view, density, pass, appearance_.get(),
-                        pass.scratch<ScalarScratch>().pixel_values);
+void ScalarBackend::add_pixel_scores(const View& view, const RenderSettings& settings,
+                                     const PixelRule& rule, RenderPass& pass,
+                                     Span<FragmentSums> to) {
+  find_pixel_values(view, rule, pass, appearance_.get(), pixel_values_);
+  blend_values(settings, pixel_values_.span(), pass);
+  parallel_for(to.size, 4096, [&](std::size_t i) {
+    if (pass.tile_counts[i]) add_to(to[i], fragment_sums_of(pass, i));
+  });
 }
 
 void ScalarBackend::compare_depth(const View& view, const RenderSettings& settings, float weight,

@@ -29,7 +29,8 @@ class ScalarBackend : public Backend {
   std::vector<StageTime> stage_times() override;
 
  protected:
-  void find_pixel_values(const View& view, const DensityStep& density, RenderPass& pass) override;
+  void add_pixel_scores(const View& view, const RenderSettings& settings, const PixelRule& rule,
+                        RenderPass& pass, Span<FragmentSums> to) override;
   void compare_depth(const View& view, const RenderSettings& settings, float weight,
                      RenderPass& pass) override;
   void gather(const DensityStatistics& statistics, const RenderPass& pass,
@@ -49,6 +50,7 @@ class ScalarBackend : public Backend {
   std::unique_ptr<Loss> loss_;
   std::unique_ptr<Optimizer> optimizer_;
   std::unique_ptr<RowOps> rows_;
+  Buffer<float> pixel_values_;  // (H, W)  of a score pass
 };
 
 }  // namespace gs

@@ -15,9 +15,9 @@ std::unique_ptr<Loss> make_l1_ssim_loss();  // 5  ssim.cpp
 /// teaches nothing.
 double compare_depth(const View& view, float weight, const Buffer<float>& planes,
                      Buffer<float>& dL_dplanes);
-/// 5  pixel_values.cpp: what the scores "error", "mask" and "edge" sum, (H, W), of a rendered view.
+/// In a score pass  pixel_values.cpp: the values of the pixels of a rendered view, (H, W).
 /// `appearance` may be null.
-void find_pixel_values(const View& view, const DensityStep& density, const RenderPass& pass,
+void find_pixel_values(const View& view, const PixelRule& rule, const RenderPass& pass,
                        const Appearance* appearance, Buffer<float>& values);
 
 std::unique_ptr<Optimizer> make_scalar_optimizer();  // 8  adam.cpp

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // The rendered picture of a view as its photo shows it: under its exposure, or as a photometric
-// model says. The loss and the pixel values of density control compare it with the photo.
+// model says. The loss and the pixel values of a score pass compare it with the photo.
 #pragma once
 
 #include "gs_core/math/photo_weight.h"

@@ -174,7 +174,7 @@ TEST(TrainingMemory, SettingsDecideWhichArraysThereAre) {
   EXPECT_EQ(training_size(config, {}, 1).growth, RowGrowth::reserved);
   EXPECT_TRUE(training_size(config, {}, 1).relocates);
   config.density.strategy = "taming";
-  EXPECT_TRUE(training_size(config, {}, 1).has_pixel_values);
+  EXPECT_TRUE(training_size(config, {}, 1).has_score_pass);
   config.density.strategy = "speedy_splat";  // measures sensitivities by the same sums
   EXPECT_TRUE(training_size(config, {}, 1).has_sums);
   config.density.strategy = "absgs";

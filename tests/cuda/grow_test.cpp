@@ -198,7 +198,6 @@ class CudaFragmentSums : public CudaTest {
     DensityStep density;
     density.gather_statistics = true;
     density.score = score;
-    density.mask_error = 0.3f;
     return density;
   }
   /// After one step with a photo of 640 x 360 pixels.
@@ -230,50 +229,37 @@ class CudaFragmentSums : public CudaTest {
 
 TEST_F(CudaFragmentSums, AreThoseOfTheScalarTwin) {
   const Scene scene = this->scene();
-  for (const GrowthScore score : {GrowthScore::force, GrowthScore::error, GrowthScore::edge})
-    for (const bool is_classic : {false, true})
-      for (const bool is_deterministic : {false, true})
-        for (const std::size_t batch : {1, 2}) {
-          SCOPED_TRACE(std::to_string(int(score)) + (is_deterministic ? " fixed" : " float"));
-          RenderSettings settings;
-          settings.blend_rule = is_classic ? BlendRule::classic : BlendRule::faster_gs;
-          settings.deterministic = is_deterministic;
-          settings.absolute_gradient = is_classic;
-          settings.background = {0.2f, 0.4f, 0.6f};
-          expect_same_sums(after(gpu(), scene, score, settings, batch),
-                           after(cpu(), scene, score, settings, batch));
-        }
+  for (const bool is_classic : {false, true})
+    for (const bool is_deterministic : {false, true})
+      for (const std::size_t batch : {1, 2}) {
+        SCOPED_TRACE(is_deterministic ? "fixed" : "float");
+        RenderSettings settings;
+        settings.blend_rule = is_classic ? BlendRule::classic : BlendRule::faster_gs;
+        settings.deterministic = is_deterministic;
+        settings.absolute_gradient = is_classic;
+        settings.background = {0.2f, 0.4f, 0.6f};
+        expect_same_sums(after(gpu(), scene, GrowthScore::force, settings, batch),
+                         after(cpu(), scene, GrowthScore::force, settings, batch));
+      }
 }
 
 // The forces of the mean loss fall with the number of pixels, and their squares twice as fast: sums
 // in fixed point must not round them to zero.
 TEST_F(CudaFragmentSums, OfALargePhotoAreThoseOfTheScalarTwin) {
-  for (const GrowthScore score : {GrowthScore::force, GrowthScore::error, GrowthScore::edge})
-    for (const bool is_deterministic : {false, true}) {
-      SCOPED_TRACE(std::to_string(int(score)) + (is_deterministic ? " fixed" : " float"));
-      expect_same_sums(after_large_photo(gpu(), score, is_deterministic),
-                       after_large_photo(cpu(), score, false));
-    }
+  for (const bool is_deterministic : {false, true}) {
+    SCOPED_TRACE(is_deterministic ? "fixed" : "float");
+    expect_same_sums(after_large_photo(gpu(), GrowthScore::force, is_deterministic),
+                     after_large_photo(cpu(), GrowthScore::force, false));
+  }
 }
 
 TEST_F(CudaFragmentSums, OfReducedPhotosAreThoseOfTheScalarTwin) {
   const Scene scene = this->scene();
-  for (const GrowthScore score : {GrowthScore::force, GrowthScore::error, GrowthScore::edge})
-    for (const int reduction : {2, 3}) {
-      SCOPED_TRACE(std::to_string(int(score)) + " " + std::to_string(reduction));
-      expect_same_sums(after(gpu(), scene, score, {}, 1, reduction),
-                       after(cpu(), scene, score, {}, 1, reduction));
-    }
-}
-
-// A pixel at the limit of the mask may fall on either side.
-TEST_F(CudaFragmentSums, OfTheMaskAreNearlyThoseOfTheScalarTwin) {
-  const Scene scene = this->scene();
-  const TrainingModel actual = after(gpu(), scene, GrowthScore::mask, {}, 1),
-                      expected = after(cpu(), scene, GrowthScore::mask, {}, 1);
-  EXPECT_LT(
-      norm_difference(downloaded(actual.statistics.sums), downloaded(expected.statistics.sums)),
-      1e-2);
+  for (const int reduction : {2, 3}) {
+    SCOPED_TRACE(reduction);
+    expect_same_sums(after(gpu(), scene, GrowthScore::force, {}, 1, reduction),
+                     after(cpu(), scene, GrowthScore::force, {}, 1, reduction));
+  }
 }
 
 TEST_F(CudaFragmentSums, LeaveTheStepAsItIs) {
@@ -282,20 +268,69 @@ TEST_F(CudaFragmentSums, LeaveTheStepAsItIs) {
   settings.deterministic = true;
   const TrainingModel plain = after(gpu(), scene, GrowthScore::gradient, settings, 1);
   EXPECT_FALSE(plain.statistics.has_sums);
-  for (const GrowthScore score : {GrowthScore::force, GrowthScore::edge})
-    EXPECT_TRUE(same_bits(after(gpu(), scene, score, settings, 1), plain));
+  EXPECT_TRUE(same_bits(after(gpu(), scene, GrowthScore::force, settings, 1), plain));
 }
 
 TEST_F(CudaFragmentSums, HaveTheSameBitsAgainInDeterministicSteps) {
   const Scene scene = this->scene();
   RenderSettings settings;
   settings.deterministic = true;
-  for (const GrowthScore score : {GrowthScore::force, GrowthScore::mask}) {
-    const TrainingModel once = after(gpu(), scene, score, settings, 2);
-    for (int again = 0; again < 5; ++again)
-      EXPECT_TRUE(
-          same_bits(after(gpu(), scene, score, settings, 2).statistics.sums, once.statistics.sums));
+  const TrainingModel once = after(gpu(), scene, GrowthScore::force, settings, 2);
+  for (int again = 0; again < 5; ++again)
+    EXPECT_TRUE(same_bits(after(gpu(), scene, GrowthScore::force, settings, 2).statistics.sums,
+                          once.statistics.sums));
+}
+
+// ---- score passes ------------------------------------------------------------------------------
+
+class CudaScorePass : public CudaFragmentSums {
+ protected:
+  /// The sums after one step and a pass over all photos.
+  TrainingModel scored(Backend& backend, const Scene& scene, const PixelRule& rule,
+                       const RenderSettings& settings, int reduction = 1) {
+    TrainingModel model = copy_to(backend.memory(), start());
+    std::vector<TrainingPhoto> photos;
+    for (const View& view : scene.train_views) photos.push_back({&view, settings, reduction});
+    backend.step(model, {photos.data(), 1}, {0.2f}, {kRates}, {});
+    backend.score_photos(model, {photos.data(), photos.size()}, rule);
+    backend.synchronize(model);
+    return on_host(model);
   }
+};
+
+TEST_F(CudaScorePass, SumsWhatTheScalarTwinSums) {
+  const Scene scene = this->scene();
+  for (const GrowthScore score : {GrowthScore::error, GrowthScore::edge})
+    for (const bool is_classic : {false, true})
+      for (const int reduction : {1, 2, 3}) {
+        SCOPED_TRACE(std::to_string(int(score)) + " " + std::to_string(reduction));
+        RenderSettings settings;
+        settings.blend_rule = is_classic ? BlendRule::classic : BlendRule::faster_gs;
+        settings.background = {0.2f, 0.4f, 0.6f};
+        expect_same_sums(scored(gpu(), scene, {score}, settings, reduction),
+                         scored(cpu(), scene, {score}, settings, reduction));
+      }
+}
+
+// A pixel at the limit of the mask may fall on either side.
+TEST_F(CudaScorePass, SumsNearlyTheMaskOfTheScalarTwin) {
+  const Scene scene = this->scene();
+  const PixelRule rule{GrowthScore::mask, 0.3f};
+  const TrainingModel actual = scored(gpu(), scene, rule, {}),
+                      expected = scored(cpu(), scene, rule, {});
+  EXPECT_LT(
+      norm_difference(downloaded(actual.statistics.sums), downloaded(expected.statistics.sums)),
+      1e-2);
+}
+
+TEST_F(CudaScorePass, HasTheSameBitsAgain) {
+  const Scene scene = this->scene();
+  RenderSettings settings;
+  settings.deterministic = true;  // of the step before
+  const TrainingModel once = scored(gpu(), scene, {GrowthScore::error}, settings);
+  for (int again = 0; again < 5; ++again)
+    EXPECT_TRUE(same_bits(scored(gpu(), scene, {GrowthScore::error}, settings).statistics.sums,
+                          once.statistics.sums));
 }
 
 // ---- runs --------------------------------------------------------------------------------------
@@ -331,6 +366,21 @@ TEST_F(CudaGrowthRun, GoesOnFromAnyStep) {
     rest.run();
     EXPECT_TRUE(same_bits(on_host(rest.model()), whole)) << stop;
   }
+}
+
+TEST_F(CudaGrowthRun, WithScorePassesRepeatsItselfAndGoesOn) {
+  config_.density.strategy = "taming";
+  const TrainingModel whole = trained();
+  EXPECT_GT(whole.count(), scene_.points.size());
+  LastState kept;
+  StopAfter watcher(61);
+  Trainer first(scene_, config_, gpu());
+  first.keep_checkpoints_in(kept);
+  first.add_observer(watcher);
+  first.run();
+  Trainer rest(scene_, config_, gpu(), std::move(kept.state));
+  rest.run();
+  EXPECT_TRUE(same_bits(on_host(rest.model()), whole));
 }
 
 TEST_F(CudaGrowthRun, HasAboutAsManyGaussiansAsTheScalarTwin) {

@@ -5,9 +5,12 @@
 
 #include <gtest/gtest.h>
 
+#include <set>
+
 #include "gs_core/error.h"
 #include "tests/support/adaptive.h"
 #include "tests/support/models.h"
+#include "tests/support/scoring_backend.h"
 
 namespace gs {
 namespace {
@@ -66,7 +69,6 @@ TEST(GrowthControl, OfAdaptiveAsksForStatisticsAloneAndClones) {
 }
 
 TEST(DensityControl, EveryMethodGrowsInItsRegionAlone) {
-  const auto backend = make_scalar_backend();
   Region region;
   region.half_spaces[0] = {{1, 0, 0}, 20};  // rows 20 to 29
   region.count = 1;
@@ -77,8 +79,10 @@ TEST(DensityControl, EveryMethodGrowsInItsRegionAlone) {
     control->set_region(region);
     TrainingModel model = growing_model();
     begin_sums(model);
-    for (std::size_t i = 0; i < 30; ++i) model.statistics.sums[i] = {1, 1, 1e5};
-    control->after_step(model, *backend, 14900);
+    ScoringBackend backend;
+    backend.sums.assign(30, {1, 1, 1e5});
+    model.statistics.sums.upload(backend.sums);
+    control->after_step(model, backend, 14900);
     EXPECT_GT(model.count(), 30u) << row.name;
     for (std::size_t i = 30; i < model.count(); ++i)
       EXPECT_GE(model.gaussians.mean[i].x, 20) << row.name;
@@ -100,15 +104,55 @@ std::unique_ptr<DensityControl> control_of(const GrowthMethod& method, std::size
   return make_growth_control(config, method, Schedule(config, method, 2, views), 2);
 }
 
-TEST(GrowthControl, AsksForTheSumsOfItsScore) {
+TEST(GrowthControl, AsksStepsForTheSumsOfForcesAlone) {
   GrowthMethod method;
-  method.score = GrowthScore::mask;
-  method.mask_error = 0.3f;
-  const auto control = control_of(method);
-  EXPECT_EQ(control->of_step(600).score, GrowthScore::mask);
-  EXPECT_EQ(control->of_step(600).mask_error, 0.3f);
-  EXPECT_TRUE(control->of_step(600).gather_statistics);
-  EXPECT_FALSE(control->of_step(20000).gather_statistics);
+  method.score = GrowthScore::force;
+  EXPECT_EQ(control_of(method)->of_step(600).fragment_statistic(), FragmentStatistic::force);
+  EXPECT_EQ(control_of(method)->of_step(20000).fragment_statistic(), FragmentStatistic::none);
+  for (const GrowthMethod& other : {adaptive_method(), fastgs_method(), improved_gs_method()}) {
+    EXPECT_TRUE(control_of(other)->of_step(600).gather_statistics);
+    EXPECT_EQ(control_of(other)->of_step(600).fragment_statistic(), FragmentStatistic::none);
+  }
+}
+
+// ---- score passes ------------------------------------------------------------------------------
+
+ScorePhotos some_photos(const std::vector<View>& views) {
+  return {views.size(), [&views](std::size_t photo, int) {
+            return TrainingPhoto{&views[photo], {}, 1, photo};
+          }};
+}
+
+TEST(ScorePasses, DrawTenPhotosThatSeedAndStepDecide) {
+  const std::vector<View> views(40);
+  TrainingModel model = growing_model();
+  const auto drawn_at = [&](int step, std::uint64_t seed) {
+    Config config = with_strategy("taming");
+    config.train.seed = seed;
+    const auto control = control_of(config);
+    control->set_photos(some_photos(views));
+    ScoringBackend backend;
+    control->after_step(model, backend, step);
+    return backend.photos;
+  };
+  const std::vector<std::size_t> drawn = drawn_at(700, 1);
+  EXPECT_EQ(drawn.size(), 10u);
+  EXPECT_EQ(std::set<std::size_t>(drawn.begin(), drawn.end()).size(), 10u);
+  EXPECT_EQ(drawn_at(700, 1), drawn);
+  EXPECT_NE(drawn_at(800, 1), drawn);
+  EXPECT_NE(drawn_at(700, 2), drawn);
+  EXPECT_TRUE(drawn_at(701, 1).empty());  // no refinement
+}
+
+TEST(ScorePasses, TakeAllPhotosWhereThereAreFewer) {
+  const std::vector<View> views(3);
+  const auto control = control_of(with_strategy("fastgs"));
+  control->set_photos(some_photos(views));
+  ScoringBackend backend;
+  TrainingModel model = growing_model();
+  control->after_step(model, backend, 700);
+  EXPECT_EQ(backend.photos, (std::vector<std::size_t>{0, 1, 2}));
+  EXPECT_EQ(backend.rule, (PixelRule{GrowthScore::mask, 0.1f}));
 }
 
 // The 30 Gaussians may become 130; at step 600 the window begins, at 7,800 half of it is over.
@@ -175,17 +219,19 @@ TEST(GrowthControl, CapsOpacitiesAfterARefinementAndClearsTheirMoments) {
   EXPECT_EQ(model.first_moment.logit_opacity[5], 0.0f);
 }
 
-// Statistics come from the 100 photos of steps 601 to 700; the score is a sum over them.
 TEST(GrowthControl, ComparesSumsForEachPhotoWithItsThreshold) {
   GrowthMethod method;
   method.score = GrowthScore::mask;
+  method.score_photos = 4;
   method.score_threshold = 6;
-  const auto backend = make_scalar_backend();
-  TrainingModel model = growing_model();
-  begin_sums(model);
+  const std::vector<View> views(20);
+  const auto control = control_of(method);
+  control->set_photos(some_photos(views));
+  ScoringBackend backend;
   for (std::size_t i = 0; i < 30; ++i)
-    model.statistics.sums[i] = {1, 0, i < 10 ? 600.0f : i < 20 ? 599.0f : 5.0f};
-  EXPECT_EQ(control_of(method)->after_step(model, *backend, 700).cloned, 10u);
+    backend.sums.push_back({1, 0, i < 10 ? 24.0f : i < 20 ? 23.9f : 5.0f});
+  TrainingModel model = growing_model();
+  EXPECT_EQ(control->after_step(model, backend, 700).cloned, 10u);
 }
 
 TEST(GrowthControl, RemovesTheFaintestAfterAReset) {
@@ -240,7 +286,11 @@ TEST(GrowthControl, RefusesPruningThatItsScoreDoesNotAllow) {
   EXPECT_THROW(control_of(unseen), std::logic_error);
   GrowthMethod shares = speedy_splat_method();
   shares.score = GrowthScore::edge;  // whose sums are no sensitivities
+  shares.score_photos = 10;
   EXPECT_THROW(control_of(shares), std::logic_error);
+  GrowthMethod without_photos;
+  without_photos.score = GrowthScore::edge;
+  EXPECT_THROW(control_of(without_photos), std::logic_error);
 }
 
 // ---- all methods -------------------------------------------------------------------------------

@@ -6,6 +6,7 @@
 #include "gs_train/density/density_control.h"
 #include "tests/support/adaptive.h"
 #include "tests/support/models.h"
+#include "tests/support/scoring_backend.h"
 
 namespace gs {
 namespace {
@@ -28,8 +29,9 @@ class Method : public ::testing::Test {
       model_.statistics.gradient_norm[i] = 1;
       const float score = float(i + 1);
       // With one fragment the force is (2 Q - F^2) / 4.
-      model_.statistics.sums[i] = {1, score, (4 * score + score * score) / 2};
+      backend_.sums.push_back({1, score, (4 * score + score * score) / 2});
     }
+    model_.statistics.sums.upload(backend_.sums);
     config_ = adaptive_config();
     config_.density.max_gaussians = 1000;
   }
@@ -38,13 +40,18 @@ class Method : public ::testing::Test {
   RefineReport after(const std::string& strategy, int step, std::size_t views = 0) {
     config_.density.strategy = strategy;
     const Schedule schedule(config_, kExtent, views);
-    return make_density_control(config_, schedule, kExtent)->after_step(model_, *backend_, step);
+    const auto control = make_density_control(config_, schedule, kExtent);
+    control->set_photos({views_.size(), [this](std::size_t photo, int) {
+                           return TrainingPhoto{&views_[photo], {}, 1, photo};
+                         }});
+    return control->after_step(model_, backend_, step);
   }
   float opacity(std::size_t i) const { return sigmoid(model_.gaussians.logit_opacity[i]); }
 
   Config config_;
   TrainingModel model_;
-  std::unique_ptr<Backend> backend_ = make_scalar_backend();
+  const std::vector<View> views_ = std::vector<View>(30);
+  ScoringBackend backend_;  // score passes give these sums
 };
 
 TEST_F(Method, AdaptiveClonesSmallOnesAndSplitsLargeOnesAsTheyAre) {
@@ -94,14 +101,16 @@ TEST_F(Method, DashGaussianBeginsWithASixteenthOfTheRise) {
   EXPECT_EQ(model_.count(), kRows + 4);
 }
 
-// Six pixels of a photo in the mask, in the mean over the 100 photos since the last refinement.
+// Six pixels of a photo in the mask, in the mean over the ten photos of the score pass.
 TEST_F(Method, FastGsGrowsWhereSixPixelsShowAnErrorAndCapsOpacities) {
   for (std::size_t i = 0; i < kRows; ++i) {
-    model_.statistics.sums[i].second = i < 10 ? 600.0f : 599.0f;
+    backend_.sums[i].second = i < 10 ? 60.0f : 59.0f;
     model_.gaussians.logit_opacity[i] = logit(0.95f);
   }
   const RefineReport report = after("fastgs", 700);
   EXPECT_EQ(report.cloned + report.split, 10u);
+  EXPECT_EQ(backend_.photos.size(), 10u);
+  EXPECT_EQ(backend_.rule, (PixelRule{GrowthScore::mask, 0.1f}));
   EXPECT_EQ(report.cloned, 0u);  // 0.005 is large: cloned are those below 0.001 of the extent
   for (std::size_t i = 0; i < model_.count(); ++i) EXPECT_NEAR(opacity(i), 0.8f, 1e-5f);
 }
@@ -116,6 +125,8 @@ TEST_F(Method, ImprovedGsSplitsAllThatGrow) {
   const RefineReport report = after("improved_gs", 14900);
   EXPECT_EQ(report.cloned, 0u);
   EXPECT_EQ(report.split, 12u);
+  EXPECT_EQ(backend_.photos.size(), 10u);
+  EXPECT_EQ(backend_.rule.score, GrowthScore::edge);
   EXPECT_EQ(model_.count(), kRows + 12);
   EXPECT_NEAR(opacity(model_.count() - 1), 0.6f * 0.5f, 1e-6f);
 }
@@ -166,6 +177,8 @@ TEST_F(Method, TamingFollowsItsParabola) {
   config_.density.until_step = 15000;  // at step 7,800 half of the window is over
   after("taming", 7800);
   EXPECT_EQ(model_.count(), kRows + 12);  // 2 u - u^2 = 3/4
+  EXPECT_EQ(backend_.photos.size(), 10u);
+  EXPECT_EQ(backend_.rule.score, GrowthScore::error);
 }
 
 }  // namespace

@@ -201,7 +201,8 @@ class BackendWithoutDepth final : public Backend {
   RowOps& rows() override { return inner_->rows(); }
 
  protected:
-  void find_pixel_values(const View&, const DensityStep&, RenderPass&) override {}
+  void add_pixel_scores(const View&, const RenderSettings&, const PixelRule&, RenderPass&,
+                        Span<FragmentSums>) override {}
   void gather(const DensityStatistics&, const RenderPass&, Span<const Vec2f>) override {}
   using Backend::add;
   void add(Span<float>, Span<const float>, float) override {}

@@ -256,7 +256,6 @@ TEST(StatisticsOfAnEpoch, AreGatheredInTheLastWholeOneBeforeARefinement) {
   EXPECT_EQ(gathers(601, 900), from_to_every(801, 880, 1));
   EXPECT_EQ(gathers(901, 1200), from_to_every(1121, 1200, 1));
   EXPECT_TRUE(gathers(14'701, 30'000).empty());  // after the last refinement
-  EXPECT_EQ(schedule.photos_of_statistics(900), 80);
   EXPECT_TRUE(schedule.has_seen_all_views(900));
 }
 
@@ -266,10 +265,8 @@ TEST(StatisticsOfAnEpoch, AreOfAllStepsWhereNoneLiesBetweenTwoRefinements) {
     ASSERT_TRUE(schedule.gather_statistics(step)) << step;
     ASSERT_TRUE(unknown.gather_statistics(step)) << step;
   }
-  EXPECT_EQ(schedule.photos_of_statistics(700), 100);
   EXPECT_FALSE(schedule.gather_statistics(250));  // of the first refinement only 251 to 500 count
   EXPECT_TRUE(schedule.gather_statistics(251));
-  EXPECT_EQ(schedule.photos_of_statistics(600), 250);
 }
 
 // ---- shares that are pruned --------------------------------------------------------------------

@@ -136,7 +136,8 @@ class OtherBackend final : public Backend {
   RowOps& rows() override { return scalar_->rows(); }
 
  protected:
-  void find_pixel_values(const View&, const DensityStep&, RenderPass&) override {}
+  void add_pixel_scores(const View&, const RenderSettings&, const PixelRule&, RenderPass&,
+                        Span<FragmentSums>) override {}
   void gather(const DensityStatistics&, const RenderPass&, Span<const Vec2f>) override {}
   void add(Span<float>, Span<const float>, float) override {}
   void add(Span<FragmentSums>, Span<FragmentSums>) override {}

@@ -162,14 +162,12 @@ TEST_F(GainsOfAPhoto, AreSummedInOneOrder) {
 
 TEST_F(GainsOfAPhoto, WeighThePixelValuesOfDensityControl) {
   numbers_ = {std::log(0.8f), 0, std::log(1.25f)};
-  DensityStep density;
-  density.gather_statistics = true;
-  density.score = GrowthScore::error;
+  const PixelRule rule{GrowthScore::error};
   loss();
   Buffer<float> learned, exposed;
-  find_pixel_values(view_, density, pass_, appearance_.get(), learned);
+  find_pixel_values(view_, rule, pass_, appearance_.get(), learned);
   view_.exposure = {0.8f, 1, 1.25f};
-  find_pixel_values(view_, density, pass_, nullptr, exposed);
+  find_pixel_values(view_, rule, pass_, nullptr, exposed);
   for (std::size_t i = 0; i < learned.size(); ++i) EXPECT_NEAR(learned[i], exposed[i], 1e-6) << i;
 }
 

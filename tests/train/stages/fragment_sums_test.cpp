@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // The sums over fragments that scores of density control are made of: against sums in double over
-// the pixels of a brute-force picture, and through whole steps.
+// the pixels of a brute-force picture, through whole steps, and through score passes.
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -50,8 +50,6 @@ Result result_of(TestScene& scene, FragmentStatistic statistic) {
   renderer->forward(scene.gaussians.span(), scene.camera, scene.settings, pass);
   Buffer<float> dL_dimage;
   dL_dimage.upload(scene.dL_dimage);
-  if (statistic == FragmentStatistic::values)
-    pass.scratch<ScalarScratch>().pixel_values.upload(scene.values);
   Result result;
   result.gradients.resize(scene.gaussians.count());
   Buffer<Vec2f> dL_dmean2d(scene.gaussians.count(), host_memory());
@@ -62,6 +60,19 @@ Result result_of(TestScene& scene, FragmentStatistic statistic) {
     for (std::size_t i = 0; i < result.sums.size(); ++i)
       if (pass.tile_counts[i]) result.sums[i] = fragment_sums_of(pass, i);
   return result;
+}
+
+/// What a score pass sums for each Gaussian.
+std::vector<FragmentSums> sums_of_values(const TestScene& scene) {
+  RenderPass pass;
+  make_scalar_renderer()->forward(scene.gaussians.span(), scene.camera, scene.settings, pass);
+  Buffer<float> values;
+  values.upload(scene.values);
+  blend_values(scene.settings, values.span(), pass);
+  std::vector<FragmentSums> sums(scene.gaussians.count());
+  for (std::size_t i = 0; i < sums.size(); ++i)
+    if (pass.tile_counts[i]) sums[i] = fragment_sums_of(pass, i);
+  return sums;
 }
 
 /// The same in double, and sums of absolute values.
@@ -166,7 +177,7 @@ TEST_P(FragmentSumsOf, ForceEqualDirectSums) {
 
 TEST_P(FragmentSumsOf, ValuesEqualDirectSums) {
   TestScene scene(GetParam());
-  const std::vector<FragmentSums> sums = result_of(scene, FragmentStatistic::values).sums;
+  const std::vector<FragmentSums> sums = sums_of_values(scene);
   const std::vector<DirectSums> expected = direct_sums(scene);
   for (std::size_t i = 0; i < sums.size(); ++i) {
     expect_same_fragments(sums[i], expected[i], i);
@@ -187,13 +198,12 @@ TEST_P(FragmentSumsOf, ForceAgreesWithTheGradientByTheOpacity) {
   }
 }
 
-TEST_P(FragmentSumsOf, EitherKindLeavesTheGradientsAsTheyAre) {
+TEST_P(FragmentSumsOf, ForceLeavesTheGradientsAsTheyAre) {
   TestScene scene(GetParam());
   for (const bool is_absolute : {false, true}) {
     scene.settings.absolute_gradient = is_absolute;
     const Result plain = result_of(scene, FragmentStatistic::none);
     EXPECT_TRUE(same_bits(result_of(scene, FragmentStatistic::force).gradients, plain.gradients));
-    EXPECT_TRUE(same_bits(result_of(scene, FragmentStatistic::values).gradients, plain.gradients));
   }
 }
 
@@ -217,11 +227,8 @@ struct Picture {
     pass.image.fill_zero();
   }
   std::vector<float> values(GrowthScore score, float mask_error = 0.1f) {
-    DensityStep density;
-    density.score = score;
-    density.mask_error = mask_error;
     Buffer<float> found;
-    find_pixel_values(view, density, pass, nullptr, found);
+    find_pixel_values(view, {score, mask_error}, pass, nullptr, found);
     return found.download();
   }
 };
@@ -303,7 +310,6 @@ class GatheringStep : public ::testing::Test {
     DensityStep density;
     density.gather_statistics = true;
     density.score = score;
-    density.mask_error = 0.1f;
     backend.step(model, {batch.data(), batch.size()}, {0.2f}, {kRates}, density);
   }
   TrainingModel after(const std::vector<int>& views, GrowthScore score) {
@@ -318,70 +324,146 @@ class GatheringStep : public ::testing::Test {
 
 TEST_F(GatheringStep, ChangesNothingWhereMemoryRunsOut) {
   const TrainingModel before = start();
-  for (const GrowthScore score : {GrowthScore::force, GrowthScore::edge}) {
-    const TrainingModel expected = after({1, 4}, score);
-    int failures = 0;
-    for (bool has_failed = true; has_failed; ++failures) {
-      const auto backend = make_scalar_backend();  // without the buffers of an earlier step
-      TrainingModel model = start();
-      allocations_left = failures;
-      set_allocation_hook(fail_once);
-      has_failed = false;
-      try {
-        step(*backend, model, {1, 4}, score);
-      } catch (const Error&) {
-        has_failed = true;
-      }
-      set_allocation_hook(nullptr);
-      if (!has_failed) break;
-      EXPECT_TRUE(same_bits(model, before)) << "allocation " << failures;
-      step(*backend, model, {1, 4}, score);
-      EXPECT_TRUE(same_bits(model, expected));
-      EXPECT_TRUE(same_bits(model.statistics.sums, expected.statistics.sums));
+  const TrainingModel expected = after({1, 4}, GrowthScore::force);
+  int failures = 0;
+  for (bool has_failed = true; has_failed; ++failures) {
+    const auto backend = make_scalar_backend();  // without the buffers of an earlier step
+    TrainingModel model = start();
+    allocations_left = failures;
+    set_allocation_hook(fail_once);
+    has_failed = false;
+    try {
+      step(*backend, model, {1, 4}, GrowthScore::force);
+    } catch (const Error&) {
+      has_failed = true;
     }
-    EXPECT_GT(failures, 20);
+    set_allocation_hook(nullptr);
+    if (!has_failed) break;
+    EXPECT_TRUE(same_bits(model, before)) << "allocation " << failures;
+    step(*backend, model, {1, 4}, GrowthScore::force);
+    EXPECT_TRUE(same_bits(model, expected));
+    EXPECT_TRUE(same_bits(model.statistics.sums, expected.statistics.sums));
   }
+  EXPECT_GT(failures, 20);
 }
 
-TEST_F(GatheringStep, HasNoSumsForTheGradientAlone) {
-  const TrainingModel model = after({1}, GrowthScore::gradient);
-  EXPECT_FALSE(model.statistics.has_sums);
-  EXPECT_TRUE(model.statistics.sums.empty());
+TEST_F(GatheringStep, HasNoSumsForOtherScores) {
+  for (const GrowthScore score : {GrowthScore::gradient, GrowthScore::edge}) {
+    const TrainingModel model = after({1}, score);
+    EXPECT_FALSE(model.statistics.has_sums);
+    EXPECT_TRUE(model.statistics.sums.empty());
+  }
 }
 
 TEST_F(GatheringStep, UpdatesTheModelAsWithoutSums) {
   const TrainingModel plain = after({1, 4}, GrowthScore::gradient);
-  for (const GrowthScore score :
-       {GrowthScore::force, GrowthScore::error, GrowthScore::mask, GrowthScore::edge}) {
-    const TrainingModel model = after({1, 4}, score);
-    EXPECT_TRUE(same_bits(model, plain));
-    EXPECT_TRUE(same_bits(model.statistics.gradient_norm, plain.statistics.gradient_norm));
-    EXPECT_TRUE(model.statistics.has_sums);
-  }
+  const TrainingModel model = after({1, 4}, GrowthScore::force);
+  EXPECT_TRUE(same_bits(model, plain));
+  EXPECT_TRUE(same_bits(model.statistics.gradient_norm, plain.statistics.gradient_norm));
+  EXPECT_TRUE(model.statistics.has_sums);
 }
 
 TEST_F(GatheringStep, AddsTheSumsOfTheViewsOfABatch) {
-  for (const GrowthScore score : {GrowthScore::force, GrowthScore::edge}) {
-    const TrainingModel a = after({1}, score), b = after({4}, score), both = after({1, 4}, score);
-    double total = 0;
+  const GrowthScore score = GrowthScore::force;
+  const TrainingModel a = after({1}, score), b = after({4}, score), both = after({1, 4}, score);
+  double total = 0;
+  for (std::size_t i = 0; i < both.count(); ++i) {
+    FragmentSums sum = a.statistics.sums[i];
+    add_to(sum, b.statistics.sums[i]);
+    EXPECT_EQ(both.statistics.sums[i].count, sum.count);
+    EXPECT_FLOAT_EQ(both.statistics.sums[i].second, sum.second);
+    total += sum.second;
+  }
+  EXPECT_GT(total, 0);
+}
+
+TEST_F(GatheringStep, GivesTheSameBitsForAnyNumberOfThreads) {
+  set_thread_count(1);
+  const TrainingModel one = after({2, 5, 6}, GrowthScore::force);
+  set_thread_count(0);
+  EXPECT_TRUE(same_bits(after({2, 5, 6}, GrowthScore::force).statistics.sums, one.statistics.sums));
+}
+
+// ---- a score pass ------------------------------------------------------------------------------
+
+class ScorePass : public GatheringStep {
+ protected:
+  /// A model whose sums were of something else.
+  static TrainingModel used() {
+    TrainingModel model = start();
+    begin_sums(model);
+    for (std::size_t i = 0; i < model.count(); ++i) model.statistics.sums[i] = {7, 7, 7};
+    return model;
+  }
+  TrainingModel scored(const std::vector<int>& views, const PixelRule& rule) {
+    TrainingModel model = used();
+    score(*backend_, model, views, rule);
+    return model;
+  }
+  void score(Backend& backend, TrainingModel& model, const std::vector<int>& views,
+             const PixelRule& rule) const {
+    std::vector<TrainingPhoto> photos;
+    for (const int view : views) photos.push_back({&scene_.train_views[std::size_t(view)], {}});
+    backend.score_photos(model, {photos.data(), photos.size()}, rule);
+  }
+};
+
+TEST_F(ScorePass, ReplacesTheSumsAndNothingElse) {
+  const TrainingModel model = scored({1}, {GrowthScore::error}), before = used();
+  EXPECT_TRUE(same_bits(model, before));
+  double total = 0;
+  for (std::size_t i = 0; i < model.count(); ++i) {
+    const FragmentSums& sums = model.statistics.sums[i];
+    EXPECT_EQ(sums.count, std::floor(sums.count)) << i;
+    EXPECT_LE(sums.first, sums.second) << i;  // weights are at most 1
+    total += sums.first;
+  }
+  EXPECT_GT(total, 0);
+}
+
+TEST_F(ScorePass, AddsUpItsPhotos) {
+  for (const GrowthScore score : {GrowthScore::error, GrowthScore::mask, GrowthScore::edge}) {
+    const PixelRule rule{score, 0.1f};
+    const TrainingModel a = scored({1}, rule), b = scored({4}, rule), both = scored({1, 4}, rule);
     for (std::size_t i = 0; i < both.count(); ++i) {
       FragmentSums sum = a.statistics.sums[i];
       add_to(sum, b.statistics.sums[i]);
       EXPECT_EQ(both.statistics.sums[i].count, sum.count);
+      EXPECT_FLOAT_EQ(both.statistics.sums[i].first, sum.first);
       EXPECT_FLOAT_EQ(both.statistics.sums[i].second, sum.second);
-      total += sum.second;
     }
-    EXPECT_GT(total, 0);
   }
 }
 
-TEST_F(GatheringStep, GivesTheSameBitsForAnyNumberOfThreads) {
-  for (const GrowthScore score : {GrowthScore::force, GrowthScore::mask}) {
-    set_thread_count(1);
-    const TrainingModel one = after({2, 5, 6}, score);
-    set_thread_count(0);
-    EXPECT_TRUE(same_bits(after({2, 5, 6}, score).statistics.sums, one.statistics.sums));
+TEST_F(ScorePass, GivesTheSameBitsForAnyNumberOfThreads) {
+  set_thread_count(1);
+  const TrainingModel one = scored({2, 5, 6}, {GrowthScore::mask, 0.1f});
+  set_thread_count(0);
+  EXPECT_TRUE(same_bits(scored({2, 5, 6}, {GrowthScore::mask, 0.1f}).statistics.sums,
+                        one.statistics.sums));
+}
+
+TEST_F(ScorePass, CanBeRepeatedWhereMemoryRunsOut) {
+  const TrainingModel expected = scored({1, 4}, {GrowthScore::edge});
+  int failures = 0;
+  for (bool has_failed = true; has_failed; ++failures) {
+    const auto backend = make_scalar_backend();
+    TrainingModel model = start();
+    allocations_left = failures;
+    set_allocation_hook(fail_once);
+    has_failed = false;
+    try {
+      score(*backend, model, {1, 4}, {GrowthScore::edge});
+    } catch (const Error&) {
+      has_failed = true;
+    }
+    set_allocation_hook(nullptr);
+    if (!has_failed) break;
+    EXPECT_TRUE(same_bits(model, start())) << "allocation " << failures;
+    score(*backend, model, {1, 4}, {GrowthScore::edge});
+    EXPECT_TRUE(same_bits(model.statistics.sums, expected.statistics.sums));
   }
+  EXPECT_GT(failures, 10);
 }
 
 }  // namespace
