@@ -439,8 +439,8 @@ TEST_F(ScorePass, GivesTheSameBitsForAnyNumberOfThreads) {
   set_thread_count(1);
   const TrainingModel one = scored({2, 5, 6}, {GrowthScore::mask, 0.1f});
   set_thread_count(0);
-  EXPECT_TRUE(same_bits(scored({2, 5, 6}, {GrowthScore::mask, 0.1f}).statistics.sums,
-                        one.statistics.sums));
+  EXPECT_TRUE(
+      same_bits(scored({2, 5, 6}, {GrowthScore::mask, 0.1f}).statistics.sums, one.statistics.sums));
 }
 
 TEST_F(ScorePass, CanBeRepeatedWhereMemoryRunsOut) {
