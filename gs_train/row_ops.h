@@ -31,13 +31,11 @@ class RowOps {
  public:
   virtual ~RowOps() = default;
 
-  /// Clones, splits and prunes by `rules`, and clears the statistics. Survivors keep their order;
-  /// clones come after them, then the halves of split rows. New rows start with zero moments.
-  virtual RefineReport refine(TrainingModel& model, const AdaptiveRules& rules,
-                              const Random& random, int step) = 0;
-  /// The same with a score, up to a number of rows (growth.h). A parent that is kept is a survivor,
-  /// and its child comes where the halves of split rows come. Of `seed` come the draws of children
-  /// and of the rows that grow. The model has the statistics that the score needs.
+  /// A refinement (growth.h): clones, splits and prunes by `rules`, and clears the statistics.
+  /// Survivors keep their order; clones come after them, then the children of split rows. A parent
+  /// that is kept beside its child is a survivor. New rows start with zero moments. Of `seed` come
+  /// the draws of children and of the rows that grow. The model has the statistics that the score
+  /// needs.
   virtual RefineReport grow(TrainingModel& model, const GrowthRules& rules, std::uint64_t seed,
                             int step) = 0;
   /// Makes each dead row a copy of a live one, then adds copies up to a count (Kheradmand et al.

@@ -67,10 +67,6 @@ void warn_of(const Config& config) {
     log_warning(
         "poses.refine: each block moves its photos by itself, and borders may not fit; "
         "dataset.refine_cameras=true refines the cameras of the whole scene");
-  if (config.model.sky != SkyModel::none)
-    log_warning(
-        "model.sky: each block has a sky of its own, and the merged model has a part of each; its "
-        "parts may not fit; a model of the whole scene to start from (--from) has one sky");
 }
 
 Partition partition_of(const PartitionCommand& command, const Config& config) {

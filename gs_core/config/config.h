@@ -66,7 +66,6 @@ struct ModelConfig {
   bool dynamic = false;              // Gaussians in space and time, for scenes that move
   float initial_time_scale = 0.45f;  // standard deviation, as a fraction of the scene's duration
   bool filter_3d = false;  // no Gaussian is smaller than the photos can show (Mip-Splatting)
-  SkyModel sky = SkyModel::none;
 };
 
 /// How Gaussians are drawn; gs_render/render_settings.h turns it into what the renderer takes.

@@ -21,7 +21,6 @@ namespace gs {
 enum class Background { black, white, random };
 /// What is behind all sparse points at the start: nothing, or far Gaussians on a sphere where
 /// photos show something.
-enum class SkyModel { none, sphere };
 /// How the CUDA backend blends: as matrix products on tensor cores (blend_gemm.cu), or pixel by
 /// pixel.
 enum class BlendKernel { gemm, simt };
@@ -110,11 +109,6 @@ struct Words<GrowthScore> {
                                                  {"error", GrowthScore::error},
                                                  {"mask", GrowthScore::mask},
                                                  {"edge", GrowthScore::edge}};
-};
-template <>
-struct Words<SkyModel> {
-  static constexpr Word<SkyModel> kTable[] = {{"none", SkyModel::none},
-                                              {"sphere", SkyModel::sphere}};
 };
 template <>
 struct Words<MomentForm> {

@@ -16,6 +16,7 @@ constexpr RemovedSetting kSettings[] = {
     {"train.time_noise", "0.0|0", "the times of photos have no noise any more, which changed nothing; remove the line"},
     {"render.precision", R"("full")", "pictures are blended exactly, as by \"full\"; remove the line"},
     {"render.packed_sh", "true", "frames for viewing have SH in 16 bits; remove the line"},
+    {"model.sky", R"("none")", "far Gaussians where photos show a sky gained nothing in the mean of eight scenes; remove the line"},
     {"density.pooling", R"("sum")", "scores are sums over photos, and no preset took the largest; remove the line"},
     {"density.candidate_share", "*", ""},
     {"density.replace", "false", "no preset replaced what is pruned beyond the curve; remove the line"},

@@ -3,8 +3,6 @@
 //                                                                   Kerbl et al. 2023, Sec. 5.2
 #pragma once
 
-#include <limits>
-
 #include "gs_core/math/activations.h"
 #include "gs_core/math/constants.h"
 #include "gs_core/math/region.h"
@@ -20,10 +18,7 @@ struct AdaptiveRules {
   float prune_opacity;  // below it a Gaussian goes
   float prune_scale;    // world units; above it a Gaussian goes; infinity: none does
   std::int64_t max_gaussians;  // no growth beyond; 0: no cap
-  // World units. Up to this distance from the origin prune_scale holds; beyond, the limit grows
-  // with the distance, so that what is far may be as large as what is near in a picture.
-  float prune_scale_within = std::numeric_limits<float>::infinity();
-  Region region = {};  // Gaussians outside of it do not grow
+  Region region = {};          // Gaussians outside of it do not grow
 };
 
 /// The statistic that density control averages: the length of the image-plane gradient in units of
@@ -70,18 +65,12 @@ GS_HD bool is_invisible(const Vec3f& mean, const Vec3f& log_scale, const Quatf& 
          !is_finite(log_scale);
 }
 
-/// The largest scale that a Gaussian at this mean may have.   world units
-GS_HD float largest_scale_kept(const Vec3f& mean, const AdaptiveRules& rules) {
-  using std::sqrt;
-  return rules.prune_scale * max_of(1.0f, sqrt(inner(mean, mean)) / rules.prune_scale_within);
-}
-
 /// True if a refinement removes the Gaussian: it cannot be visible, or it is too large.
 GS_HD bool is_pruned(const Vec3f& mean, const Vec3f& log_scale, const Quatf& rotation,
                      float logit_opacity, const AdaptiveRules& rules) {
   using std::exp;
   return is_invisible(mean, log_scale, rotation, logit_opacity, rules.prune_opacity) ||
-         exp(largest(log_scale)) > largest_scale_kept(mean, rules);
+         exp(largest(log_scale)) > rules.prune_scale;
 }
 
 }  // namespace gs

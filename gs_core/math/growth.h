@@ -216,7 +216,7 @@ struct GrowthRules {
   float score_threshold = 0;
   float most_growth = 1;  // of the rows that stay
   bool prunes_unseen = false;
-  SplitRules split;
+  SplitRules split = {};
 };
 
 /// How many rows may be added to those that stay. One that is split counts as one that stays.

@@ -19,10 +19,6 @@ float prune_scale_of(const Config& config, float scene_extent) {
   return share > 0 ? share * scene_extent : std::numeric_limits<float>::infinity();
 }
 
-float prune_scale_within(const Config& config, float scene_extent) {
-  return config.model.sky == SkyModel::none ? std::numeric_limits<float>::infinity() : scene_extent;
-}
-
 std::unique_ptr<DensityControl> make_density_control(const Config& config, const Schedule& schedule,
                                                      float scene_extent) {
   const GrowthMethod& method = growth_method(config.density.strategy);

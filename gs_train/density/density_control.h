@@ -67,8 +67,6 @@ std::unique_ptr<DensityControl> make_density_control(const Config& config, const
 Regularizers regularizers_of(const Config& config);
 /// density.prune_scale in world units; infinity where it is 0.
 float prune_scale_of(const Config& config, float scene_extent);
-/// AdaptiveRules::prune_scale_within: the scene's extent in a scene with a sky, else infinity.
-float prune_scale_within(const Config& config, float scene_extent);
 
 /// The control by the rules of a method, as most methods need it: growth_control.cpp.
 std::unique_ptr<DensityControl> make_growth_control(const Config& config,

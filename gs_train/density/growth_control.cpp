@@ -55,12 +55,8 @@ class GrowthControl final : public DensityControl {
                               float scene_extent) {
     const DensityConfig& density = config.density;
     GrowthRules rules;
-    rules.limits = {density.gradient_threshold,
-                    method.small_scale * scene_extent,
-                    density.prune_opacity,
-                    std::numeric_limits<float>::infinity(),
-                    0,
-                    prune_scale_within(config, scene_extent)};
+    rules.limits = {density.gradient_threshold, method.small_scale * scene_extent,
+                    density.prune_opacity, std::numeric_limits<float>::infinity(), 0};
     rules.score = method.score;
     rules.select = method.select;
     rules.score_threshold = method.score_threshold;

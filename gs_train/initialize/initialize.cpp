@@ -11,7 +11,6 @@
 #include "gs_train/initialize/camera_center.h"
 #include "gs_train/initialize/downsample_points.h"
 #include "gs_train/initialize/looked_at.h"
-#include "gs_train/initialize/sky.h"
 #include "gs_train/photometric/photometric_start.h"
 #include "gs_train/poses/poses.h"
 
@@ -19,8 +18,6 @@ namespace gs {
 namespace {
 
 constexpr float kExtentsOfBox = 3;  // half the edge of the box of random points around cameras
-constexpr float kSkyScale = 0.7f;   // of Gaussians of the sky, in distances between neighbors
-constexpr float kSkyOpacity = 0.9f;
 
 bool sees(const Camera& camera, const Vec3f& point, float near_plane) {
   const Vec3f p = to_camera(camera, point);
@@ -63,24 +60,23 @@ struct Limit {
   const char* setting;
 };
 
-// The largest number of points that may become Gaussians, beside those of the sky.
-Limit most_points(const Scene& scene, const Config& config, std::size_t sky_count) {
+// The largest number of points that may become Gaussians.
+Limit most_points(const Scene& scene, const Config& config) {
   Limit limit{kMostPoints, "the most points of a run"};
   if (scene.points.empty()) limit = {config.model.random_points, "model.random_points"};
-  const std::int64_t cap = config.density.max_gaussians - std::int64_t(sky_count);
-  if (config.density.max_gaussians > 0 && cap < limit.count) limit = {cap, "density.max_gaussians"};
+  const std::int64_t cap = config.density.max_gaussians;
+  if (cap > 0 && cap < limit.count) limit = {cap, "density.max_gaussians"};
   return limit;
 }
 
-std::vector<ScenePoint> starting_points(const Scene& scene, const Config& config,
-                                        std::size_t sky_count) {
+std::vector<ScenePoint> starting_points(const Scene& scene, const Config& config) {
   const std::vector<ScenePoint> points =
       scene.points.empty() ? random_points(scene, config) : scene.points;
   if (points.empty())
     throw Error("there is nothing to start from in " + scene.source +
                 ": the model has no points and no training camera sees a random one; check the "
                 "reconstruction");
-  const Limit limit = most_points(scene, config, sky_count);
+  const Limit limit = most_points(scene, config);
   std::vector<ScenePoint> kept = downsampled(points, std::size_t(limit.count));
   if (kept.size() < points.size())
     log_info("training starts from {} of {} points ({} = {})", kept.size(), points.size(),
@@ -115,24 +111,20 @@ void spread_in_time(const Gaussians& start, const Config& config) {
 }  // namespace
 
 TrainingModel initial_model(const Scene& scene, const Config& config, Memory& memory) {
-  const Sky sky = sky_of(scene, config);
-  const std::vector<ScenePoint> points = starting_points(scene, config, sky.points.size());
+  const std::vector<ScenePoint> points = starting_points(scene, config);
   std::vector<Vec3f> means(points.size());
   for (std::size_t i = 0; i < points.size(); ++i) means[i] = points[i].position;
   const KdTree tree({means.data(), means.size()});
 
   Gaussians start(host_memory());
   start.has_time = config.model.dynamic;
-  start.resize(points.size() + sky.points.size());
+  start.resize(points.size());
   parallel_for(points.size(), 256, [&](std::size_t i) {
     const float distance2 =
         std::max(tree.mean_squared_distance(i, kInitialNeighbors), kMinNeighborDistance2);
     set_row(start, i, points[i], 0.5f * std::log(distance2) + std::log(config.model.initial_scale),
             config.model.initial_opacity);
   });
-  for (std::size_t i = 0; i < sky.points.size(); ++i)
-    set_row(start, points.size() + i, sky.points[i], std::log(kSkyScale * sky.spacing),
-            kSkyOpacity);
   if (start.has_time) spread_in_time(start, config);
 
   TrainingModel model(memory);

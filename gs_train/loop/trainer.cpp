@@ -60,10 +60,6 @@ void check_model(const Config& config) {
     throw UsageError(
         "model.filter_3d is for scenes that stand still; leave it out, or train without "
         "model.dynamic");
-  if (config.model.sky != SkyModel::none && config.model.dynamic)
-    throw UsageError(
-        "model.sky is for scenes that stand still; set model.sky=none, or train without "
-        "model.dynamic");
 }
 
 // The cap that the run found at its start stays, however much memory is free now.

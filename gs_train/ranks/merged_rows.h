@@ -22,10 +22,6 @@ class MergedRows final : public RowOps {
   /// count_not_finite(rows) counts in the shards.
   MergedRows(Backend& backend, RowOps& rows, std::function<std::size_t(RowOps&)> count_not_finite)
       : backend_(backend), rows_(rows), count_not_finite_(std::move(count_not_finite)) {}
-  RefineReport refine(TrainingModel& model, const AdaptiveRules& rules, const Random& random,
-                      int step) override {
-    return merged(model).refine(model, rules, random, step);
-  }
   RefineReport grow(TrainingModel& model, const GrowthRules& rules, std::uint64_t seed,
                     int step) override {
     return merged(model).grow(model, rules, seed, step);

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Stage 9: operations on whole rows: clone, split, prune, opacity reset;
-// and the gather they share.
+// Stage 9: operations on whole rows: refinements (grow.cpp), pruning, opacity reset; and the gather
+// that they share.
 #include <atomic>
 #include <cmath>
 #include <cstddef>
@@ -14,8 +14,6 @@
 
 namespace gs {
 namespace {
-
-enum class RowAction : std::uint8_t { keep, clone, split, prune };
 
 // Row i of an array becomes what row source[i] was. The array and the scratch have the capacity for
 // all rows, so that nothing can fail.
@@ -40,77 +38,8 @@ bool all_finite(const T& row) {
                      [](float number) { return std::isfinite(number); });
 }
 
-// The action of each row by its statistics and the rules, including pruning.
-std::vector<RowAction> actions(const TrainingModel& model, const AdaptiveRules& rules) {
-  const GaussiansSpan rows = model.gaussians.span();
-  std::vector<RowAction> action(model.count());
-  parallel_for(model.count(), 4096, [&](std::size_t i) {
-    const bool grows = rules.region.holds(rows.mean[i]) &&
-                       wants_growth(model.statistics.visits[i], model.statistics.gradient_norm[i],
-                                    rules.gradient_threshold);
-    const bool small = is_small(rows.log_scale[i], rules.small_scale);
-    const bool pruned = is_pruned(rows, i, rules);
-    // A row too large to keep may still be split into halves that are not.
-    action[i] = grows && !small ? RowAction::split
-                : pruned        ? RowAction::prune
-                : grows         ? RowAction::clone
-                                : RowAction::keep;
-  });
-  return action;
-}
-
-// Where growth would exceed the cap, only the rows with the largest mean gradients grow.
-void limit_growth(std::vector<RowAction>& action, const TrainingModel& model,
-                  const AdaptiveRules& rules) {
-  if (rules.max_gaussians <= 0) return;
-  const DensityStatistics& statistics = model.statistics;
-  std::vector<std::uint32_t> growing;
-  std::int64_t staying = 0;
-  for (std::uint32_t i = 0; i < action.size(); ++i) {
-    if (action[i] == RowAction::clone || action[i] == RowAction::split) growing.push_back(i);
-    staying += action[i] != RowAction::prune;
-  }
-  const std::int64_t allowed = std::max<std::int64_t>(rules.max_gaussians - staying, 0);
-  if (std::int64_t(growing.size()) <= allowed) return;
-  std::stable_sort(growing.begin(), growing.end(), [&](std::uint32_t a, std::uint32_t b) {
-    return statistics.gradient_norm[a] * std::max(statistics.visits[b], 1.0f) >
-           statistics.gradient_norm[b] * std::max(statistics.visits[a], 1.0f);
-  });
-  for (std::size_t k = std::size_t(allowed); k < growing.size(); ++k)
-    action[growing[k]] =
-        is_pruned(model.gaussians.span(), growing[k], rules) ? RowAction::prune : RowAction::keep;
-}
-
 class ScalarRowOps final : public RowOps {
  public:
-  RefineReport refine(TrainingModel& model, const AdaptiveRules& rules, const Random& random,
-                      int step) override {
-    std::vector<RowAction> action = actions(model, rules);
-    limit_growth(action, model, rules);
-
-    std::vector<std::uint32_t> survivors, clones, parents;
-    RefineReport report;
-    for (std::uint32_t i = 0; i < action.size(); ++i) {
-      if (action[i] == RowAction::keep || action[i] == RowAction::clone) survivors.push_back(i);
-      if (action[i] == RowAction::clone) clones.push_back(i);
-      if (action[i] == RowAction::split) parents.push_back(i);
-      report.pruned += action[i] == RowAction::prune;
-    }
-    const std::vector<std::uint32_t> halves =
-        kept_halves(model.gaussians.span(), rules, random, step, parents);
-    report.cloned = clones.size();
-    report.split = parents.size();
-    report.pruned += 2 * parents.size() - halves.size();
-
-    std::vector<std::uint32_t> source = survivors;
-    source.insert(source.end(), clones.begin(), clones.end());
-    for (const std::uint32_t half : halves) source.push_back(parents[half / 2]);
-    gather_rows(model, {source.data(), source.size()});  // from here on nothing can fail
-    start_new_rows(model, survivors.size());
-    move_halves(model.gaussians.span(), survivors.size() + clones.size(), halves, random, step);
-    return report;
-  }
-
   RefineReport grow(TrainingModel& model, const GrowthRules& rules, std::uint64_t seed,
                     int step) override {
     return gs::grow(model, rules, seed, step);
@@ -186,34 +115,6 @@ class ScalarRowOps final : public RowOps {
     parallel_for(gaussians.count(), 4096, [&](std::size_t i) {
       rows.logit_opacity[i] = rows.has_filter ? capped_logit_opacity(rows, i, opacity)
                                               : std::min(rows.logit_opacity[i], highest);
-    });
-  }
-
-  // The numbers of the halves that are not pruned at once. Halves 2 k and 2 k + 1 are those of
-  // parent k.
-  static std::vector<std::uint32_t> kept_halves(const GaussiansSpan& rows,
-                                                const AdaptiveRules& rules, const Random& random,
-                                                int step,
-                                                const std::vector<std::uint32_t>& parents) {
-    std::vector<std::uint8_t> is_kept(2 * parents.size());
-    parallel_for(is_kept.size(), 4096, [&](std::size_t k) {
-      const std::uint32_t i = parents[k / 2];
-      const HalfRow half = half_of(rows, i, std::uint32_t(k), random, step);
-      is_kept[k] = !is_pruned(half, rows, i, rules);
-    });
-    std::vector<std::uint32_t> kept;
-    for (std::uint32_t k = 0; k < is_kept.size(); ++k)
-      if (is_kept[k]) kept.push_back(k);
-    return kept;
-  }
-
-  // Turns the rows from `first` on, which are copies of their parents, into halves.
-  static void move_halves(const GaussiansSpan& rows, std::size_t first,
-                          const std::vector<std::uint32_t>& halves, const Random& random,
-                          int step) {
-    parallel_for(halves.size(), 4096, [&](std::size_t k) {
-      const std::size_t i = first + k;
-      write_half(rows, i, half_of(rows, i, halves[k], random, step));
     });
   }
 

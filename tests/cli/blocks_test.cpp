@@ -94,9 +94,8 @@ TEST_F(Blocks, AStoppedBlockGoesOnAndIsNotMergedBefore) {
 
 TEST_F(Blocks, StartFromACoarseModelAndKeepItWhereNoPhotoLooks) {
   ASSERT_EQ(run("train " + text("scene") + " -o " + text("coarse") + kTrain).code, 0);
-  const Outcome divided = partition("--from " + text("coarse") + " --set model.sky=sphere");
+  const Outcome divided = partition("--from " + text("coarse"));
   ASSERT_EQ(divided.code, 0) << divided.err;
-  EXPECT_THAT(divided.err, HasSubstr("model.sky"));
   EXPECT_THAT(read_bytes(path("parts/shared.toml")),
               AllOf(HasSubstr(text("coarse")), HasSubstr("reset_opacity_until = 0")));
   ASSERT_EQ(train_all().code, 0);

@@ -438,7 +438,7 @@ TEST(ConfigWords, EachWordStandsForItsOwnValueAndOthersAreRefused) {
                         HasSubstr("one of " + std::string(joined_words<T>()))));
     }
   });
-  EXPECT_EQ(settings, 12u);
+  EXPECT_EQ(settings, 11u);
 }
 
 TEST(Setting, TakesTomlValuesAndBareWords) {

@@ -236,8 +236,8 @@ TEST_F(CudaMoments, FollowTheirRowsAsOnTheScalarTwin) {
       change(gpu().rows(), device);
       EXPECT_TRUE(same_codes(on_host(device), host)) << what;
     };
-    change_both("refine", [&](RowOps& rows, TrainingModel& model) {
-      rows.refine(model, kRules, {1, RandomStream::split_gaussians}, 600);
+    change_both("grow", [&](RowOps& rows, TrainingModel& model) {
+      rows.grow(model, GrowthRules{kRules}, 1, 600);
     });
     change_both("relocate", [&](RowOps& rows, TrainingModel& model) {
       rows.relocate(model, {0.1f, std::int64_t(count) + 100}, 1, 600);

@@ -137,14 +137,15 @@ TEST_F(CudaRecovery, RowsThatAreNotFiniteAreCountedAsOnTheCpu) {
 
 TEST_F(CudaRecovery, RowOperationsChangeNothingWhereMemoryRunsOut) {
   const AdaptiveRules rules{1e-6f, 0.1f, 0.05f, std::numeric_limits<float>::infinity(), 0};
-  const Random random{1, RandomStream::split_gaussians};
   TrainingModel start = model_of(small_truth());
   for (float& norm : start.statistics.gradient_norm) norm = 1;
-  const auto refine = [&](TrainingModel& model) { gpu().rows().refine(model, rules, random, 5); };
+  const auto grow = [&](TrainingModel& model) {
+    gpu().rows().grow(model, GrowthRules{rules}, 1, 5);
+  };
   const auto prune = [&](TrainingModel& model) { gpu().rows().prune(model, 0.7f); };
   const auto sort = [&](TrainingModel& model) { gpu().rows().sort_by_morton(model); };
   for (const std::function<void(TrainingModel&)>& operation :
-       {std::function<void(TrainingModel&)>(refine), std::function<void(TrainingModel&)>(prune),
+       {std::function<void(TrainingModel&)>(grow), std::function<void(TrainingModel&)>(prune),
         std::function<void(TrainingModel&)>(sort)})
     for (int k = 1;; ++k) {
       TrainingModel model = on_gpu(start);

@@ -107,12 +107,11 @@ class CudaRows : public CudaTest {
   /// Splits most rows of the model on the CPU, and of a copy on the GPU. Returns the latter.
   TrainingModel split_by_both(TrainingModel& host) {
     TrainingModel device = on_gpu(host);
-    const Random random{3, RandomStream::split_gaussians};
-    AdaptiveRules rules = kRules;
-    rules.prune_scale = kInfinity;
-    const RefineReport expected = cpu().rows().refine(host, rules, random, kStep);
+    GrowthRules rules{kRules};
+    rules.limits.prune_scale = kInfinity;
+    const RefineReport expected = cpu().rows().grow(host, rules, 3, kStep);
     EXPECT_GT(expected.split, 300u);
-    expect_same_report(gpu().rows().refine(device, rules, random, kStep), expected);
+    expect_same_report(gpu().rows().grow(device, rules, 3, kStep), expected);
     return on_host(device);
   }
   /// Expects a refined model of the GPU to equal that of the scalar twin. Returns its number of
@@ -137,11 +136,11 @@ class CudaRows : public CudaTest {
   /// Refines the same model on both backends and expects the same result. Returns that of the
   /// scalar twin.
   TrainingModel refine_both(TrainingModel model, const AdaptiveRules& rules, std::uint64_t seed) {
-    const Random random{seed, RandomStream::split_gaussians};
+    const GrowthRules growth{rules};
     const Gaussians before = copy_of(model.gaussians);
     TrainingModel device = on_gpu(model);
-    expected_ = cpu().rows().refine(model, rules, random, kStep);
-    expect_same_report(gpu().rows().refine(device, rules, random, kStep), expected_);
+    expected_ = cpu().rows().grow(model, growth, seed, kStep);
+    expect_same_report(gpu().rows().grow(device, growth, seed, kStep), expected_);
     halves_ = expect_same_model(device, model, before);
     return model;
   }
@@ -157,7 +156,7 @@ class CudaRows : public CudaTest {
   std::size_t halves_ = 0;  // in that refinement
 };
 
-TEST_F(CudaRows, RefinesRowsOfAllRowActionAsTheScalarTwin) {
+TEST_F(CudaRows, RefinesRowsOfAllKindsAsTheScalarTwin) {
   for (const std::uint64_t seed : {1, 2, 3}) {
     SCOPED_TRACE("seed " + std::to_string(seed));
     refine_both(random_model(3000, seed), kRules, seed);
@@ -244,9 +243,8 @@ TEST_F(CudaRows, KeepsEverythingWhereNothingIsAsked) {
 
 // Each round makes more rows than the arrays and the scratch memory of the one before can hold.
 TEST_F(CudaRows, GrowsBeyondWhatItsArraysHold) {
-  const Random random{6, RandomStream::split_gaussians};
-  AdaptiveRules rules = kRules;
-  rules.gradient_threshold = 0;  // all grow
+  GrowthRules rules{kRules};
+  rules.limits.gradient_threshold = 0;  // all grow
   TrainingModel host = random_model(500, 10);
   TrainingModel device = on_gpu(host);
   for (int round = 0; round < 4; ++round) {
@@ -258,8 +256,8 @@ TEST_F(CudaRows, GrowsBeyondWhatItsArraysHold) {
     device.gaussians.mean.upload(host.gaussians.mean.download());
     device.gaussians.log_scale.upload(host.gaussians.log_scale.download());
     const Gaussians before = copy_of(host.gaussians);
-    const RefineReport expected = cpu().rows().refine(host, rules, random, round);
-    expect_same_report(gpu().rows().refine(device, rules, random, round), expected);
+    const RefineReport expected = cpu().rows().grow(host, rules, 6, round);
+    expect_same_report(gpu().rows().grow(device, rules, 6, round), expected);
     expect_same_model(device, host, before);
   }
   EXPECT_GT(host.count(), 2000u);

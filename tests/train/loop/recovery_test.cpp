@@ -432,10 +432,9 @@ TEST_F(Recovery, WhereMemoryIsGoneForGoodThereIsACheckpoint) {
 TEST_F(Recovery, RowOperationsChangeNothingWhereMemoryRunsOut) {
   Trainer trainer(scene_, eventful_run(), *backend_);
   trainer.run();
-  const AdaptiveRules rules{1e-6f, 0.05f, 0.05f, std::numeric_limits<float>::infinity(), 0};
-  const Random random{1, RandomStream::split_gaussians};
+  const GrowthRules rules{{1e-6f, 0.05f, 0.05f, std::numeric_limits<float>::infinity(), 0}};
   const std::function<void(TrainingModel&)> operations[] = {
-      [&](TrainingModel& model) { backend_->rows().refine(model, rules, random, 5); },
+      [&](TrainingModel& model) { backend_->rows().grow(model, rules, 1, 5); },
       [&](TrainingModel& model) { backend_->rows().prune(model, 0.3f); },
       [&](TrainingModel& model) { backend_->rows().sort_by_morton(model); }};
   for (const auto& operation : operations)

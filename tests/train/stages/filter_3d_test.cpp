@@ -80,8 +80,7 @@ constexpr AdaptiveRules kRules{.gradient_threshold = 0.5f,
 
 TEST(FilteredRows, CopiesHaveTheFilterOfTheirParentAndFadedRowsGo) {
   TrainingModel model = half_faded();
-  const RefineReport report =
-      make_scalar_row_ops()->refine(model, kRules, {1, RandomStream::split_gaussians}, 600);
+  const RefineReport report = make_scalar_row_ops()->grow(model, GrowthRules{kRules}, 1, 600);
   EXPECT_EQ(report.pruned, 2u);
   EXPECT_EQ(report.cloned, 2u);
   EXPECT_EQ(model.gaussians.filter_scale.download(),
@@ -93,7 +92,7 @@ TEST(FilteredRows, SplitHalvesHaveTheFilterOfTheirParent) {
   AdaptiveRules rules = kRules;
   rules.small_scale = 0.01f;
   rules.prune_opacity = 0;
-  make_scalar_row_ops()->refine(model, rules, {1, RandomStream::split_gaussians}, 600);
+  make_scalar_row_ops()->grow(model, GrowthRules{rules}, 1, 600);
   EXPECT_EQ(model.gaussians.filter_scale.download(),
             (std::vector<float>{10, 10, 0.001f, 0.001f, 11, 11, 0.002f, 0.002f}));
 }

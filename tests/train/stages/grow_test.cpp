@@ -78,26 +78,6 @@ RefineReport grow_by(TrainingModel& model, const GrowthRules& rules, int step = 
   return make_scalar_row_ops()->grow(model, rules, kSeed, step);
 }
 
-// ---- the same as "adaptive" --------------------------------------------------------------------
-
-TEST(Grow, DoesWhatAdaptiveDoesBitForBitUnderItsRules) {
-  for (const bool has_time : {false, true})
-    for (const std::int64_t cap : {0, 1, 2400, 2600, 2900, 9000}) {
-      AdaptiveRules limits = kLimits;
-      limits.max_gaussians = cap;
-      TrainingModel adaptive = random_model(3000, 1, has_time),
-                    budgeted = random_model(3000, 1, has_time);
-      const RefineReport expected = make_scalar_row_ops()->refine(
-          adaptive, limits, {kSeed, RandomStream::split_gaussians}, kStep);
-      const RefineReport report = grow_by(budgeted, like(limits));
-      EXPECT_TRUE(same_bits(budgeted, adaptive)) << cap;
-      EXPECT_EQ(report.cloned, expected.cloned);
-      EXPECT_EQ(report.split, expected.split);
-      EXPECT_EQ(report.pruned, expected.pruned);
-      EXPECT_EQ(budgeted.statistics.visits.download(), adaptive.statistics.visits.download());
-    }
-}
-
 TEST(Grow, ClearsTheMomentsThatItsRuleNames) {
   TrainingModel model = random_model(3, 2);
   make_scalar_row_ops()->lower_opacity(model, {OpacityPolicy::halve, 0.01f, MomentClearing::none});

@@ -18,7 +18,7 @@ using ::testing::ElementsAre;
 constexpr float kSmall = 0.01f, kLarge = 0.5f;  // scales on both sides of small_scale
 constexpr float kInfinity = std::numeric_limits<float>::infinity();
 constexpr float kNan = std::numeric_limits<float>::quiet_NaN();
-const Random kRandom{1, RandomStream::split_gaussians};
+constexpr std::uint64_t kSeed = 1;
 const AdaptiveRules kRules{.gradient_threshold = 1,
                            .small_scale = 0.1f,
                            .prune_opacity = 0.05f,
@@ -51,7 +51,7 @@ TrainingModel model_with(const std::vector<Row>& rows) {
 }
 
 RefineReport refine(TrainingModel& model, const AdaptiveRules& rules = kRules, int step = 600) {
-  return make_scalar_row_ops()->refine(model, rules, kRandom, step);
+  return make_scalar_row_ops()->grow(model, GrowthRules{rules}, kSeed, step);
 }
 
 /// The row that each row of a model came from, as stored in one of its SH coefficients.
@@ -162,7 +162,7 @@ TEST(Refine, DrawsTheSameHalvesForTheSameSeedAndStep) {
   refine(b);
   set_thread_count(0);
   refine(later, kRules, 700);
-  make_scalar_row_ops()->refine(reseeded, kRules, {2, RandomStream::split_gaussians}, 600);
+  make_scalar_row_ops()->grow(reseeded, GrowthRules{kRules}, 2, 600);
   EXPECT_TRUE(same_bits(a, b));
   EXPECT_FALSE(same_bits(a.gaussians.mean, later.gaussians.mean));
   EXPECT_FALSE(same_bits(a.gaussians.mean, reseeded.gaussians.mean));
