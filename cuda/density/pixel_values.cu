@@ -21,17 +21,17 @@ struct ComparedPictures {
   Vec3f exposure, background;
   bool over_background;
   float white;
-  PhotoLook look;  // where the appearance is learned, in place of the exposure
+  bool is_learned;  // the appearance: `look` stands in place of the exposure
+  PhotoLook look;
 };
 
-template <bool kIsLearned>
 __global__ void errors_kernel(ComparedPictures pictures, Span<float> values) {
   const std::size_t i = thread_number();
   if (i >= values.size) return;
   const float m = pictures.bytes.mask ? pictures.bytes.mask[i] * kPerByte : 1.0f;
   float sum = 0;
   for (int c = 0; c < 3; ++c) {
-    const float e = kIsLearned ? pictures.look.photo_gain(c) : pictures.exposure[c];
+    const float e = pictures.is_learned ? pictures.look.photo_gain(c) : pictures.exposure[c];
     const PhotoWeight<float> weight =
         photo_weight(m, e, pictures.background[c], pictures.over_background);
     const float x = weight.gain * pictures.image[c * values.size + i];
@@ -91,13 +91,12 @@ void find_pixel_values(Context& context, const PhotoBytes& bytes, const View& vi
   const ComparedPictures pictures{
       pass.image.data(), bytes,           pass.width,           pass.height,
       view.exposure,     pass.background, view.over_background, photo ? kPhotoWhite : view.white(),
-      PhotoLook(photo)};
+      photo != nullptr,  PhotoLook(photo)};
   if (rule.score == GrowthScore::edge)
     context.launch("pixel values", edges_kernel, blocks, kThreads, bytes.photo, pass.width,
                    pass.height, values);
   else
-    context.launch("pixel values", photo ? errors_kernel<true> : errors_kernel<false>, blocks,
-                   kThreads, pictures, values);
+    context.launch("pixel values", errors_kernel, blocks, kThreads, pictures, values);
   if (rule.score == GrowthScore::error) return;
   workspace.value_range.resize_discard(2);
   std::uint32_t* const range = workspace.value_range.data();

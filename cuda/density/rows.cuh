@@ -96,19 +96,19 @@ WordOf<T>* words_of(const Buffer<T>& rows) {
   return reinterpret_cast<WordOf<T>*>(rows.data());
 }
 
-/// Copies kCopied words of each row. Rows lie words_apart_from words apart in `from`, and
+/// Copies `copied` words of each row. Rows lie words_apart_from words apart in `from`, and
 /// words_apart_to in `to`. Row i comes from row source[i], or from row i without a source.
 /// A block takes kGatherThreads rows. Its threads take one word after another, so that neighboring
 /// threads read and write neighboring words.
-template <int kCopied, class Word>
-__global__ void copy_columns_kernel(const Word* from, unsigned words_apart_from,
+template <class Word>
+__global__ void copy_columns_kernel(unsigned copied, const Word* from, unsigned words_apart_from,
                                     const std::uint32_t* source, std::size_t rows, Word* to,
                                     unsigned words_apart_to) {
   const std::size_t first = std::size_t(blockIdx.x) * kGatherThreads;
-  const unsigned words = unsigned(min_of(rows - first, std::size_t(kGatherThreads))) * kCopied;
+  const unsigned words = unsigned(min_of(rows - first, std::size_t(kGatherThreads))) * copied;
   for (unsigned k = threadIdx.x; k < words; k += kGatherThreads) {
-    const std::size_t row = first + k / kCopied;
-    const unsigned word = k % kCopied;
+    const std::size_t row = first + k / copied;
+    const unsigned word = k % copied;
     to[row * words_apart_to + word] =
         from[std::size_t(source ? source[row] : row) * words_apart_from + word];
   }
@@ -131,7 +131,7 @@ class RowGather {
   template <class T>
   void gather(Buffer<T>& array, Span<const std::uint32_t> source, std::size_t count) {
     array.reserve(count);
-    gather_columns<kWordsOf<T>>(words_of(array), source);
+    gather_columns(words_of(array), kWordsOf<T>, source);
     array.resize(count);
     if (count > source.size)
       array.memory().fill_zero(array.data() + source.size, (count - source.size) * sizeof(T));
@@ -142,17 +142,18 @@ class RowGather {
   }
 
  private:
-  // The words from kFirst on of each row. A pass changes no word that a later one reads.
-  template <int kWords, int kFirst = 0, class Word>
-  void gather_columns(Word* rows, Span<const std::uint32_t> source) {
-    constexpr int kCopied = std::min(kWords - kFirst, BorrowedRoom::kWordsOfRow);
+  // A pass changes no word that a later one reads.
+  template <class Word>
+  void gather_columns(Word* rows, unsigned words, Span<const std::uint32_t> source) {
     Word* const room = reinterpret_cast<Word*>(room_.words(source.size));
     const std::size_t blocks = blocks_for(source.size, kGatherThreads);
-    context_.launch("gather", copy_columns_kernel<kCopied, Word>, blocks, kGatherThreads,
-                    rows + kFirst, kWords, source.data, source.size, room, kCopied);
-    context_.launch("gather", copy_columns_kernel<kCopied, Word>, blocks, kGatherThreads, room,
-                    kCopied, nullptr, source.size, rows + kFirst, kWords);
-    if constexpr (kFirst + kCopied < kWords) gather_columns<kWords, kFirst + kCopied>(rows, source);
+    for (unsigned first = 0; first < words; first += BorrowedRoom::kWordsOfRow) {
+      const unsigned copied = min_of(words - first, unsigned(BorrowedRoom::kWordsOfRow));
+      context_.launch("gather", copy_columns_kernel<Word>, blocks, kGatherThreads, copied,
+                      rows + first, words, source.data, source.size, room, copied);
+      context_.launch("gather", copy_columns_kernel<Word>, blocks, kGatherThreads, copied, room,
+                      copied, nullptr, source.size, rows + first, words);
+    }
   }
 
   Context& context_;

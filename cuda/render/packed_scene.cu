@@ -50,22 +50,18 @@ __global__ void __launch_bounds__(kThreads)
   boxes[blockIdx.x] = box;
 }
 
-template <int degree>
+// Writes rows of `vectors` vectors of 16 bytes: ColorRows with `numbers` numbers beyond degree 0.
 __global__ void __launch_bounds__(kThreads)
-    pack_colors_kernel(Span<Vec3f> sh0, Span<ShRest> sh_rest, float4* colors) {
-  using Row = ColorRow<degree>;
+    pack_colors_kernel(Span<Vec3f> sh0, Span<ShRest> sh_rest, int numbers, int vectors,
+                       float4* colors) {
   const std::size_t i = std::size_t(blockIdx.x) * kThreads + threadIdx.x;
   if (i >= sh0.size) return;
-  Row row{};
-  row.sh0 = sh0[i];
-  if constexpr (degree > 0) {
-    const ShRest& rest = sh_rest[i];
-    constexpr int kNumbers = kShNumbersInUse<degree>;
-    const float* const numbers = &rest.coefficient[0].x;
-    row.scale = packed_sh_scale(numbers, kNumbers);
-    for (int k = 0; k < kNumbers; ++k) row.rest[k] = packed_sh(numbers[k], row.scale);
-  }
-  reinterpret_cast<Row*>(colors)[i] = row;
+  float4* const row = colors + i * vectors;
+  const float* const rest = &sh_rest[i].coefficient[0].x;
+  const float scale = packed_sh_scale(rest, numbers);
+  row[0] = {sh0[i].x, sh0[i].y, sh0[i].z, scale};
+  auto* const to = reinterpret_cast<std::int16_t*>(row + 1);
+  for (int k = 0; k < 8 * (vectors - 1); ++k) to[k] = k < numbers ? packed_sh(rest[k], scale) : 0;
 }
 
 // ---- Preprocessing, in each frame
@@ -149,23 +145,9 @@ __device__ bool is_block_outside(const Input& in, const Camera& camera,
   return is_box_outside(__ballot_sync(kAllLanes, is_below));
 }
 
-// A splat as it is stored, from the one that was projected.
-template <class AnySplat>
-__device__ AnySplat stored(const Splat& splat) {
-  if constexpr (std::is_same_v<AnySplat, Splat>)
-    return splat;
-  else
-    return view_splat(splat);
-}
-
-__device__ void take_color(Splat& splat, const Vec3f& color) { splat.color = color; }
-__device__ void take_color(ViewSplat& splat, const Vec3f& color) {
-  splat.color = packed_color(color);
-}
-
-template <int degree, int edge, class AnySplat>
+template <int degree, int edge>
 __global__ void __launch_bounds__(kThreads)
-    preprocess_packed_kernel(Input in, Camera camera, SplatSettings settings, AnySplat* splats,
+    preprocess_packed_kernel(Input in, Camera camera, SplatSettings settings, ViewSplat* splats,
                              ProjectedRows out) {
   using Shared = WarpShared<ColorRow<degree>, edge>;
   __shared__ Shared shared_of_warps[kThreads / kWarp];
@@ -188,7 +170,7 @@ __global__ void __launch_bounds__(kThreads)
       pixels = pixels_of<edge>(settings.bounds, projected.splat.mean2d, projected.cov2d,
                                projected.splat.cutoff, in.tiles_x, in.tiles_y);
   }
-  AnySplat splat = stored<AnySplat>(projected.splat);  // without color
+  ViewSplat splat = view_splat(projected.splat);  // without color
   std::uint32_t hits = 0;
   if (const SomeRows visible{__ballot_sync(kAllLanes, !pixels.empty())}; visible.bits) {
     start_color_copy(shared, in.colors + first * Shared::kVectors, rows, visible);
@@ -198,7 +180,7 @@ __global__ void __launch_bounds__(kThreads)
       const Vec3f color = color_of<degree>(shared.colors + lane_of_thread() * Shared::kStride,
                                            unit_direction(camera.position(), ellipsoid.mean));
       if (!is_finite(color)) hits = 0;
-      take_color(splat, color);
+      splat.color = packed_color(color);
     }
   }
   if (i >= in.count) return;
@@ -219,10 +201,10 @@ CudaPackedScene::CudaPackedScene(Context& context, Memory& memory, const Gaussia
   context.launch("pack ellipsoids", pack_ellipsoids_kernel, boxes.size(), kThreads, gaussians,
                  ellipsoids.data(), boxes.data());
   with_sh_degree(sh_degree, [&](auto degree) {
-    using Row = ColorRow<degree()>;
-    colors.resize(count() * (sizeof(Row) / sizeof(float4)));
-    context.launch("pack colors", pack_colors_kernel<degree()>, boxes.size(), kThreads,
-                   gaussians.sh0, gaussians.sh_rest, colors.data());
+    constexpr int kVectors = sizeof(ColorRow<degree()>) / sizeof(float4);
+    colors.resize(count() * kVectors);
+    context.launch("pack colors", pack_colors_kernel, boxes.size(), kThreads, gaussians.sh0,
+                   gaussians.sh_rest, 3 * sh_rest_count(degree()), kVectors, colors.data());
   });
 }
 
@@ -230,10 +212,10 @@ void preprocess(Context& context, const CudaPackedScene& scene, const Camera& ca
                 const RenderSettings& settings, Workspace& workspace, RenderPass& pass) {
   const StageScope scope(context, "preprocess");
   CudaScratch& scratch = pass.scratch<CudaScratch>();
-  scratch.has_view_splats = blends_on_tensor_cores(context, settings);
-  pass.begin(camera, scene.count(), !scratch.has_view_splats, true,
+  scratch.has_view_splats = true;
+  pass.begin(camera, scene.count(), false, true,
              tile_edge_of(context, settings, camera, scene.count()));
-  scratch.view_splats.resize_discard(scratch.has_view_splats ? scene.count() : 0);
+  scratch.view_splats.resize_discard(scene.count());
   workspace.depth_keys.resize_discard(scene.count());
   const Input in{scene.count(),
                  scene.ellipsoids.data(),
@@ -242,12 +224,15 @@ void preprocess(Context& context, const CudaPackedScene& scene, const Camera& ca
                  pass.tiles_x,
                  pass.tiles_y};
   with_sh_degree(scene.sh_degree, [&](auto degree) {
-    with_tiles(pass, [&](auto edge, auto* splats) {
-      using AnySplat = std::remove_pointer_t<decltype(splats)>;
-      context.launch("preprocess", preprocess_packed_kernel<degree(), edge(), AnySplat>,
-                     blocks_for(scene.count(), kThreads), kThreads, in, camera, settings, splats,
+    const auto launch = [&](auto kernel) {
+      context.launch("preprocess", kernel, blocks_for(scene.count(), kThreads), kThreads, in,
+                     camera, settings, scratch.view_splats.data(),
                      projected_rows(settings, workspace, pass));
-    });
+    };
+    if (pass.tile_edge == kWideTile)
+      launch(preprocess_packed_kernel<degree(), kWideTile>);
+    else
+      launch(preprocess_packed_kernel<degree(), kTileWidth>);
   });
 }
 

@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 // Gaussians as frames for viewing read them (Renderer::pack): in place of parameters what every
-// view of them begins with. A Gaussian of SH degree 3 takes 152 bytes,
-// and preprocess reads the 112 of its color only where it may be visible. Models in space
-// and time have another shape at each moment and are not packed.
+// view of them begins with. A Gaussian of SH degree 3 takes 152 bytes, and preprocess reads the 112
+// of its color only where it may be visible. Models in space and time have another shape at each
+// moment and are not packed; frames that are not blended on tensor cores are drawn from the model.
 #pragma once
 
 #include "cuda/stages.cuh"
@@ -35,8 +35,9 @@ class CudaPackedScene final : public PackedScene {
 
   std::size_t count() const { return ellipsoids.size(); }
   /// True where frames with these settings can be drawn from it.
-  bool serves(const RenderSettings& settings) const {
-    return !settings.for_backward && settings.sh_degree == sh_degree;
+  bool serves(const Context& context, const RenderSettings& settings) const {
+    return !settings.for_backward && settings.sh_degree == sh_degree &&
+           blends_on_tensor_cores(context, settings);
   }
 
   int sh_degree;

@@ -43,7 +43,8 @@ void CudaRenderer::forward(const GaussiansSpan& gaussians, const Camera& camera,
 
 std::unique_ptr<PackedScene> CudaRenderer::pack(const GaussiansSpan& gaussians,
                                                 const RenderSettings& settings) {
-  if (gaussians.has_time) return Renderer::pack(gaussians, settings);
+  if (gaussians.has_time || !blends_on_tensor_cores(context_, settings))
+    return Renderer::pack(gaussians, settings);
   try {
     return std::make_unique<CudaPackedScene>(context_, memory_, gaussians, settings);
   } catch (const Error& error) {
@@ -55,7 +56,7 @@ std::unique_ptr<PackedScene> CudaRenderer::pack(const GaussiansSpan& gaussians,
 void CudaRenderer::draw(const PackedScene& scene, const Camera& camera,
                         const RenderSettings& settings, RenderPass& pass) {
   const auto* const packed = dynamic_cast<const CudaPackedScene*>(&scene);
-  if (!packed || !packed->serves(settings))
+  if (!packed || !packed->serves(context_, settings))
     return forward(scene.gaussians(), camera, settings, pass);
   draw_frame(packed->count(), camera, settings, pass,
              [&] { preprocess(context_, *packed, camera, settings, workspace_, pass); });
