@@ -21,7 +21,9 @@ TEST(Shards, HaveEachRowOnceInOrderAndInWholeWarps) {
           ASSERT_LT(row, rows);
           EXPECT_EQ(owners[row], -1) << row;
           owners[row] = gpu;
-          if (local > 0) EXPECT_GT(row, before);
+          if (local > 0) {
+            EXPECT_GT(row, before);
+          }
           EXPECT_EQ(row % 32, local % 32);
           before = row;
         }
