@@ -1,22 +1,25 @@
 // SPDX-License-Identifier: Apache-2.0
-// The CUDA backend. Its step is a fused sequence of launches. The host neither waits nor reads
-// anything back (pending_steps.h).
+// The CUDA backend, of one GPU or of several of one process. Its step is a fused sequence of
+// launches (enqueue()). The host neither waits nor reads anything back (pending_steps.h).
+//
+//   each GPU           projects its rows for all photos, into the buffers of the GPU that draws each
+//   the photo's GPU    sorts, blends, compares, blends backward, one of its photos after another
+//   each GPU           pulls the gradients of its rows back, and updates its rows
+//
+// Between two lines GPUs wait for each other. Their kernels read and write each other's memory, so
+// that nothing is packed, sent and unpacked. Splats lie in the order of the whole model, and every
+// sum is that of one GPU: with RenderSettings::deterministic the model has the same bytes for any
+// number of GPUs. What is learned of photos is on the first GPU. A GPU that is alone trains the
+// model itself, and nothing is dealt.
 #include "cuda/backend.h"
 
-#include <algorithm>
-#include <cmath>
 #include <optional>
-#include <unordered_map>
 #include <utility>
 
 #include "cuda/device/clock.cuh"
 #include "cuda/device/no_gpu.h"
-#include "cuda/device/warp.cuh"
-#include "cuda/render/renderer.cuh"
-#include "cuda/train/depth.cuh"
+#include "cuda/gpus/gpu.cuh"
 #include "cuda/train/pending_steps.h"
-#include "cuda/train/photo_rows.cuh"
-#include "cuda/train/photometric_stage.cuh"
 #include "gs_core/math/density.h"
 #include "gs_core/training_memory.h"
 #include "gs_train/named_row.h"
@@ -34,10 +37,6 @@ static_assert(kFirstInstances == kLeastCapacity);
 
 constexpr int kThreads = 256;
 
-struct LossRow {
-  const char* name;  // a word of loss.kind
-  std::unique_ptr<Loss> (*make)(Context&, Memory&, PhotoStore&);
-};
 constexpr LossRow kLosses[] = {{"l1_ssim", make_loss}};
 
 __global__ void gather_kernel(Span<const std::uint32_t> tile_counts, const Vec2f* dL_dmean2d,
@@ -53,78 +52,72 @@ __global__ void add_kernel(Span<float> to, const float* from, float weight) {
   if (i < to.size) to[i] += weight * from[i];
 }
 
-// A base class, so that the device is created before all that uses it and destroyed afterwards.
-struct Device {
-  explicit Device(int index) : context(index), device_memory(context) {}
-  Context context;
-  DeviceMemory device_memory;
-};
+// A GPU whose photo did not fit halts all.
+__global__ void halt_kernel(std::uint32_t* mine, const std::uint32_t* of_photo) {
+  if (*of_photo) *mine = 1;
+}
 
-// The update of the poses; there is none while they rest.
-struct PoseUpdate {
-  bool is_due = false;
-  AdamStep adam{};
-  AdamRule rule = {};
-};
+// The rows of a dealt model are with the GPUs, and it has no statistics of its own: so the model
+// itself says where its rows are, also where another model lies at the same place.
+bool is_dealt(const TrainingModel& model) {
+  return model.statistics.visits.size() != model.count();
+}
 
-struct Step : PendingStep {
-  using PendingStep::PendingStep;
-  PhotometricUpdate photometric;
-  PoseUpdate poses;
-};
-
-class CudaBackend final : private Device, private StepLauncher<Step>, public Backend {
+class CudaBackend final : private Gpus, private StepLauncher, public Backend {
  public:
-  explicit CudaBackend(int index)
-      : Device(index), Backend(device_memory), photos_(context, device_memory),
-        renderer_(context, device_memory), loss_(make_loss(context, device_memory, photos_)),
-        optimizer_(make_optimizer(context)), photo_buffers_(device_memory), forces_(device_memory),
-        photometric_(context, device_memory), poses_(context, device_memory),
-        depth_maps_(device_memory), depth_(device_memory),
-        rows_(make_row_ops(context, device_memory, pass_.splats, pass_.pixel_rects,
-                           [this] { release_step(); })) {}
-  ~CudaBackend() override { cudaStreamSynchronize(context.stream()); }
-
-  void make_current() override { check(cudaSetDevice(context.device()), "choosing the GPU"); }
-  std::string name() const override {
-    return "cuda:" + std::to_string(context.device()) + " (" + context.device_name() + ")";
+  CudaBackend(const std::vector<int>& devices, std::size_t chunk_rows)
+      : Gpus(devices), Backend(first().memory), chunk_rows_(chunk_rows),
+        optimizer_(make_optimizer(first().context)), photometric_(first().context, first().memory),
+        poses_(first().context, first().memory),
+        rows_(make_row_ops(first().context, first().memory, first().pass.splats,
+                           first().pass.pixel_rects, [this] { release_step(); })) {
+    for_each([this](Gpu& gpu) { gpu.use(*loss_row_); });
   }
-  Memory& memory() override { return device_memory; }
-  Renderer& renderer() override { return renderer_; }
+  ~CudaBackend() override { streams().wait(); }
+
+  void make_current() override { check(cudaSetDevice(first().device()), "choosing the GPU"); }
+  std::string name() const override {
+    const std::string name =
+        "cuda:" + std::to_string(first().device()) + " (" + first().context.device_name() + ")";
+    return are_several() ? name + " and others (" + std::to_string(count()) + " GPUs)" : name;
+  }
+  Memory& memory() override { return first().memory; }
+  Renderer& renderer() override { return first().renderer; }
   Optimizer& optimizer() override { return *optimizer_; }
   void use_loss(const std::string& kind) override {
     const LossRow* const row = row_named(kLosses, kind, "loss.kind", " on " + name());
     if (row == loss_row_) return;  // the same loss keeps its last value
     finish_pending();
-    loss_ = row->make(context, device_memory, photos_);
+    for_each([row](Gpu& gpu) { gpu.use(*row); });
     loss_row_ = row;
   }
   Loss& loss() override {
     finish_pending();
-    return *loss_;
+    return *drawer_of(last_photo_).loss;
   }
   void use_photometric(std::shared_ptr<const PhotometricModel> photometric) override {
     finish_pending();
-    if (photometric) check_takes_appearance(*loss_, loss_row_->name);
+    if (photometric) check_takes_appearance(*first().loss, loss_row_->name);
     photometric_.use(photometric.get(), name());
   }
-  void check_refines_poses() const override {}
-  void check_takes_depth() const override {}
   bool makes_refined_cameras() const override { return true; }
   RowOps& rows() override {
     finish_pending();
+    if (shards_are_in_use_ && is_dealt(*model_)) gather(*model_);
     return *rows_;
   }
 
   void upload_views(const std::vector<View>& views, std::size_t photo_bytes) override {
     finish_pending();
     next_ = nullptr;
-    photos_.upload_views(views, photo_bytes);
-    depth_maps_.forget();
+    for_each([&](Gpu& gpu) {
+      gpu.photos.upload_views(views, photo_bytes);
+      gpu.depth_maps.forget();
+    });
     steps_.forecast().forget();
   }
   void prefetch_decode(const View& view) override {
-    if (!photos_.is_resident(view)) prefetch_photo(view);
+    if (!first().photos.is_resident(view)) prefetch_photo(view);
   }
   void prefetch_next(const View& view) override { next_ = &view; }
 
@@ -133,7 +126,8 @@ class CudaBackend final : private Device, private StepLauncher<Step>, public Bac
             const LossSettings& loss_settings, const Update& update,
             const DensityStep& density) override {
     take_model(model);
-    Step step(model, batch, loss_settings, update, density);
+    if (are_several() && !is_dealt(model)) deal(model);
+    PendingStep step(model, batch, loss_settings, update, density);
     const PhotometricUpdate photometric = step.photometric =
         photometric_.update_of(model.photometric, update);
     const PoseUpdate poses = step.poses = pose_update(model.poses, update);
@@ -141,46 +135,54 @@ class CudaBackend final : private Device, private StepLauncher<Step>, public Bac
     model.adam_steps += update.rule.steps;
     if (photometric.is_due) model.photometric.adam_steps += photometric.rule.steps;
     if (poses.is_due) model.poses.adam_steps += update.photo_rule.steps;
+    last_photo_ = batch.size - 1;
   }
 
+  // On the whole model, by the first GPU.
   void score_photos(TrainingModel& model, Span<const TrainingPhoto> photos,
                     const PixelRule& rule) override {
     finish_pending();
+    gather_if_dealt(model);
     begin_sums(model);
     model.statistics.sums.fill_zero();
+    Gpu& gpu = first();
     for (const TrainingPhoto& photo : photos) {
       RenderSettings settings = photo.settings;
       settings.with_depths = false;
-      renderer_.forward(model.gaussians.span(), reduced(photo.camera(), photo.reduction), settings,
-                        pass_);
+      gpu.renderer.forward(model.gaussians.span(), reduced(photo.camera(), photo.reduction),
+                           settings, gpu.pass);
       std::optional<PhotoOnDevice> on_device;
       if (photometric_.is_on())
         on_device = PhotoOnDevice{model.photometric.photo(photo.photo_row).data};
-      Workspace& workspace = renderer_.workspace();
-      find_pixel_values(context, photos_.photo(*photo.view, photo.reduction), *photo.view,
-                        on_device ? &*on_device : nullptr, rule, workspace, pass_);
-      blend_values(context, settings, workspace, pass_, model.statistics.sums.span());
+      Workspace& workspace = gpu.renderer.workspace();
+      find_pixel_values(gpu.context, gpu.photos.photo(*photo.view, photo.reduction), *photo.view,
+                        on_device ? &*on_device : nullptr, rule, workspace, gpu.pass);
+      blend_values(gpu.context, settings, workspace, gpu.pass, model.statistics.sums.span());
     }
   }
 
   void release_caches() override {
     release_pass();
     rows_->release_caches();
-    renderer_.release_caches();
-    photo_buffers_.release();  // its gradients are zero between steps
-    forces_.release();         // the same
+    for_each([this](Gpu& gpu) {
+      gpu.release_caches();
+      if (!shards_are_in_use_) gpu.shard = TrainingModel(gpu.memory);
+    });
     photometric_.release_caches();
-    depth_.release();
+    poses_.release_caches();
   }
 
-  void synchronize(TrainingModel&) override {
+  void synchronize(TrainingModel& model) override {
     finish_pending();
+    gather_if_dealt(model);
     bring_poses_back();
-    context.synchronize();
+    first().context.synchronize();
   }
-  void set_profiling(bool on) override { context.set_profiling(on); }
-  std::vector<StageTime> stage_times() override { return context.stage_times(); }
-  std::optional<double> clock_mhz() override { return cuda::clock_mhz(context, device_memory); }
+  void set_profiling(bool on) override { first().context.set_profiling(on); }
+  std::vector<StageTime> stage_times() override { return first().context.stage_times(); }
+  std::optional<double> clock_mhz() override {
+    return cuda::clock_mhz(first().context, first().memory);
+  }
 
  protected:
   void add_pixel_scores(const View&, const RenderSettings&, const PixelRule&, RenderPass&,
@@ -189,17 +191,17 @@ class CudaBackend final : private Device, private StepLauncher<Step>, public Bac
   }
   void gather(const DensityStatistics& statistics, const RenderPass& pass,
               Span<const Vec2f> dL_dmean2d) override {
-    context.launch("statistics", gather_kernel, blocks_for(dL_dmean2d.size, kThreads), kThreads,
-                   Span<const std::uint32_t>{pass.tile_counts.data(), dL_dmean2d.size},
-                   dL_dmean2d.data, statistics.visits.data(), statistics.gradient_norm.data(),
-                   pass.width, pass.height);
+    first().context.launch(
+        "statistics", gather_kernel, blocks_for(dL_dmean2d.size, kThreads), kThreads,
+        Span<const std::uint32_t>{pass.tile_counts.data(), dL_dmean2d.size}, dL_dmean2d.data,
+        statistics.visits.data(), statistics.gradient_norm.data(), pass.width, pass.height);
   }
   void add(Span<float> to, Span<const float> from, float weight) override {
-    context.launch("sums", add_kernel, blocks_for(to.size, kThreads), kThreads, to, from.data,
-                   weight);
+    first().context.launch("sums", add_kernel, blocks_for(to.size, kThreads), kThreads, to,
+                           from.data, weight);
   }
   void add(Span<FragmentSums> to, Span<FragmentSums> from) override {
-    add_fragment_sums(context, to, from, nullptr);
+    add_fragment_sums(first().context, to, from, nullptr);
   }
 
  private:
@@ -223,45 +225,63 @@ class CudaBackend final : private Device, private StepLauncher<Step>, public Bac
     model_->poses.is_on_device = false;
   }
 
-  // Between steps: releases what the next one makes anew, except what row operations borrow.
+  // Gives all GPUs their rows, which steps train from now on.
+  void deal(TrainingModel& model) {
+    finish_pending();
+    deal_out(model, chunk_rows_);
+    model.statistics.visits.resize(0);
+    shards_are_in_use_ = true;
+  }
+  void gather(TrainingModel& model) {
+    model.statistics.visits.resize(model.count());
+    merge(model);
+    shards_are_in_use_ = false;
+  }
+  void gather_if_dealt(TrainingModel& model) {
+    if (are_several() && model_ == &model && is_dealt(model)) gather(model);
+  }
+
+  // Between steps, before large arrays of the model grow.
   void release_step() {
-    renderer_.release_caches();
-    for (Buffer<std::uint32_t>* const lists :
-         {&pass_.tile_counts, &pass_.depth_order, &pass_.tile_splats})
-      lists->release();
-    pass_.depths.release();
-    photo_buffers_.release();
-    pass_.scratch<CudaScratch>().room.release();
+    for_each([this](Gpu& gpu) {
+      gpu.release_step();
+      if (!shards_are_in_use_) gpu.shard = TrainingModel(gpu.memory);
+    });
   }
 
-  void enqueue(const Step& step) override {
-    const std::uint32_t* const halted = renderer_.workspace().halted.data();
-    const bool sums_fragments = step.density.fragment_statistic() != FragmentStatistic::none;
-    if (sums_fragments) begin_sums(*model_);
+  // The GPU of photo i of a batch, and which of the photos that it draws that is.
+  Gpu& drawer_of(std::size_t i) { return (*this)[i % count()]; }
+  std::size_t turn_of(std::size_t i) const { return i / count(); }
+  // The rows that a GPU trains.
+  TrainingModel& rows_of(Gpu& gpu) { return are_several() ? gpu.shard : *model_; }
+
+  // No GPU begins its update before all memory for the step was found.
+  void enqueue(const PendingStep& step) override {
+    begin(step);
+    const std::vector<PhotoRows> photos = photo_rows(step);
+    const Span<const PhotoRows> all{photos.data(), photos.size()};
+    meet();
+    for_each(
+        [&](Gpu& gpu) { preprocess(gpu.context, rows_of(gpu).gaussians.span(), all, gpu.place); });
+    meet();
+    for (std::size_t i = 0; i < photos.size(); ++i) draw(step, i, photos[i]);
+    meet();
+    for_each([&](Gpu& gpu) { update_rows(step, gpu, all); });
+    if (step.poses.is_due) meet();
+    update_what_is_learned_of_photos(step);
+  }
+
+  // What all photos of a step add to.
+  void begin(const PendingStep& step) {
     photometric_.begin(model_->photometric, step.batch.size());
-    const std::vector<PhotoRows> photos = projected_photos(step);
-    for (std::size_t i = 0; i < photos.size(); ++i) {
-      prefetch_after(step, i);
-      differentiate(step, i, photos[i]);
-    }
-    if (sums_fragments) gather_all_sums(photos);
-    update_by_photos(context, *model_, {photos.data(), photos.size()}, step, halted);
-    photometric_.update(model_->photometric, step.photometric, step.photos(), halted);
-    if (step.poses.is_due) poses_.update(step.poses.adam, step.poses.rule, halted);
-    if (step.density.noise.scale > 0)
-      add_position_noise(context, model_->gaussians.span(), step.density.noise, step.position_rate,
-                         halted);
+    if (step.poses.is_due) poses_.reserve_sums(step.batch.size(), model_->count());
+    if (step.density.fragment_statistic() == FragmentStatistic::none) return;
+    begin_sums(*model_);
+    if (are_several()) for_each([](Gpu& gpu) { begin_sums(gpu.shard); });
   }
 
-  // Starts to copy the photo that comes after photo i of a step, so that it arrives meanwhile.
-  void prefetch_after(const Step& step, std::size_t i) {
-    const bool is_last = i + 1 == step.batch.size();
-    if (is_last && !next_) return;
-    photos_.prefetch_next(is_last ? *std::exchange(next_, nullptr) : *step.batch[i + 1].view);
-  }
-
-  // Stage 1 for all photos of a step.
-  std::vector<PhotoRows> projected_photos(const Step& step) {
+  // Where stage 1 projects the photos of a step to.
+  std::vector<PhotoRows> photo_rows(const PendingStep& step) {
     std::vector<PhotoRows> photos;
     for (std::size_t i = 0; i < step.batch.size(); ++i) {
       const TrainingPhoto& photo = step.batch[i];
@@ -269,16 +289,22 @@ class CudaBackend final : private Device, private StepLauncher<Step>, public Bac
       RenderSettings settings = photo.settings;
       settings.fragment_statistic = step.density.fragment_statistic();
       settings.with_depths = step.loss_settings.depth_weight > 0 && photo.view->has_depth_map;
-      photos.push_back(photo_buffers_.rows(i, reduced(photo.camera(), photo.reduction), settings,
-                                           row ? poses_.refine(*row, i) : nullptr, model_->count(),
-                                           renderer_, pass_));
+      const DevicePose* const pose = row ? poses_.refine(*row, i) : nullptr;
+      Gpu& gpu = drawer_of(i);
+      const OnDevice here(gpu.device());
+      photos.push_back(gpu.photo_buffers.rows(turn_of(i), reduced(photo.camera(), photo.reduction),
+                                              settings, pose, model_->count(), gpu.renderer,
+                                              gpu.pass));
+      if (i > 0 && turn_of(i) == 0) gpu.photos.prefetch_next(*photo.view);
     }
-    preprocess(context, model_->gaussians.span(), {photos.data(), photos.size()});
     return photos;
   }
 
   // Photo i of a step, from stage 2 to dL/d(splat).
-  void differentiate(const Step& step, std::size_t i, const PhotoRows& rows) {
+  void draw(const PendingStep& step, std::size_t i, const PhotoRows& rows) {
+    Gpu& gpu = drawer_of(i);
+    const OnDevice here(gpu.device());
+    prefetch_after(step, i, gpu);
     const TrainingPhoto& photo = step.batch[i];
     const RenderSettings& settings = rows.settings;
     const std::uint32_t number = step.number_of(i);
@@ -291,55 +317,68 @@ class CudaBackend final : private Device, private StepLauncher<Step>, public Bac
           photometric_.photo(model_->photometric, step.photometric, photo, i, step.batch.size());
       loss_settings.photo_on_device = &*on_device;
     }
-    Workspace& workspace = renderer_.workspace();
-    photo_buffers_.select(i, rows, model_->count(), renderer_, pass_);
-    renderer_.finish_projected(settings, pass_,
-                               steps_.forecast().capacity_for(photo, model_->count()),
-                               steps_.reports().of_step(number), number);
-    loss_->forward_backward(pass_, *photo.view, loss_settings, dL_dimage_);
-    blend_backward(context, settings, dL_dimage_.span(), workspace, pass_);
-    if (settings.with_depths) {
-      if (sums_among_gradients(settings)) gather_forces(rows, step.batch.size());
-      add_depth_gradient(photo, loss_settings, settings);
-    }
-    if (step.poses.is_due)
-      gs::cuda::camera_gradient(context, model_->gaussians.span(), rows, workspace, *row_of(photo),
-                                1.0 / double(step.batch.size()));
+    gpu.photo_buffers.select(turn_of(i), rows, model_->count(), gpu.renderer, gpu.pass);
+    gpu.renderer.finish_projected(settings, gpu.pass,
+                                  steps_.forecast().capacity_for(photo, model_->count()),
+                                  steps_.reports().of_step(number), number);
+    gpu.loss->forward_backward(gpu.pass, *photo.view, loss_settings, gpu.dL_dimage);
+    blend_backward(gpu.context, settings, gpu.dL_dimage.span(), gpu.renderer.workspace(), gpu.pass);
+    if (settings.with_depths) add_depth_gradient(gpu, photo, loss_settings, settings);
   }
 
-  // Sums of forces among the gradients, before a depth map adds to these. A later photo of the step
-  // may be halted, so those of a batch are kept apart until all are drawn.
-  void gather_forces(const PhotoRows& photo, std::size_t photos) {
-    const std::size_t count = model_->count();
-    if (photos > 1 && forces_.size() != count) {
-      forces_.resize_discard(count);
-      forces_.fill_zero();
-    }
-    gather_fragment_sums(context, photo,
-                         photos > 1 ? forces_.span() : model_->statistics.sums.span(),
-                         renderer_.workspace().halted.data());
-    has_forces_ |= photos > 1;
-  }
-  // All other sums over fragments of a step.
-  void gather_all_sums(const std::vector<PhotoRows>& photos) {
-    const std::uint32_t* const halted = renderer_.workspace().halted.data();
-    const Span<FragmentSums> sums = model_->statistics.sums.span();
-    for (const PhotoRows& photo : photos)
-      if (!sums_among_gradients(photo.settings)) gather_fragment_sums(context, photo, sums, halted);
-    if (std::exchange(has_forces_, false)) add_fragment_sums(context, sums, forces_.span(), halted);
+  // Starts to copy the photo that a GPU draws after photo i of a step, so that it arrives meanwhile.
+  void prefetch_after(const PendingStep& step, std::size_t i, Gpu& gpu) {
+    const std::size_t after = i + count();
+    if (after < step.batch.size())
+      gpu.photos.prefetch_next(*step.batch[after].view);
+    else if (next_ && &gpu == &first())
+      gpu.photos.prefetch_next(*std::exchange(next_, nullptr));
   }
 
   // Adds the gradient of a depth map to what blend_backward() has left. The loss has asked for the
   // photo, and so for its mask.
-  void add_depth_gradient(const TrainingPhoto& photo, const LossSettings& loss_settings,
-                          const RenderSettings& settings) {
+  static void add_depth_gradient(Gpu& gpu, const TrainingPhoto& photo,
+                                 const LossSettings& loss_settings,
+                                 const RenderSettings& settings) {
     const View& view = *photo.view;
-    const DepthMaps::Map& map = depth_maps_.of(view);
+    const DepthMaps::Map& map = gpu.depth_maps.of(view);
     if (map.values.empty()) return;
-    depth_.add_gradient(
-        context, settings,
-        {map.values.data(), photos_.last().mask, view.camera.width, photo.reduction, map.kind},
-        loss_settings.depth_weight, renderer_.workspace(), pass_);
+    gpu.depth.add_gradient(
+        gpu.context, settings,
+        {map.values.data(), gpu.photos.last().mask, view.camera.width, photo.reduction, map.kind},
+        loss_settings.depth_weight, gpu.renderer.workspace(), gpu.pass);
+  }
+
+  // Stages 7 and 8 for the rows of a GPU. Where a photo did not fit, nothing changes.
+  void update_rows(const PendingStep& step, Gpu& gpu, Span<const PhotoRows> photos) {
+    halt_with_others(gpu);
+    TrainingModel& rows = rows_of(gpu);
+    if (step.density.fragment_statistic() != FragmentStatistic::none)
+      for (const PhotoRows& photo : photos)
+        gather_fragment_sums(gpu.context, photo, rows.statistics.sums.span(), gpu.halted(),
+                             gpu.place);
+    if (step.poses.is_due)
+      for (std::size_t i = 0; i < photos.size; ++i)
+        add_camera_blocks(gpu.context, rows.gaussians.span(), photos[i], poses_.sums_of_blocks(i),
+                          gpu.place);
+    update_by_photos(gpu.context, rows, photos, step, gpu.halted(), gpu.place);
+    if (step.density.noise.scale > 0)
+      add_position_noise(gpu.context, rows.gaussians.span(), step.density.noise, step.position_rate,
+                         gpu.halted(), gpu.place);
+  }
+  void halt_with_others(Gpu& gpu) {
+    for (std::size_t other = 0; other < count(); ++other)
+      if (&(*this)[other] != &gpu)
+        gpu.context.launch("halt", halt_kernel, 1, 1, gpu.halted(), (*this)[other].halted());
+  }
+
+  void update_what_is_learned_of_photos(const PendingStep& step) {
+    const std::uint32_t* const halted = first().halted();
+    photometric_.update(model_->photometric, step.photometric, step.photos(), halted);
+    if (!step.poses.is_due) return;
+    for (std::size_t i = 0; i < step.batch.size(); ++i)
+      poses_.add_gradient(*row_of(step.batch[i]), i, 1.0 / double(step.batch.size()));
+    poses_.update(step.poses.adam, step.poses.rule, halted);
   }
 
   static PoseUpdate pose_update(const PoseState& state, const Update& update) {
@@ -355,41 +394,34 @@ class CudaBackend final : private Device, private StepLauncher<Step>, public Bac
     return poses_.row_of(state, photo.photo_row, photo.view->camera);
   }
 
-  void wait_for_launches() override { context.synchronize(); }
+  void wait_for_launches() override { streams().synchronize(); }
   void clear_failed_step() override {
-    renderer_.clear_gradients();
-    photo_buffers_.clear_gradients();
+    for_each([](Gpu& gpu) { gpu.clear_gradients(); });
     clear_sums();
   }
   void clear_halted_steps() override {
-    renderer_.workspace().halted.fill_zero();
+    for_each([](Gpu& gpu) { gpu.renderer.workspace().halted.fill_zero(); });
     clear_sums();
+    if (are_several()) streams().synchronize();  // before one GPU sees the flag of another
   }
   void clear_sums() {
-    forces_.fill_zero();
-    has_forces_ = false;
     photometric_.clear_gradients();
     poses_.clear_gradient();
   }
 
   void finish_pending() { steps_.finish(); }
 
-  PhotoStore photos_;
-  CudaRenderer renderer_;
+  const std::size_t chunk_rows_;
   const LossRow* loss_row_ = kLosses;
-  std::unique_ptr<Loss> loss_;
   std::unique_ptr<Optimizer> optimizer_;
-  PhotoBuffers photo_buffers_;
-  Buffer<FragmentSums> forces_;  // of a batch with depth maps; zero between steps
-  bool has_forces_ = false;      // of the step that is being launched
   PhotometricStage photometric_;
   DevicePoses poses_;
-  DepthMaps depth_maps_;
-  DepthStage depth_;
-  bool has_newer_poses_ = false;  // than those of model_
+  bool has_newer_poses_ = false;    // than those of model_
+  bool shards_are_in_use_ = false;  // they have the rows of model_
   std::unique_ptr<RowOps> rows_;
-  PendingSteps<Step> steps_{*this};
+  PendingSteps steps_{*this};
   TrainingModel* model_ = nullptr;
+  std::size_t last_photo_ = 0;  // of the last step
   const View* next_ = nullptr;  // with which the next step begins, until its photo is prefetched
 };
 
@@ -412,6 +444,9 @@ std::string why_no_gpu() {
   return text_of(no_gpu);
 }
 
-std::unique_ptr<Backend> make_backend(int index) { return std::make_unique<CudaBackend>(index); }
+std::unique_ptr<Backend> make_backend(const std::vector<int>& devices, std::size_t chunk_rows) {
+  GS_CHECK(!devices.empty());
+  return std::make_unique<CudaBackend>(devices, chunk_rows);
+}
 
 }  // namespace gs::cuda

@@ -10,7 +10,7 @@
 #include "cuda/density/fragment_sums.cuh"
 #include "cuda/device/context.cuh"
 #include "cuda/device/fixed_sums.cuh"
-#include "cuda/ranks/shard.h"
+#include "cuda/gpus/shard.h"
 #include "cuda/render/refined_camera.cuh"
 #include "cuda/train/photos.cuh"
 #include "cuda/train/poses.cuh"
@@ -79,7 +79,6 @@ struct Workspace {
   Buffer<SplatGradientSum> splat_gradients;  // (N)  zero between steps
   Buffer<FineSums> fine_sums;             // (N)  zero between steps, if deterministic
   Buffer<CoarseSums> coarse_sums;         // (N)  zero between steps, if deterministic
-  Buffer<double> camera_sums;             // (blocks, 6)  of runs that refine poses; empty in others
   // For scores that sum over fragments; empty without one, and where they are among the gradients
   Buffer<Vec4f> fragment_sums;            // (N)  count, first, second; zero between steps
   Buffer<FixedFragmentSums> fixed_fragment_sums;  // (N)  the same if deterministic, and of a score pass
@@ -90,8 +89,7 @@ struct Workspace {
   explicit Workspace(Memory& memory)
       : depth_keys(memory), rows(memory), visible_count(memory), taken_depth_keys(memory),
         first_of_order(memory), sort_room(memory), length_classes(memory), sort_scratch(memory),
-        splat_gradients(memory), fine_sums(memory), coarse_sums(memory), camera_sums(memory),
-        fragment_sums(memory),
+        splat_gradients(memory), fine_sums(memory), coarse_sums(memory), fragment_sums(memory),
         fixed_fragment_sums(memory), pixel_values(memory), value_range(memory), halted(memory) {}
 };
 // clang-format on
@@ -250,15 +248,11 @@ void blend_backward(Context& context, const RenderSettings& settings, Span<const
                     Workspace& workspace, RenderPass& pass);
 
 /// True where the sums over fragments of the score "force" find room in
-/// Workspace::splat_gradients.
+/// Workspace::splat_gradients, and stage 7 adds them to the statistics. A depth map adds to the same
+/// gradients, so its photos have sums of their own.
 inline bool sums_among_gradients(const RenderSettings& settings) {
   return settings.fragment_statistic == FragmentStatistic::force && !settings.deterministic &&
-         !settings.absolute_gradient;
-}
-/// True where stage 7 adds such sums to the statistics, rather than gather_fragment_sums(), which
-/// comes before a depth map adds to the gradients.
-inline bool sums_of_forces_are_added(const RenderSettings& settings) {
-  return sums_among_gradients(settings) && !settings.with_depths;
+         !settings.absolute_gradient && !settings.with_depths;
 }
 /// From a photo's forces by the mean loss to those by its sum.
 inline float force_scale(std::size_t pixels) { return 3.0f * float(pixels); }
@@ -270,10 +264,8 @@ void find_pixel_values(Context& context, const PhotoBytes& bytes, const View& vi
 /// After that  blend_values.cu: adds their sums over the fragments of each Gaussian to `to`.
 void blend_values(Context& context, const RenderSettings& settings, Workspace& workspace,
                   const RenderPass& pass, Span<FragmentSums> to);
-/// After 6  fragment_sums.cu: adds the photo's sums over fragments to `to`, and clears those that
-/// are not among the gradients. Those that are must be gathered before anything else adds to the
-/// gradients. Does nothing where sums_of_forces_are_added(). `to` stays as it is while `halted` is
-/// raised.
+/// After 6  fragment_sums.cu: adds the photo's sums over fragments to `to`, and clears them. Does
+/// nothing where they are among the gradients. `to` stays as it is while `halted` is raised.
 void gather_fragment_sums(Context& context, const PhotoRows& photo, Span<FragmentSums> to,
                           const std::uint32_t* halted, const Shard& shard = {});
 /// fragment_sums.cu: to += from, and clears `from`, unless `halted`, which may be
@@ -286,12 +278,19 @@ void add_fragment_sums(Context& context, Span<FragmentSums> to, Span<FragmentSum
 void preprocess_backward(Context& context, const GaussiansSpan& gaussians, const PhotoRows& photo,
                          const GaussiansSpan& gradients, Span<Vec2f> dL_dmean2d);
 
-/// Before 7, for runs that refine poses  camera_gradient.cu: the gradient by the camera, of all
-/// Gaussians, added up in an order that is always the same, and pulled back to the motion of the
-/// photo's row: row.gradient += weight * dL/d(motion). It is undefined while workspace.halted is
-/// raised.
-void camera_gradient(Context& context, const GaussiansSpan& gaussians, const PhotoRows& photo,
-                     Workspace& workspace, const PoseRow& row, double weight);
+/// Before 7, for runs that refine poses  camera_gradient.cu: the gradient by the camera, added up over
+/// the Gaussians in an order that is always the same. First each GPU adds up blocks of its rows,
+/// whose chunks have whole blocks.
+///
+/// of_blocks  (blocks of the whole model, 6)
+void add_camera_blocks(Context& context, const GaussiansSpan& gaussians, const PhotoRows& photo,
+                       double* of_blocks, const Shard& shard = {});
+/// Then it adds up all blocks, and pulls the sum back to the motion of the photo's row:
+/// row.gradient += weight * dL/d(motion). It is undefined while a step is halted.
+void camera_gradient(Context& context, const double* of_blocks, std::size_t blocks,
+                     const PoseRow& row, double weight);
+/// The blocks of so many rows.
+std::size_t camera_blocks(std::size_t rows);
 
 /// 7 and 8 in one  preprocess_backward.cu, and update_by_photos.cu for several photos: pull the
 /// gradients back and update the parameters by their mean at once, so that no gradient of a

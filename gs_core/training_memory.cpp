@@ -77,11 +77,12 @@ void add_borrowed(Rows& rows) {
 // True where steps sum forces over fragments.
 bool sums_forces(const TrainingSize& size) { return size.has_sums && !size.has_score_pass; }
 
-// Sums of forces of one photo; 0 where they are among the gradients, or there are none.
+// Sums of forces of one photo; 0 where they are among the gradients, or there are none. Photos
+// with a depth map have sums of their own.
 double fragment_sum_bytes(const TrainingSize& size) {
   if (!sums_forces(size)) return 0;
   if (size.is_deterministic) return kFixedFragmentSumBytes;
-  return size.is_absolute ? sizeof(Vec4f) : 0;
+  return size.is_absolute || size.has_depth_maps ? sizeof(Vec4f) : 0;
 }
 
 // The other arrays of the step.
@@ -119,8 +120,6 @@ void add_batch(const TrainingSize& size, Rows& rows) {
     rows.add(fragment_sum_bytes(size));
     if (size.has_depth_maps) rows.add(sizeof(float));  // depths
   }
-  const bool are_among_gradients = sums_forces(size) && fragment_sum_bytes(size) == 0;
-  if (size.batch > 1 && size.has_depth_maps && are_among_gradients) rows.add(sizeof(FragmentSums));
 }
 
 double instance_bytes(const TrainingSize& size, bool have_reserve) {

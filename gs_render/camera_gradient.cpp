@@ -14,12 +14,16 @@ namespace {
 // Each group of rows has a sum of its own, which rounds less than one long sum.
 constexpr std::uint32_t kRowsPerSum = 512;
 
+// What a visible Gaussian adds.
+struct CameraGradientRow {
+  std::uint32_t row;
+  CameraGradient<float> gradient;
+};
+
 void add_to(CameraGradient<double>& sum, const Vec3d& turn, const Vec3d& center) {
   sum.turn += turn;
   sum.center += center;
 }
-
-}  // namespace
 
 std::vector<CameraGradientRow> camera_gradient_rows(const GaussiansSpan& gaussians,
                                                     const Camera& camera,
@@ -48,6 +52,8 @@ CameraGradient<double> sum_of_rows(const std::vector<CameraGradientRow>& rows) {
   add_to(all, group.turn, group.center);
   return all;
 }
+
+}  // namespace
 
 CameraGradient<double> camera_gradient(const GaussiansSpan& gaussians, const Camera& camera,
                                        const RenderSettings& settings, const RenderPass& pass) {

@@ -16,7 +16,7 @@ struct StageTime {
 };
 
 /// Times the scalar stages while it is on. The process has one clock, since its stages share the
-/// cores. Stages of ranks (gs_train/ranks) run beside each other; each adds its own time.
+/// cores.
 class StageClock {
  public:
   /// On: discards earlier times and starts to measure. Off: stops and keeps the times.

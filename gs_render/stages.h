@@ -91,18 +91,6 @@ void preprocess_backward(const GaussiansSpan& gaussians, const Camera& camera,
 /// an order of its own. Only runs that refine poses have this stage (camera_gradient.cpp).
 CameraGradient<double> camera_gradient(const GaussiansSpan& gaussians, const Camera& camera,
                                        const RenderSettings& settings, const RenderPass& pass);
-/// What one visible Gaussian adds to camera_gradient().
-struct CameraGradientRow {
-  std::uint32_t row;
-  CameraGradient<float> gradient;
-};
-/// These of all visible Gaussians, in the order of rows; and their sum, with the same bits as that
-/// of camera_gradient(). Rows may be gathered from several parts of a model (gs_train/ranks).
-std::vector<CameraGradientRow> camera_gradient_rows(const GaussiansSpan& gaussians,
-                                                    const Camera& camera,
-                                                    const RenderSettings& settings,
-                                                    const RenderPass& pass);
-CameraGradient<double> sum_of_rows(const std::vector<CameraGradientRow>& rows);
 
 /// dL/d(splat) of a visible Gaussian that blend_backward() left, summed over its instances in
 /// order.

@@ -114,29 +114,13 @@ void Backend::score_photos(TrainingModel& model, Span<const TrainingPhoto> photo
   }
 }
 
-void Backend::use_photometric(std::shared_ptr<const PhotometricModel> photometric) {
-  if (photometric)
-    throw UsageError("photometric.model is not there on " + name() +
-                     " yet; train with --device cpu, or leave photometric.model none");
-}
-
-void Backend::check_refines_poses() const {
-  throw UsageError("poses.refine is not there on " + name() +
-                   " yet; train with --device cpu, or leave poses.refine false");
-}
-
-void Backend::check_takes_depth() const {
-  throw UsageError("depth maps are not there on " + name() +
-                   " yet; train with --device cpu, or ignore them with --set dataset.depth=none");
-}
-
 void Backend::compare_depth(const View&, const RenderSettings&, float, RenderPass&) {
-  GS_CHECK(false);  // of a backend whose check_takes_depth() throws
+  GS_CHECK(false);  // of a backend that overrides step()
 }
 
 CameraGradient<double> Backend::camera_gradient(const GaussiansSpan&, const Camera&,
                                                 const RenderSettings&, const RenderPass&) {
-  GS_CHECK(false);  // of a backend whose check_refines_poses() throws
+  GS_CHECK(false);  // of a backend that overrides step()
 }
 
 void Backend::add_camera_gradient(const TrainingModel& model, const TrainingPhoto& photo,
@@ -165,13 +149,13 @@ std::unique_ptr<Appearance> Backend::appearance_of(const TrainingModel& model,
 
 void Backend::add_photometric_gradient(const PhotometricShape& shape, const TrainingPhoto& photo,
                                        double weight) {
-  const Span<const double> gradient = appearance_gradient();
+  const Span<const double> gradient = appearance_->gradient();
   double* const of_photo = photometric_sum_.data() + shape.photo_begin(photo.photo_row);
   for (std::size_t i = 0; i < gradient.size; ++i) of_photo[i] += weight * gradient[i];
 }
 
 void Backend::update_photometric(PhotometricState&, const Update&, std::vector<double>&) {
-  GS_CHECK(false);  // of a backend whose use_photometric() takes none
+  GS_CHECK(false);  // of a backend that overrides step()
 }
 
 void Backend::prepare_sums(const TrainingModel& model) {

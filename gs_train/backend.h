@@ -62,11 +62,7 @@ class Backend {
   virtual Loss& loss() = 0;
   /// Takes a photometric model from now on, for models that have its numbers; at first there is none.
   /// Null: none. Throws UsageError where the backend or its loss lacks it.
-  virtual void use_photometric(std::shared_ptr<const PhotometricModel> photometric);
-  /// Throws UsageError where the backend cannot refine poses.
-  virtual void check_refines_poses() const;
-  /// Throws UsageError where the backend cannot train on depth maps (View::depth).
-  virtual void check_takes_depth() const;
+  virtual void use_photometric(std::shared_ptr<const PhotometricModel> photometric) = 0;
   /// True where step() makes the cameras of training photos from model.poses itself. Else the
   /// caller gives them with the photos (TrainingPhoto::refined), as they are after the last step.
   virtual bool makes_refined_cameras() const { return false; }
@@ -151,8 +147,8 @@ class Backend {
   void add(const DensityStatistics& to, const DensityStatistics& from);
   /// Renders a photo's view, compares it with the photo, and pulls the gradients back: fills pass_,
   /// gradients_ and dL_dmean2d_.
-  virtual void differentiate_photo(const TrainingModel& model, const TrainingPhoto& photo,
-                                   const LossSettings& loss_settings, const DensityStep& density);
+  void differentiate_photo(const TrainingModel& model, const TrainingPhoto& photo,
+                           const LossSettings& loss_settings, const DensityStep& density);
   /// The photo's view with its photo, reduced; its camera is the view's, not a refined one.
   static std::shared_ptr<const View> loaded_view(const TrainingPhoto& photo);
   /// How a step renders a photo.
@@ -165,9 +161,7 @@ class Backend {
   /// The appearance of a photo, which has shown the pass's picture; null without a model.
   std::unique_ptr<Appearance> appearance_of(const TrainingModel& model, const TrainingPhoto& photo,
                                             const View& view, const RenderPass& pass);
-  /// dL/d(numbers) of the photo that was differentiated, as in Appearance::gradient().
-  virtual Span<const double> appearance_gradient() const { return appearance_->gradient(); }
-  /// Adds appearance_gradient(), times `weight`.
+  /// Adds the gradient of the appearance of the photo that was differentiated, times `weight`.
   void add_photometric_gradient(const PhotometricShape& shape, const TrainingPhoto& photo,
                                 double weight);
   /// Throws UsageError where the loss, a word of loss.kind, knows no photometric model.

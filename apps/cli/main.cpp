@@ -142,7 +142,6 @@ int run(int argc, const char* const* argv) {
   add_info(program);
   add_bench(program);
   add_selftest(program);
-  add_rank(program);
   add_self_doc(program);
   std::vector<std::string> arguments = without_foreign_habits(normalized_arguments(argc, argv));
   std::reverse(arguments.begin(), arguments.end());  // as CLI11 wants them

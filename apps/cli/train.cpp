@@ -16,7 +16,6 @@
 #include "data_loaders/formats/formats.h"
 #include "gs_app/run/make_backend.h"
 #include "gs_app/run/text.h"
-#include "gs_app/session/serve_rank.h"
 #include "gs_app/session/train_session.h"
 #include "gs_app/view/train_viewer.h"
 #include "gs_core/error.h"
@@ -130,32 +129,9 @@ void print_summary(const Results& results, const RunFolder& folder) {
       ExitCode::interrupted);
 }
 
-// Where srun or mpirun has started the ranks: those are all of the run's. Photos of a new run on
-// GPUs are as many as with --gpus.
-void take_place(const RankPlace& place, const TrainCommand& command, bool is_new,
-                TrainConfig& train) {
-  if (!command.gpus.empty() && train.ranks != place.count)
-    throw UsageError(
-        fmt::format("--gpus {}, and {} ranks were started; leave --gpus out: each rank "
-                    "has a GPU",
-                    command.gpus, place.count));
-  train.rank_processes = true;
-  if (is_cpu(train.device))
-    train.ranks = place.count;
-  else
-    take_gpus(std::to_string(place.count), is_new, train);
-}
-
-// srun and mpirun start this program once for each rank, and rank 0 is the run.
-TrainRequest request_of(const TrainCommand& command, const std::optional<RankPlace>& place) {
+TrainRequest request_of(const TrainCommand& command) {
   TrainRequest request;
-  request.settings = [&command, &place](const Config& start) {
-    Config config = settings_of(command, start);
-    if (place) take_place(*place, command, start.model.output.empty(), config.train);
-    return config;
-  };
-  request.rank_program = own_program().string();
-  request.rank_place = place;
+  request.settings = [&command](const Config& start) { return settings_of(command, start); };
   request.resume = command.resume;
   request.added_steps = command.added_steps;
   request.force = command.force;
@@ -164,12 +140,12 @@ TrainRequest request_of(const TrainCommand& command, const std::optional<RankPla
   return request;
 }
 
-void train(const TrainCommand& command, const std::optional<RankPlace>& place) {
+void train(const TrainCommand& command) {
   setup_log(command.verbosity());
   if (command.viewer.is_wanted) check_can_view();
   std::optional<TrainViewer> viewer;
   TerminalHooks hooks(command, viewer);
-  TrainSession session(request_of(command, place), hooks);
+  TrainSession session(request_of(command), hooks);
   const struct EndViewer {  // before the session, whose scene it shows
     std::optional<TrainViewer>& viewer;
     ~EndViewer() { viewer.reset(); }
@@ -186,11 +162,6 @@ void train(const TrainCommand& command, const std::optional<RankPlace>& place) {
   }
   if (!command.quiet) print_summary(session.results(), session.folder());
   if (viewer) viewer->end(session.trainer(), session.results().test);
-}
-
-// Rank 0 has told what went wrong, if anything has.
-void end_rank(ExitCode code) {
-  if (code != ExitCode::done) std::exit(int(code));
 }
 
 }  // namespace
@@ -238,7 +209,7 @@ void add_train(CLI::App& program) {
               "Training", "largest number of Gaussians; auto: as many as fit into memory");
   verb.add_option("--gpus", command->gpus,
                   "train on so many GPUs, or on all; a new run updates by as many photos at once "
-                  "(docs/ranks.md)")
+                  "(docs/gpus.md)")
       ->type_name("N|all")
       ->group("Training");
   add_setting(verb, line, "--seed", "train.seed", "Training");
@@ -254,21 +225,7 @@ void add_train(CLI::App& program) {
     command->added_steps = extract_added_steps(command->flags);
     if (command->added_steps && command->resume.empty())
       throw UsageError("--iterations +N extends a finished run: name it with --resume");
-    const std::optional<RankPlace> place = rank_place();
-    if (place && place->rank > 0) return end_rank(serve_rank(*place));
-    train(*command, place);
-  });
-}
-
-// Rank 0 starts it. What it needs comes from the environment and from rank 0.
-void add_rank(CLI::App& program) {
-  CLI::App& verb = *program.add_subcommand("rank", "Work as a rank of a run");
-  verb.group("");
-  verb.callback([] {
-    const std::optional<RankPlace> place = rank_place();
-    if (!place || place->rank == 0)
-      throw UsageError("gemsplat train starts this by itself (docs/ranks.md)");
-    end_rank(serve_rank(*place));
+    train(*command);
   });
 }
 

@@ -29,7 +29,6 @@ void add_export(CLI::App& program);
 void add_info(CLI::App& program);
 void add_bench(CLI::App& program);
 void add_selftest(CLI::App& program);
-void add_rank(CLI::App& program);
 void add_self_doc(CLI::App& program);
 
 }  // namespace gs

@@ -30,22 +30,6 @@ __global__ void gather_kernel(Span<FragmentSums> statistics, Vec4f* sums, FixedF
   add_to(statistics[i], scaled_forces(share, scale));
 }
 
-// Sums of forces that lie among the gradients, in place of absolute ones. preprocess_backward()
-// reads the gradients and clears them.
-__global__ void gather_forces_kernel(Span<FragmentSums> statistics,
-                                     const std::uint32_t* tile_counts, const Splat* splats,
-                                     const SplatGradientSum* gradients, float scale,
-                                     const std::uint32_t* halted, Shard shard) {
-  const std::size_t i = thread_number(), projected = shard.row_of_all(i);
-  if (i >= statistics.size || tile_counts[projected] == 0 || *halted) return;
-  const SplatGradientSum& gradient = gradients[projected];
-  const float count = gradient.absolute_x, second = gradient.absolute_y;
-  if (count == 0) return;
-  // dL/d(opacity) is sum f / opacity
-  const FragmentSums share{count, gradient.opacity * splats[projected].opacity, second};
-  add_to(statistics[i], scaled_forces(share, scale));
-}
-
 __global__ void add_sums_kernel(Span<FragmentSums> to, FragmentSums* from,
                                 const std::uint32_t* halted) {
   const std::size_t i = thread_number();
@@ -59,17 +43,12 @@ __global__ void add_sums_kernel(Span<FragmentSums> to, FragmentSums* from,
 void gather_fragment_sums(Context& context, const PhotoRows& photo, Span<FragmentSums> to,
                           const std::uint32_t* halted, const Shard& shard) {
   const RenderSettings& settings = photo.settings;
-  if (sums_of_forces_are_added(settings)) return;
+  if (sums_among_gradients(settings)) return;
   const StageScope scope(context, "statistics");
   const float scale = settings.deterministic ? 1.0f : force_scale(photo.pixel_count());
-  const std::size_t blocks = blocks_for(to.size, kThreads);
-  if (sums_among_gradients(settings))
-    context.launch("statistics", gather_forces_kernel, blocks, kThreads, to, photo.tile_counts,
-                   photo.splats, photo.gradients, scale, halted, shard);
-  else
-    context.launch("statistics", gather_kernel, blocks, kThreads, to, photo.fragment_sums,
-                   settings.deterministic ? photo.fixed_fragment_sums : nullptr, scale, halted,
-                   shard);
+  context.launch("statistics", gather_kernel, blocks_for(to.size, kThreads), kThreads, to,
+                 photo.fragment_sums, settings.deterministic ? photo.fixed_fragment_sums : nullptr,
+                 scale, halted, shard);
 }
 
 void add_fragment_sums(Context& context, Span<FragmentSums> to, Span<FragmentSums> from,

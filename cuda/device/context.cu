@@ -4,7 +4,6 @@
 #include <nvtx3/nvToolsExt.h>
 
 #include <algorithm>
-#include <thread>
 
 #include "cuda/device/unserved_card.h"
 
@@ -65,23 +64,7 @@ Context::~Context() {
   cudaStreamDestroy(stream_);
 }
 
-template <class Query>
-void Context::watch_until(Query&& query) {
-  if (!watch_) return;
-  // Also where nothing has to be waited for: many short pieces of work may take long together.
-  for (watch_(); query() == cudaErrorNotReady; watch_()) std::this_thread::yield();
-  cudaGetLastError();  // "not ready" is no error of the next launch
-}
-
-void Context::synchronize() {
-  watch_until([this] { return cudaStreamQuery(stream_); });
-  check(cudaStreamSynchronize(stream_), "a kernel");
-}
-
-void Context::wait_for(cudaEvent_t event, const char* what) {
-  watch_until([event] { return cudaEventQuery(event); });
-  check(cudaEventSynchronize(event), what);
-}
+void Context::synchronize() { check(cudaStreamSynchronize(stream_), "a kernel"); }
 
 cudaEvent_t Context::event() {
   cudaEvent_t event;

@@ -5,7 +5,6 @@
 
 #include <cuda_runtime.h>
 
-#include <functional>
 #include <string>
 #include <utility>
 #include <vector>
@@ -36,11 +35,6 @@ class Context {
 
   /// Waits until every launched kernel has run. A step of training never calls it.
   void synchronize();
-  /// Waits for an event of this GPU.
-  void wait_for(cudaEvent_t event, const char* what);
-  /// Calls `watch`, which may throw, again and again while one of these waits: for a GPU that
-  /// others may keep waiting.
-  void watch_by(std::function<void()> watch) { watch_ = std::move(watch); }
 
   /// Launches a kernel of `blocks` blocks, and nothing for 0 blocks. An error names the stage.
   template <class... Parameters, class... Arguments>
@@ -75,13 +69,9 @@ class Context {
     cudaEvent_t begin, end;
   };
   cudaEvent_t event();
-  // Watches as long as query() says cudaErrorNotReady.
-  template <class Query>
-  void watch_until(Query&& query);
 
   int device_;
   cudaStream_t stream_ = nullptr;
-  std::function<void()> watch_;
   std::string device_name_;
   int multiprocessors_ = 0;
   bool has_tensor_cores_ = false;
@@ -93,15 +83,18 @@ class Context {
 /// Makes a GPU the current one of this thread for a while: kernels are launched on that one alone.
 class OnDevice {
  public:
-  explicit OnDevice(int device) {
+  explicit OnDevice(int device) : device_(device) {
     check(cudaGetDevice(&before_), "asking for the current GPU");
-    if (before_ != device) check(cudaSetDevice(device), "choosing the GPU");
+    if (before_ != device_) check(cudaSetDevice(device_), "choosing the GPU");
   }
-  ~OnDevice() { cudaSetDevice(before_); }
+  ~OnDevice() {
+    if (before_ != device_) cudaSetDevice(before_);
+  }
   OnDevice(const OnDevice&) = delete;
   OnDevice& operator=(const OnDevice&) = delete;
 
  private:
+  const int device_;
   int before_ = 0;
 };
 

@@ -191,12 +191,12 @@ __global__ void __launch_bounds__(kPreprocessThreads, kBlocks)
       if (!is_finite(splat.color)) hits = 0;
     }
   }
-  if (shard.ranks > 1)
+  if (shard.gpus > 1)
     store_in_lines(shared.splats, out.splats + (to - lane_of_thread()), splat, hits > 0);
   if (i >= count) return;
   if (hits == 0) return cull(out.rows, to);
   keep(out.rows, to, hits, projected.depth, pixels);
-  if (shard.ranks == 1) store_in_vectors(out.splats + to, splat);
+  if (shard.gpus == 1) store_in_vectors(out.splats + to, splat);
   if (out.depths) out.depths[to] = projected.depth;
 }
 
@@ -270,11 +270,11 @@ __global__ void __launch_bounds__(kPreprocessThreads, degree == kMaxShDegree && 
         if (!is_finite(splat.color)) hits = 0;
       }
     }
-    if (shard.ranks > 1)
+    if (shard.gpus > 1)
       store_in_lines(shared.splats, photo.out.splats + (to - lane), splat, hits > 0);
     if (hits > 0) {
       keep(photo.out.rows, to, hits, projected.depth, pixels);
-      if (shard.ranks == 1) store_in_vectors(photo.out.splats + to, splat);
+      if (shard.gpus == 1) store_in_vectors(photo.out.splats + to, splat);
       if (photo.out.depths) photo.out.depths[to] = projected.depth;
     } else if (i < count) {
       cull(photo.out.rows, to);

@@ -138,8 +138,7 @@ void CudaRenderer::clear_gradients() {
   workspace_.fixed_fragment_sums.fill_zero();
 }
 
-void CudaRenderer::reserve_gradients(std::size_t count, const RenderSettings& settings,
-                                     bool draws) {
+void CudaRenderer::reserve_gradients(std::size_t count, const RenderSettings& settings) {
   const auto reserve = [count](auto& sums) {
     if (sums.size() >= count) return;
     sums.resize_discard(count);
@@ -152,7 +151,7 @@ void CudaRenderer::reserve_gradients(std::size_t count, const RenderSettings& se
     else if (!sums_among_gradients(settings))
       reserve(workspace_.fragment_sums);
   }
-  if (!settings.deterministic || !draws) return;
+  if (!settings.deterministic) return;
   reserve(workspace_.fine_sums);
   reserve(workspace_.coarse_sums);
 }

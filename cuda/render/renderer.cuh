@@ -35,9 +35,8 @@ class CudaRenderer final : public Renderer {
   /// `capacity` instances, without waiting; see create_instances().
   void finish_projected(const RenderSettings& settings, RenderPass& pass, std::uint32_t capacity,
                         StepReport* report, std::uint32_t step);
-  /// Reserves dL/d(splat) of so many Gaussians. New entries are zero. `draws` is false where
-  /// another process draws the photo, and the gradients come from there.
-  void reserve_gradients(std::size_t count, const RenderSettings& settings, bool draws = true);
+  /// Reserves dL/d(splat) of so many Gaussians. New entries are zero.
+  void reserve_gradients(std::size_t count, const RenderSettings& settings);
   /// Sets the gradients back to zero after a step that failed.
   void clear_gradients();
   Workspace& workspace() { return workspace_; }

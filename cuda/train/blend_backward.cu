@@ -388,7 +388,10 @@ void blend_backward(Context& context, const RenderSettings& settings, Span<const
                    kBlendThreads, count, pass.tile_counts.data(), workspace.fine_sums.data(),
                    workspace.coarse_sums.data(), workspace.splat_gradients.data());
   };
-  if (settings.absolute_gradient)
+  // Forces that are not among the gradients are in sums of their own, beside absolute gradients.
+  const bool has_forces_apart = settings.fragment_statistic != FragmentStatistic::none &&
+                                settings.with_depths && !settings.deterministic;
+  if (settings.absolute_gradient || has_forces_apart)
     launch_as_asked(std::true_type());
   else
     launch_as_asked(std::false_type());

@@ -37,17 +37,20 @@ struct SplatGradients {
 
 __global__ void __launch_bounds__(kThreads)
     add_gaussians_kernel(GaussiansSpan gaussians, Camera given, const DevicePose* pose,
-                         SplatSettings settings, SplatGradients in, double* of_blocks) {
+                         SplatSettings settings, SplatGradients in, double* of_blocks,
+                         Shard shard) {
   const Camera camera = refined(given, pose);
   __shared__ double of_warps[kWarps][kSums];
-  const std::size_t i = std::size_t(blockIdx.x) * kThreads + threadIdx.x;
+  const std::size_t first = std::size_t(blockIdx.x) * kThreads, i = first + threadIdx.x;
+  const std::size_t to = shard.row_of_all(first), projected = to + threadIdx.x;
   double sums[kSums] = {0, 0, 0, 0, 0, 0};
-  if (i < gaussians.mean.size && in.tile_counts[i] > 0) {
-    const SplatGradient dL_dsplat = masked(load_in_vectors(in.sums + i), in.splats[i].color);
+  if (i < gaussians.mean.size && in.tile_counts[projected] > 0) {
+    const SplatGradient dL_dsplat =
+        masked(load_in_vectors(in.sums + projected), in.splats[projected].color);
     const CameraGradient<float> dL = camera_vjp(gaussians, i, camera, settings, dL_dsplat);
     for (int k = 0; k < 3; ++k) sums[k] = double(dL.turn[k]), sums[3 + k] = double(dL.center[k]);
   }
-  add_up(sums, of_warps, of_blocks + kSums * std::size_t(blockIdx.x));
+  add_up(sums, of_warps, of_blocks + kSums * (to / kThreads));
 }
 
 // Thread t takes the blocks t, t + kThreads, ...
@@ -70,17 +73,22 @@ __global__ void __launch_bounds__(kThreads)
 
 }  // namespace
 
-void camera_gradient(Context& context, const GaussiansSpan& gaussians, const PhotoRows& photo,
-                     Workspace& workspace, const PoseRow& row, double weight) {
+std::size_t camera_blocks(std::size_t rows) { return blocks_for(rows, kThreads); }
+
+void add_camera_blocks(Context& context, const GaussiansSpan& gaussians, const PhotoRows& photo,
+                       double* of_blocks, const Shard& shard) {
   const StageScope scope(context, "camera gradient");
-  const std::size_t blocks = blocks_for(gaussians.mean.size, kThreads);
-  workspace.camera_sums.resize_discard(kSums * blocks);
+  GS_CHECK(shard.gpus == 1 || shard.chunk_rows() % kThreads == 0);
   const SplatGradients in{photo.tile_counts, photo.splats, photo.gradients};
   const SplatSettings& settings = photo.settings;
-  context.launch("camera gradient", add_gaussians_kernel, blocks, kThreads, gaussians, photo.camera,
-                 photo.pose, settings, in, workspace.camera_sums.data());
-  context.launch("camera gradient", add_blocks_kernel, 1, kThreads,
-                 static_cast<const double*>(workspace.camera_sums.data()), blocks, row, weight);
+  context.launch("camera gradient", add_gaussians_kernel, camera_blocks(gaussians.mean.size),
+                 kThreads, gaussians, photo.camera, photo.pose, settings, in, of_blocks, shard);
+}
+
+void camera_gradient(Context& context, const double* of_blocks, std::size_t blocks,
+                     const PoseRow& row, double weight) {
+  const StageScope scope(context, "camera gradient");
+  context.launch("camera gradient", add_blocks_kernel, 1, kThreads, of_blocks, blocks, row, weight);
 }
 
 }  // namespace gs::cuda

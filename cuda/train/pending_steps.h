@@ -4,10 +4,6 @@
 // (instance_forecast.h). Where the forecast is too small, the device raises a flag, and no step
 // changes the model from then on. When the host sees the flag in a report, it launches those steps
 // again, in order, with larger buffers. The result is that of a sufficient forecast.
-//
-// Where other ranks are processes, all of them launch the same steps in the same order, also again.
-// So what the host does must not depend on when a report comes: it reads the reports of a step when
-// a certain number of photos was launched after it, and waits for them then.
 #pragma once
 
 #include <deque>
@@ -20,14 +16,24 @@
 #include "cuda/render/reports.cuh"
 #include "cuda/stages.cuh"
 #include "cuda/train/instance_forecast.h"
+#include "cuda/train/photometric_stage.cuh"
 
 namespace gs::cuda {
+
+/// The update of the poses; there is none while they rest.
+struct PoseUpdate {
+  bool is_due = false;
+  AdamStep adam{};
+  AdamRule rule = {};
+};
 
 /// A step that may have to be launched again. Its photos have numbers of their own, in order.
 struct PendingStep : ModelUpdate {
   std::vector<TrainingPhoto> batch;
   LossSettings loss_settings;
-  float position_rate;            // Adam's rate for the means, which scales the noise
+  float position_rate;  // Adam's rate for the means, which scales the noise
+  PhotometricUpdate photometric;
+  PoseUpdate poses;
   std::uint32_t first_photo = 0;  // its number
   bool is_launched = false;
 
@@ -44,39 +50,28 @@ struct PendingStep : ModelUpdate {
   Span<const TrainingPhoto> photos() const { return {batch.data(), batch.size()}; }
 };
 
-/// What a backend does with its steps. `Step` is a PendingStep.
-template <class Step>
+/// What a backend does with its steps.
 class StepLauncher {
  public:
   virtual ~StepLauncher() = default;
   /// Launches a step. Where this throws, for example because memory ran out, no launch of the step
   /// has changed the model.
-  virtual void enqueue(const Step& step) = 0;
+  virtual void enqueue(const PendingStep& step) = 0;
   /// Waits for all launches.
   virtual void wait_for_launches() = 0;
   /// After a step that failed, and wait_for_launches(): sums and gradients are zero again.
   virtual void clear_failed_step() = 0;
   /// The same after steps that were halted; and no step is halted any more.
   virtual void clear_halted_steps() = 0;
-  /// Is called again and again while the host waits for a report. May throw.
-  virtual void keep_watch() {}
 };
 
-/// Who launches the steps of a run.
-enum class Launchers {
-  this_host,  // alone
-  many        // processes, each of which launches the same steps
-};
-
-template <class Step>
 class PendingSteps {
  public:
-  explicit PendingSteps(StepLauncher<Step>& launcher, Launchers launchers = Launchers::this_host)
-      : launcher_(launcher), launchers_(launchers) {}
+  explicit PendingSteps(StepLauncher& launcher) : launcher_(launcher) {}
 
   /// Launches a step for a model of so many Gaussians. Waits while the host is too far ahead.
   /// Where this throws, the step is dropped; earlier ones are launched later.
-  void launch(Step step, std::size_t gaussians) {
+  void launch(PendingStep step, std::size_t gaussians) {
     gaussians_ = gaussians;
     const std::size_t photos = step.batch.size();
     GS_CHECK(photos >= 1 && photos <= std::size_t(kMostBatch));
@@ -96,28 +91,17 @@ class PendingSteps {
   void finish() {
     while (!pending_.empty()) {
       launcher_.wait_for_launches();
-      if (launchers_ == Launchers::many)
-        settle_first();
-      else
-        read_reports();
+      read_reports();
     }
   }
-  bool empty() const { return pending_.empty(); }
   Reports& reports() { return reports_; }
   InstanceForecast& forecast() { return forecast_; }
 
  private:
   static constexpr std::size_t kMostPending = 128;  // photos that the host may be ahead
-  // The same where many hosts launch: so few that no launch waits for room in the device's queue,
-  // where a host could not watch the others.
-  static constexpr std::size_t kMostOfMany = 16;
 
   // Waits until so many photos may be launched.
   void make_room(std::size_t photos) {
-    if (launchers_ == Launchers::many) {
-      while (!pending_.empty() && pending_photos() + photos > kMostOfMany) settle_first();
-      return;
-    }
     read_reports();
     while (pending_photos() + photos > kMostPending) {  // the device has enough to do
       std::this_thread::yield();
@@ -132,7 +116,7 @@ class PendingSteps {
   // Launches the steps that are not launched yet, in order. A step that fails changes nothing; the
   // next call launches it again, with those after it.
   void launch_pending() {
-    for (Step& step : pending_) {
+    for (PendingStep& step : pending_) {
       if (step.is_launched) continue;
       try {
         launcher_.enqueue(step);
@@ -158,20 +142,6 @@ class PendingSteps {
     }
   }
 
-  // The same for the first step alone, whose reports it waits for.
-  void settle_first() {
-    launch_pending();
-    std::optional<bool> is_halted;
-    while (!(is_halted = is_first_halted())) {
-      std::this_thread::yield();
-      launcher_.keep_watch();
-    }
-    if (*is_halted)
-      repeat_pending();
-    else
-      drop_first();
-  }
-
   // Nothing while reports of the first step are missing.
   std::optional<bool> is_first_halted() {
     bool is_halted = false;
@@ -189,7 +159,7 @@ class PendingSteps {
   }
 
   // Tells the forecast what the reports of a step say so far.
-  void note_instances(const Step& step) {
+  void note_instances(const PendingStep& step) {
     for (std::size_t i = 0; i < step.batch.size(); ++i) {
       StepReport report;
       if (!reports_.read(step.number_of(i), report)) continue;
@@ -200,17 +170,16 @@ class PendingSteps {
 
   void repeat_pending() {
     launcher_.wait_for_launches();
-    for (const Step& step : pending_) note_instances(step);
+    for (const PendingStep& step : pending_) note_instances(step);
     launcher_.clear_halted_steps();
-    for (Step& step : pending_) step.is_launched = false;
+    for (PendingStep& step : pending_) step.is_launched = false;
     launch_pending();
   }
 
-  StepLauncher<Step>& launcher_;
-  const Launchers launchers_;
+  StepLauncher& launcher_;
   Reports reports_{kMostPending};
   InstanceForecast forecast_;
-  std::deque<Step> pending_;
+  std::deque<PendingStep> pending_;
   std::size_t gaussians_ = 0;
   std::uint32_t last_photo_ = 0;
 };

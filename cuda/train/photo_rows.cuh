@@ -18,16 +18,16 @@ class PhotoBuffers {
   explicit PhotoBuffers(Memory& memory) : memory_(memory) {}
 
   /// The arrays of photo `i` of those that the pass draws, before any of them is drawn. Gradients
-  /// are zero. `draws` as in CudaRenderer::reserve_gradients().
+  /// are zero.
   PhotoRows rows(std::size_t i, const Camera& camera, const RenderSettings& settings,
                  const DevicePose* pose, std::size_t count, CudaRenderer& renderer,
-                 RenderPass& pass, bool draws = true) {
+                 RenderPass& pass) {
     while (others_.size() < i) others_.emplace_back(memory_);
     Workspace& workspace = renderer.workspace();
     if (i > 0) others_[i - 1].exchange(workspace, pass);
     pass.begin(camera, count, true, settings.with_depths);
     workspace.depth_keys.resize_discard(count);
-    renderer.reserve_gradients(count, settings, draws);
+    renderer.reserve_gradients(count, settings);
     const PhotoRows rows(camera, settings, pose, workspace, pass);
     if (i > 0) others_[i - 1].exchange(workspace, pass);
     return rows;

@@ -68,17 +68,9 @@ PhotoOnDevice PhotometricStage::photo(const PhotometricState& state,
   if (!update.is_due) return result;
   result.weight = 1.0 / double(photos);
   result.photo_gradient = has_rows(photos)
-                              ? row_of(state, update, i, photos).data
+                              ? rows_.data() + i * state.shape.photo_size
                               : gradient_.data() + state.shape.photo_begin(photo.photo_row);
   return result;
-}
-
-Span<double> PhotometricStage::row_of(const PhotometricState& state,
-                                      const PhotometricUpdate& update, std::size_t i,
-                                      std::size_t photos) const {
-  if (!update.is_due || !has_rows(photos)) return {};
-  const std::size_t size = state.shape.photo_size;
-  return {rows_.data() + i * size, size};
 }
 
 void PhotometricStage::update(PhotometricState& state, const PhotometricUpdate& update,

@@ -150,8 +150,8 @@ PhotoStore::Slot& PhotoStore::fetch(const View& view) {
   const std::vector<std::uint8_t>&photo = decoded->photo.pixels, &mask = decoded->mask.pixels;
   const std::size_t bytes = photo.size() + mask.size();
   Slot& slot = oldest_free_slot();
-  slot.view = nullptr;                                  // if anything throws
-  context_.wait_for(slot.arrived, "fetching a photo");  // the pinned bytes are free again
+  slot.view = nullptr;                                            // if anything throws
+  check(cudaEventSynchronize(slot.arrived), "fetching a photo");  // the pinned bytes are free again
   reserve(slot, bytes);
   std::memcpy(slot.pinned, photo.data(), photo.size());
   if (!mask.empty()) std::memcpy(slot.pinned + photo.size(), mask.data(), mask.size());

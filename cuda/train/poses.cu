@@ -8,6 +8,7 @@
 #include "cuda/train/poses.cuh"
 
 #include "cuda/device/block_sums.cuh"
+#include "cuda/stages.cuh"
 #include "gs_core/config/config.h"
 
 namespace gs::cuda {
@@ -96,6 +97,15 @@ const DevicePose* DevicePoses::refine(const PoseRow& row, std::size_t i) {
   DevicePose* const pose = cameras_.data() + i;
   context_.launch("poses", refine_kernel, 1, 1, row, pose);
   return pose;
+}
+
+void DevicePoses::reserve_sums(std::size_t photos, std::size_t rows) {
+  blocks_ = camera_blocks(rows);
+  block_sums_.resize_discard(photos * blocks_ * kPoseNumbers);
+}
+
+void DevicePoses::add_gradient(const PoseRow& row, std::size_t i, double weight) {
+  camera_gradient(context_, sums_of_blocks(i), blocks_, row, weight);
 }
 
 void DevicePoses::update(const AdamStep& step, const AdamRule& rule, const std::uint32_t* halted) {

@@ -35,7 +35,7 @@ class DevicePoses {
  public:
   DevicePoses(Context& context, Memory& memory)
       : context_(context), values_(memory), first_moment_(memory), second_moment_(memory),
-        modes_(memory), gradient_(memory), cameras_(memory) {}
+        modes_(memory), gradient_(memory), cameras_(memory), block_sums_(memory) {}
 
   void upload(const PoseState& state);
   void download(PoseState& state);
@@ -43,11 +43,21 @@ class DevicePoses {
   PoseRow row_of(const PoseState& state, std::size_t photo, const Camera& given) const;
   /// Photo i of a batch has the camera of this row from now on. Returns its pose, on the device.
   const DevicePose* refine(const PoseRow& row, std::size_t i);
+  /// Before a step by so many photos of a model of so many rows: makes room for what
+  /// add_camera_blocks() leaves of each photo.
+  void reserve_sums(std::size_t photos, std::size_t rows);
+  double* sums_of_blocks(std::size_t photo) const {
+    return block_sums_.data() + photo * blocks_ * kPoseNumbers;
+  }
+  /// After add_camera_blocks() of photo i on all GPUs: adds the gradient of its pose.
+  void add_gradient(const PoseRow& row, std::size_t i, double weight);
   /// 8 for poses: Adam for all rows by their gradients and the pull; then what all photos have in
   /// common is taken out of the motions. Clears the gradients. Nothing is changed while `halted` is
   /// raised.
   void update(const AdamStep& step, const AdamRule& rule, const std::uint32_t* halted);
   void clear_gradient() { gradient_.fill_zero(); }
+  /// Between steps.
+  void release_caches() { block_sums_.release(); }
 
  private:
   bool holds(const PoseState& state) const;
@@ -60,6 +70,8 @@ class DevicePoses {
   Buffer<double> modes_;                                 // (modes, rows, 6) PoseState::common_modes
   Buffer<double> gradient_;                              // (rows, 6) zero between steps
   Buffer<DevicePose> cameras_;                           // (kMostBatch)
+  std::size_t blocks_ = 0;
+  Buffer<double> block_sums_;  // (photos of a batch, blocks, 6)
 };
 
 }  // namespace gs::cuda

@@ -180,7 +180,7 @@ void preprocess_backward(Context& context, const GaussiansSpan& gaussians, const
 void update_by_photo(Context& context, TrainingModel& model, const PhotoRows& photo,
                      const ModelUpdate& update, const std::uint32_t* halted, const Shard& shard) {
   with_update(
-      model, update, photo, sums_of_forces_are_added(photo.settings), halted, shard,
+      model, update, photo, sums_among_gradients(photo.settings), halted, shard,
       [&](const auto& sink) { launch(context, model.gaussians.span(), photo, sink, shard); });
 }
 

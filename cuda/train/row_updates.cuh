@@ -153,7 +153,7 @@ struct GatherStatistics {
   float* gradient_norm;
   int width, height;
   const std::uint32_t* halted;
-  FragmentSums* force_sums;  // null unless sums_of_forces_are_added()
+  FragmentSums* force_sums;  // null unless sums_among_gradients()
   float force_scale;         // of one photo's forces
 
   struct Statistics {

@@ -223,7 +223,7 @@ void update_by_photos(Context& context, TrainingModel& model, Span<const PhotoRo
   for (std::size_t p = 0; p < photos.size; ++p) {
     const PhotoRows& photo = photos[p];
     GS_CHECK(photo.settings.sh_degree <= last.settings.sh_degree);
-    const bool adds_forces = sums_of_forces_are_added(photo.settings);
+    const bool adds_forces = sums_among_gradients(photo.settings);
     any_adds_forces |= adds_forces;
     in.of[p] = {photo.camera,
                 photo.pose,

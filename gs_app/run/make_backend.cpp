@@ -6,7 +6,6 @@
 #include <vector>
 
 #include "gs_core/error.h"
-#include "gs_train/ranks/ranked_backend.h"
 
 #ifdef GS_HAVE_CUDA
 #include "cuda/backend.h"
@@ -16,32 +15,28 @@ namespace gs {
 namespace {
 
 #ifdef GS_HAVE_CUDA
-std::unique_ptr<Backend> make_cuda_backend(int index) {
-  if (index < cuda_device_count()) return cuda::make_backend(index);
-  if (cuda_device_count() == 0) throw Error(why_no_gpu() + ", or use --device cpu");
-  throw Error("there is no GPU cuda:" + std::to_string(index) + ": the driver reports " +
-              std::to_string(cuda_device_count()) + "; check nvidia-smi, or use --device cpu");
-}
-// A rank on each GPU from `first` on.
-std::unique_ptr<Backend> make_cuda_ranks(int first, int ranks) {
-  const int count = cuda_device_count();
-  if (first >= count) return make_cuda_backend(first);  // which says so
-  if (ranks > count - first)
-    throw UsageError(
-        "train.ranks is " + std::to_string(ranks) + ", and from cuda:" + std::to_string(first) +
-        " on there are only " + std::to_string(count - first) +
-        " GPUs, which have one rank each; set train.ranks=" + std::to_string(count - first));
+// The backend of `count` GPUs from `first` on.
+std::unique_ptr<Backend> make_cuda_backend(int first, int count) {
+  const int visible = cuda_device_count();
+  if (visible == 0) throw Error(why_no_gpu() + ", or use --device cpu");
+  if (first >= visible)
+    throw Error("there is no GPU cuda:" + std::to_string(first) + ": the driver reports " +
+                std::to_string(visible) + "; check nvidia-smi, or use --device cpu");
+  if (count > visible - first)
+    throw UsageError("train.ranks is " + std::to_string(count) +
+                     ", and from cuda:" + std::to_string(first) + " on there are only " +
+                     std::to_string(visible - first) +
+                     " GPUs; set train.ranks=" + std::to_string(visible - first));
   std::vector<int> devices;
-  for (int rank = 0; rank < ranks; ++rank) devices.push_back(first + rank);
-  return cuda::make_ranked_backend(devices);
+  for (int i = 0; i < count; ++i) devices.push_back(first + i);
+  return cuda::make_backend(devices);
 }
 #else
-std::unique_ptr<Backend> make_cuda_backend(int) {
+std::unique_ptr<Backend> make_cuda_backend(int, int) {
   throw Error(
       "this build has no CUDA; configure again with nvcc on the PATH (-DGS_REQUIRE_CUDA=ON says "
       "what is missing), or use --device cpu");
 }
-std::unique_ptr<Backend> make_cuda_ranks(int first, int) { return make_cuda_backend(first); }
 #endif
 
 // The number N of "cuda:N"; 0 for "cuda", and for "auto" where there is a GPU.
@@ -83,7 +78,7 @@ std::optional<int> gpu_number(const std::string& device) {
 
 std::unique_ptr<Backend> make_backend(const std::string& device) {
   if (is_cpu(device)) return make_scalar_backend();
-  return make_cuda_backend(cuda_index(device));
+  return make_cuda_backend(cuda_index(device), 1);
 }
 
 void take_gpus(const std::string& gpus, bool is_new, TrainConfig& train) {
@@ -103,12 +98,12 @@ void take_gpus(const std::string& gpus, bool is_new, TrainConfig& train) {
   if (is_new && train.batch == 1) train.batch = std::min(count, kMostBatch);
 }
 
-int first_gpu(const TrainConfig& train) { return cuda_index(train.device); }
-
 std::unique_ptr<Backend> make_training_backend(const TrainConfig& train) {
-  if (train.ranks == 1) return make_backend(train.device);
-  if (is_cpu(train.device)) return make_ranked_backend({train.ranks, double(train.rank_deadline)});
-  return make_cuda_ranks(cuda_index(train.device), train.ranks);
+  if (!is_cpu(train.device)) return make_cuda_backend(cuda_index(train.device), train.ranks);
+  if (train.ranks > 1)
+    throw UsageError("train.ranks is " + std::to_string(train.ranks) +
+                     ", which counts GPUs, and this run is on the CPU; set train.ranks=1");
+  return make_scalar_backend();
 }
 
 }  // namespace gs

@@ -15,16 +15,12 @@ namespace gs {
 /// UsageError for any other name. Only one thread at a time may use a backend.
 std::unique_ptr<Backend> make_backend(const std::string& device);
 
-/// The backend for a run: make_backend(train.device), or several ranks (train.ranks). These are
-/// threads on the CPU, or as many GPUs from train.device on. Throws UsageError where there are
-/// fewer.
+/// The backend for a run: make_backend(train.device), or that of several GPUs (train.ranks) from
+/// train.device on. Throws UsageError where there are fewer.
 std::unique_ptr<Backend> make_training_backend(const TrainConfig& train);
 
 /// Whether a device, as make_backend() takes it, is the CPU.
 bool is_cpu(const std::string& device);
-
-/// N of train.device = "cuda:N"; 0 for "cuda" and "auto".
-int first_gpu(const TrainConfig& train);
 
 /// Settings of a run on `gpus` GPUs, a number or "all", from train.device on. Where the run is new
 /// and says nothing else, an update takes as many photos. Throws UsageError for other words, and

@@ -11,11 +11,9 @@
 #include "data_loaders/scene/scene_hash.h"
 #include "data_loaders/scene/scene_model.h"
 #include "gs_app/observers/sight_observer.h"
-#include "gs_app/ranks/shared_scene.h"
 #include "gs_app/report/report_run.h"
 #include "gs_app/run/make_backend.h"
 #include "gs_app/run/photometric_file.h"
-#include "gs_app/run/rank_device.h"
 #include "gs_app/run/stop_on_signal.h"
 #include "gs_app/session/check_sight.h"
 #include "gs_app/session/evaluate_run.h"
@@ -27,7 +25,6 @@
 #include "gs_core/error.h"
 #include "gs_core/log.h"
 #include "gs_core/threads/parallel.h"
-#include "gs_train/ranks/peer_ranks.h"
 
 namespace gs {
 namespace {
@@ -185,54 +182,14 @@ void TrainSession::clear_folder_for_photos() {
 }
 
 // A photo is drawn by one GPU.
-void TrainSession::warn_of_idle_gpus() const {
+void TrainSession::make_backend() {
   const TrainConfig& train = config_.train;
-  if (const int most = std::min(train.ranks, kMostBatch);
-      train.batch < most && &backend_->memory() != &host_memory())
+  backend_ = make_training_backend(train);
+  if (const int most = std::min(train.ranks, kMostBatch); train.batch < most)
     log_warning(
         "train.batch is {}, so that {} of {} GPUs wait while photos are drawn; a new run with "
         "--set train.batch={} keeps all of them busy",
         train.batch, train.ranks - train.batch, train.ranks, most);
-}
-
-// Ranks that are processes are told of the scene when the trainer announces its views.
-void TrainSession::make_backend() {
-  if (config_.train.ranks == 1 || !config_.train.rank_processes) {
-    backend_ = make_training_backend(config_.train);
-    warn_of_idle_gpus();
-    return;
-  }
-  if (request_.scene || (request_.rank_program.empty() && !request_.rank_place))
-    throw UsageError(
-        "train.rank_processes is for `gemsplat train` with a scene on disk; leave it off, and "
-        "ranks "
-        "are threads");
-  // What rank 0 lacks itself is said before any other process starts.
-  const std::unique_ptr<RankDevice> device = make_rank_device(
-      config_.train, [this](int first, int visible) { return gpu_of_rank_0(first, visible); });
-  rank_processes_.emplace(config_.train.ranks, request_.rank_program, request_.rank_place);
-  PeerRules rules;
-  rules.deadline = double(config_.train.rank_deadline);
-  rules.why_lost = [this](int rank) { return rank_processes_->why_lost(rank); };
-  rules.setup = [this] {
-    SharedScene shared = shared_scene(config_, *scene_, scene_hash_);
-    if (config_.train.device == "auto")
-      shared.config.train.device = is_cpu(config_.train.device) ? "cpu" : "cuda";
-    if (!request_.rank_place) shared.threads = std::max(1, thread_count() / config_.train.ranks);
-    return message_of(shared);
-  };
-  backend_ = device->backend(rank_processes_->meet(), std::move(rules));
-  warn_of_idle_gpus();
-}
-
-// Of ranks that are processes. Where this one starts the others, they are on this machine, too.
-int TrainSession::gpu_of_rank_0(int first, int visible) const {
-  if (request_.rank_place) return gpu_of(*request_.rank_place, first, visible);
-  RankPlace last;
-  last.is_ours = true;
-  last.rank = config_.train.ranks - 1;
-  gpu_of(last, first, visible);
-  return first;
 }
 
 void TrainSession::get_scene() {

@@ -13,7 +13,6 @@
 #include "gs_app/checkpoints/resume.h"
 #include "gs_app/observers/profile_observer.h"
 #include "gs_app/observers/train_observers.h"
-#include "gs_app/ranks/rank_processes.h"
 #include "gs_app/run/results.h"
 #include "gs_app/run/run_folder.h"
 #include "gs_app/session/session_hooks.h"
@@ -39,10 +38,6 @@ struct TrainRequest {
   bool shows_progress = true;             // the progress line of the steps, on standard error
   bool stops_on_signal = true;   // SIGINT and SIGTERM end the run early, with its state saved
   const Scene* scene = nullptr;  // null: load dataset.source. Outlives the session.
-  // Of ranks that are processes: the program that they run, and where srun or mpirun has started
-  // them. Without either, train.rank_processes is refused.
-  std::string rank_program = {};
-  std::optional<RankPlace> rank_place = {};
 };
 
 /// How run() ended.
@@ -85,8 +80,6 @@ class TrainSession {
   void check_output() const;
   void clear_folder_for_photos();
   void make_backend();
-  void warn_of_idle_gpus() const;
-  int gpu_of_rank_0(int first, int visible) const;
   void get_scene();
   void describe_scene();
   void record_scene();
@@ -116,7 +109,6 @@ class TrainSession {
   std::optional<RunFolder> folder_;
   std::optional<OutputLock> lock_;
   std::unique_ptr<Lpips> lpips_;  // null where it is not measured
-  std::optional<RankProcesses> rank_processes_;
   std::unique_ptr<Backend> backend_;
   std::optional<Scene> loaded_scene_;
   const Scene* scene_ = nullptr;  // the loaded one, or that of the request

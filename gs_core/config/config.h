@@ -163,9 +163,7 @@ struct TrainConfig {
   int threads = 0;              // 0: all cores
   bool deterministic = false;   // the same seed gives the same bytes on a GPU, too
   std::string device = "auto";  // cpu, cuda, cuda:N, auto
-  int ranks = 1;                // shards of the Gaussians, each trained by a thread; on the CPU
-  bool rank_processes = false;  // by a process instead
-  float rank_deadline = 30;     // seconds without a sign of life after which a rank ends the run
+  int ranks = 1;                // GPUs that train one model together, from `device` on
   float photo_gib = 4;          // GPU memory for photos; others are copied when they are needed
   int extra_steps = 0;          // after the schedule's last step, at its final rates
   int checkpoint_every = 0;     // steps; 0: about a minute; -1: only when the run is stopped

@@ -40,6 +40,9 @@ constexpr RemovedSetting kSettings[] = {
      "vignetting is no longer learned, which cost 0.1 to 0.3 dB on real photos; remove the line"},
     {"optimizer.lazy", R"("offload"|"off"|"auto")",
      "updates of SH are no longer left for later, which saved no time beside optimizer.moments = \"tiny\"; remove the line"},
+    {"train.rank_processes", "false",
+     "gemsplat starts no processes of its own any more: one process drives all GPUs of a machine (--gpus N); remove the line"},
+    {"train.rank_deadline", "*", ""},
     {"train.offload", R"("auto"|"none")",
      "models are no longer kept in host memory, which took 16 to 24 times as long; train with optimizer.moments = \"tiny\", or in blocks (gemsplat partition)"},
 };

@@ -1,6 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// A config as TOML text with a line for each setting: `train.seed = 42`. Checkpoints and messages between
-// ranks have it.
+// A config as TOML text with a line for each setting: `train.seed = 42`. Checkpoints have it.
 #pragma once
 
 #include <string>

@@ -107,9 +107,6 @@ Trainer::Trainer(const Scene& scene, const Config& config, Backend& backend, Tra
   check_model(config);
   backend.use_loss(config.loss.kind);
   backend.use_photometric(make_photometric_model(config.photometric));
-  if (config.poses.refine) backend.check_refines_poses();
-  if (config.loss.depth_weight > 0 && have_depth_maps(scene.train_views))
-    backend.check_takes_depth();
   if (scene.time_count > 1 && !config.model.dynamic)
     log_warning("{}", text_of_moving_scene(scene.time_count));
   backend.upload_views(scene.train_views,

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The scalar CPU backend as a class, for backends that consist of it (gs_train/ranks).
+// The scalar CPU backend as a class, for tests that count its calls.
 #pragma once
 
 #include <memory>
@@ -21,8 +21,6 @@ class ScalarBackend : public Backend {
   void use_loss(const std::string& kind) override;
   Loss& loss() override { return *loss_; }
   void use_photometric(std::shared_ptr<const PhotometricModel> photometric) override;
-  void check_refines_poses() const override {}
-  void check_takes_depth() const override {}
   Optimizer& optimizer() override { return *optimizer_; }
   RowOps& rows() override { return *rows_; }
   void set_profiling(bool on) override;

@@ -12,7 +12,6 @@
 #include <cmath>
 #include <csignal>
 #include <fstream>
-#include <map>
 #include <nlohmann/json.hpp>
 #include <sstream>
 #include <thread>
@@ -165,53 +164,11 @@ TEST_F(Resume, ARunKilledAtRandomMomentsWritesTheBytesOfOneNeverInterrupted) {
   EXPECT_GT(resumed, 5);
 }
 
-// The models of a run are the same, apart from the name of the device in results.json.
-std::map<std::string, std::string> models_of(const fs::path& run) {
-  std::map<std::string, std::string> models;
-  for (const auto& [name, bytes] : contents_of(run))
-    if (name.ends_with(".ply")) models[name] = bytes;
-  return models;
-}
-
-TEST_F(Resume, ARunKilledAtRandomMomentsGoesOnWithAnyNumberOfRanks) {
-  constexpr int kKillsOfRanks = 20, kResumedOfRanks = 4;
-  const auto begin = std::chrono::steady_clock::now();
-  ASSERT_EQ(run(command("whole", "--set train.batch=4")).code, 0);
-  const double seconds =
-      std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
-  const auto expected = models_of(path("whole"));
-  ASSERT_FALSE(expected.empty());
-  int kills = 0, resumed = 0;
-  // On a machine that has become slower, most kills come before the first checkpoint.
-  const auto kills_more = [&] {
-    return kills < kKillsOfRanks || (resumed < kResumedOfRanks && kills < 5 * kKillsOfRanks);
-  };
-  for (std::uint64_t draw = 0; kills_more();) {
-    for (bool is_finished = false; !is_finished;) {
-      const Vec4f random = Random{kSeed + 1, RandomStream::test}.uniform4(++draw);
-      const std::string ranks = std::to_string(1 + int(4 * random.y));
-      const pid_t child =
-          start(command("killed", "--set train.batch=4 --resume auto --set train.ranks=" + ranks));
-      if (kills_more()) kill_after(double(random.x) * seconds, child);
-      const Outcome outcome = wait_for(child);
-      count(outcome, kills, resumed, is_finished);
-      ASSERT_TRUE(is_finished || outcome.code == -SIGKILL) << outcome.err;
-    }
-    EXPECT_TRUE(models_of(path("killed")) == expected);
-    fs::remove_all(path("killed"));
-  }
-  EXPECT_GE(resumed, kResumedOfRanks);
-}
-
-TEST_F(Resume, RanksOnGpusThatAreNotThereAreRefused) {
+TEST_F(Resume, GpusThatAreNotThereAreRefused) {
   const std::string train = "train " + text("scene") + " -o " + text("gpu") + " --device cuda ";
   const Outcome many = run(train + "--set train.ranks=64");
   EXPECT_NE(many.code, 0);
   EXPECT_THAT(many.err, AnyOf(HasSubstr("--device cpu"), HasSubstr("set train.ranks=")));
-  const Outcome processes = run(train + "--set train.ranks=64 --set train.rank_processes=true");
-  EXPECT_NE(processes.code, 0);
-  EXPECT_THAT(processes.err,
-              AnyOf(HasSubstr("--device cpu"), HasSubstr("rank 63 needs the GPU cuda:63")));
   EXPECT_FALSE(fs::exists(path("gpu/checkpoints")));
 }
 

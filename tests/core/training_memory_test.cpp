@@ -97,13 +97,13 @@ TEST(TrainingMemory, PhotosOfABatchKeepDepthsAndSumsOfTheirOwn) {
 }
 
 // Forces are among the gradients, to which a depth map adds.
-TEST(TrainingMemory, ABatchWithDepthMapsKeepsItsForcesApart) {
+TEST(TrainingMemory, PhotosWithDepthMapsKeepTheirForcesApart) {
   TrainingSize size = steady(0);
   size.batch = 2;
   size.has_depth_maps = true;
   const double without = bytes_of_gaussian(size);
   size.has_sums = true;
-  EXPECT_NEAR(bytes_of_gaussian(size) - without, 12 + 12, 0.01);
+  EXPECT_NEAR(bytes_of_gaussian(size) - without, 12 + 2 * 16, 0.01);
 }
 
 TEST(TrainingMemory, TakesTheBytesOfMomentsFromTheConfig) {

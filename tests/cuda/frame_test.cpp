@@ -26,7 +26,7 @@ class CudaFrame : public CudaTest {
   // The first frame of a renderer.
   Picture counted(const Gaussians& gaussians, const Camera& camera,
                   const RenderSettings& settings) {
-    const std::unique_ptr<Backend> fresh = cuda::make_backend(0);
+    const std::unique_ptr<Backend> fresh = cuda::make_backend({0});
     RenderPass pass(fresh->memory());
     fresh->renderer().forward(gaussians.span(), camera, settings, pass);
     return {pass.image.download(), pass.transmittance.download()};

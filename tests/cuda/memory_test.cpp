@@ -73,7 +73,7 @@ class CudaMemory : public CudaTest {
     size.instance_places = 1.35 * most_instances_ / size.gaussians;
     change(settings, density, size);
     const PeakSince peak;
-    const std::unique_ptr<Backend> backend = cuda::make_backend(0);
+    const std::unique_ptr<Backend> backend = cuda::make_backend({0});
     TrainingModel model = copy_to(backend->memory(), model_of(rows_));
     backend->upload_views(views_, std::size_t(1) << 30);
     std::vector<TrainingPhoto> photos;
@@ -149,7 +149,7 @@ class CudaMemoryOfRuns : public CudaTest {
     config.dataset.source = std::string(GS_SOURCE_DIR) + "/examples/courtyard";
     const Scene scene = load_scene(config.dataset);
     const PeakSince peak;
-    const std::unique_ptr<Backend> backend = cuda::make_backend(0);
+    const std::unique_ptr<Backend> backend = cuda::make_backend({0});
     Trainer trainer(scene, config, *backend);
     MostRows rows;
     trainer.add_observer(rows);

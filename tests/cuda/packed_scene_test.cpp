@@ -313,7 +313,7 @@ TEST_F(CudaPackedScene, FramesOfAPathAreThoseDrawnAlone) {
     if (frame == 7) camera.cam_from_world_translation.z -= 1e5f;  // a cut, and back
     renderer().draw(*packed, camera, settings, pass);
     const std::vector<float> actual = pass.image.download();
-    const std::unique_ptr<Backend> fresh = cuda::make_backend(0);  // counts its instances
+    const std::unique_ptr<Backend> fresh = cuda::make_backend({0});  // counts its instances
     RenderPass alone(fresh->memory());
     fresh->renderer().draw(*fresh->renderer().pack(gaussians.span(), settings), camera, settings,
                            alone);

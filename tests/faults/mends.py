@@ -235,11 +235,6 @@ MENDS = [
          "gs_app/view/http/http_server.cpp",
          "           served(address) >= kMostServed;", "           served(address) >= 1'000'000;"),
     # An attack on the verbs and files that are newer than version 0.1.0.
-    Mend("D1", "a rank that hangs while it loads holds its run for ever", "86707ec",
-         "train/ranks/peer_ranks_test PeerRun.EndsWhereARankHangsWhileItLoads",
-         "gs_train/ranks/peer_leader.cpp",
-         "others_.receive_from_loading(rank, RankFrame::ready);",
-         "others_.wait_for(rank, RankFrame::ready);"),
     Mend("D2", "a run of an experiment that was killed early is trained twice and counts as failed",
          "ae28c34", "cli/experiment_test "
          "Experiment.ARunKilledBeforeItsFirstCheckpointIsTrainedOnceMoreWithFewerThreads",

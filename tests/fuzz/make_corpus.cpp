@@ -15,8 +15,6 @@
 #include "data_loaders/photos/photo_cache.h"
 #include "data_loaders/photos/photos.h"
 #include "gs_app/checkpoints/checkpoint_file.h"
-#include "gs_app/ranks/shared_scene.h"
-#include "gs_core/processes/packing.h"
 #include "tests/fuzz/fuzz_target.h"
 #include "tests/support/avi_writer.h"
 #include "tests/support/colmap_writer.h"
@@ -230,22 +228,6 @@ void write_photos_and_videos() {
   write_seed("videos/avi", "\1\2\0"s + read_bytes(folder() / "a.avi"));
 }
 
-/// A frame as PeerSocket sends it: its kind, a zero, the size.
-void write_hello() {
-  const std::vector<std::byte> hello =
-      message_of(RankHello{"0123456789abcdef0123456789abcdef", "0.1.0", 1});
-  for (const auto& [name, size] : {std::pair{"rank_hello/hello", std::uint64_t(hello.size())},
-                                   {"rank_hello/too_long", 1ull << 40}}) {
-    Packer head;
-    head.value(std::uint64_t(0));
-    head.value(size);
-    std::string bytes;
-    for (const auto& part : {head.take(), hello})
-      bytes.append(reinterpret_cast<const char*>(part.data()), part.size());
-    write_seed(name, bytes);
-  }
-}
-
 }  // namespace
 }  // namespace gs::fuzz
 
@@ -257,6 +239,5 @@ int main() {
   write_run_files();
   write_pictures();
   write_photos_and_videos();
-  write_hello();
   std::puts("the binary seeds of tests/fuzz/corpus were written");
 }

@@ -19,7 +19,7 @@ class CudaTest : public testing::Test {
  protected:
   void SetUp() override {
     if (cuda::device_count() == 0) GTEST_SKIP() << "the driver reports no GPU";
-    gpu_ = cuda::make_backend(0);
+    gpu_ = cuda::make_backend({0});
     cpu_ = make_scalar_backend();
   }
   Backend& gpu() { return *gpu_; }

@@ -10,17 +10,12 @@
 #include "gs_core/threads/parallel.h"
 #include "gs_render/surface_renderer.h"
 #include "gs_train/metrics/depth_error.h"
-#include "gs_train/ranks/ranked_backend.h"
 #include "gs_train/reduced_view.h"
-#include "tests/support/error_of.h"
 #include "tests/support/scene_run.h"
 #include "tests/support/small_scene.h"
 
 namespace gs {
 namespace {
-
-using testing::AllOf;
-using testing::HasSubstr;
 
 /// The depth of the Gaussians that the photos show, where they cover at least half of a pixel.
 ImageF true_depth(const Gaussians& truth, const Camera& camera) {
@@ -118,21 +113,6 @@ TEST_F(DepthRun, HasTheSameBitsWithAnyNumberOfThreads) {
   set_thread_count(threads);
 }
 
-TEST_F(DepthRun, HasTheBytesOfOneRankOnSeveral) {
-  for (const bool absolute : {false, true}) {
-    Config config = depth_run(60);
-    if (absolute) config.density.strategy = "absgs";
-    config.train.batch = 4;
-    const TrainingModel expected = trained(config);
-    for (const int ranks : {2, 3}) {
-      const auto backend = make_ranked_backend({ranks, 30, 5});
-      Trainer trainer(scene_, config, *backend);
-      trainer.run();
-      EXPECT_TRUE(same_bits(copy_to(host_memory(), trainer.model()), expected)) << ranks;
-    }
-  }
-}
-
 // The weight of the loss falls from the first to the last step.
 TEST_F(DepthRun, WeightDecaysExponentially) {
   const Schedule schedule(depth_run(1000), 1);
@@ -185,41 +165,6 @@ TEST(DepthLossOfAView, IsThatOfTheReducedMapWhereThePhotoIsReduced) {
   ASSERT_EQ(reduced.depth.width, view.camera.width / 3);
   EXPECT_EQ(reduced.depth.at(2, 4, 0), view.depth.at(7, 13, 0));
   EXPECT_EQ(reduced.depth_kind, DepthKind::metric);
-}
-
-// ---- on a backend without it -------------------------------------------------------------------
-
-class BackendWithoutDepth final : public Backend {
- public:
-  BackendWithoutDepth() : Backend(host_memory()) {}
-  std::string name() const override { return "a test"; }
-  Memory& memory() override { return host_memory(); }
-  Renderer& renderer() override { return inner_->renderer(); }
-  void use_loss(const std::string&) override {}
-  Loss& loss() override { return inner_->loss(); }
-  Optimizer& optimizer() override { return inner_->optimizer(); }
-  RowOps& rows() override { return inner_->rows(); }
-
- protected:
-  void add_pixel_scores(const View&, const RenderSettings&, const PixelRule&, RenderPass&,
-                        Span<FragmentSums>) override {}
-  void gather(const DensityStatistics&, const RenderPass&, Span<const Vec2f>) override {}
-  using Backend::add;
-  void add(Span<float>, Span<const float>, float) override {}
-  void add(Span<FragmentSums>, Span<FragmentSums>) override {}
-
- private:
-  std::unique_ptr<Backend> inner_ = make_scalar_backend();
-};
-
-TEST_F(DepthRun, IsRefusedByABackendThatLacksIt) {
-  BackendWithoutDepth backend;
-  EXPECT_THAT(error_of([&] { Trainer(scene_, depth_run(), backend); }),
-              AllOf(HasSubstr("depth maps are not there on a test"), HasSubstr("--device cpu"),
-                    HasSubstr("dataset.depth=none")));
-  Config off = depth_run();
-  off.loss.depth_weight = 0;
-  Trainer not_trained_on(scene_, off, backend);
 }
 
 // ---- what it measures, and what it gains -------------------------------------------------------

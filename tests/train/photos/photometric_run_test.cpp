@@ -123,42 +123,5 @@ TEST_F(PhotometricRun, RestsWhereItsRateIsZeroAndElseLeavesOtherRunsAsTheyAre) {
   EXPECT_TRUE(same_bits(trained(config), none));
 }
 
-/// A backend without photometric models.
-class OtherBackend final : public Backend {
- public:
-  OtherBackend() : Backend(host_memory()) {}
-  std::string name() const override { return "other"; }
-  Memory& memory() override { return host_memory(); }
-  Renderer& renderer() override { return scalar_->renderer(); }
-  void use_loss(const std::string& kind) override { scalar_->use_loss(kind); }
-  Loss& loss() override { return scalar_->loss(); }
-  Optimizer& optimizer() override { return scalar_->optimizer(); }
-  RowOps& rows() override { return scalar_->rows(); }
-
- protected:
-  void add_pixel_scores(const View&, const RenderSettings&, const PixelRule&, RenderPass&,
-                        Span<FragmentSums>) override {}
-  void gather(const DensityStatistics&, const RenderPass&, Span<const Vec2f>) override {}
-  void add(Span<float>, Span<const float>, float) override {}
-  void add(Span<FragmentSums>, Span<FragmentSums>) override {}
-
- private:
-  std::unique_ptr<Backend> scalar_ = make_scalar_backend();
-};
-
-TEST_F(PhotometricRun, IsRefusedByABackendWithoutItsStages) {
-  OtherBackend other;
-  try {
-    Trainer trainer(scene_, gains_run(10), other);
-    FAIL();
-  } catch (const UsageError& error) {
-    EXPECT_THAT(error.what(),
-                testing::HasSubstr("not there on other yet; train with --device cpu"));
-  }
-  Config none = gains_run(10);
-  none.photometric.model = "none";
-  Trainer trainer(scene_, none, other);
-}
-
 }  // namespace
 }  // namespace gs

@@ -1,0 +1,162 @@
+// SPDX-License-Identifier: Apache-2.0
+// A model is dealt to GPUs, and merged again, by copies of chunks of rows. Chunks are equally far
+// from each other in the model and in a shard, so that one copy covers all but the last, short one.
+#include <string>
+
+#include "cuda/gpus/gpu.cuh"
+
+namespace gs::cuda {
+namespace {
+
+// Lets all these GPUs read and write each other's memory.
+void connect(const std::vector<int>& devices) {
+  for (const int from : devices)
+    for (const int to : devices) {
+      if (from == to) continue;
+      int is_possible = 0;
+      check(cudaDeviceCanAccessPeer(&is_possible, from, to), "asking how GPUs are connected");
+      if (!is_possible)
+        throw UsageError("GPU " + std::to_string(from) + " cannot read the memory of GPU " +
+                         std::to_string(to) +
+                         ", which training on several GPUs needs; choose others with "
+                         "CUDA_VISIBLE_DEVICES, or train on one (--gpus 1)");
+      const OnDevice here(from);
+      const cudaError_t error = cudaDeviceEnablePeerAccess(to, 0);
+      if (error == cudaErrorPeerAccessAlreadyEnabled)
+        cudaGetLastError();  // the next call starts clean
+      else
+        check(error, "connecting GPUs");
+    }
+}
+
+// Gives a shard the arrays that the model has, with undefined rows.
+void take_shape_of(const TrainingModel& model, std::size_t count, TrainingModel& shard) {
+  shard.moment_form = model.moment_form;
+  shard.set_learned_arrays(model.gaussians);
+  shard.gaussians.has_filter = model.gaussians.has_filter;
+  shard.statistics.has_sums = model.statistics.has_sums;
+  for_each_row_array([count](const RowArray&, auto& array) { array.resize_discard(count); }, shard);
+}
+
+enum class Way { to_shard, to_model };
+
+// Copies `chunks` chunks of `bytes` each. Those of the model begin at row `row`, and those of the
+// shard at row `local`.
+struct ChunkCopy {
+  std::size_t row, local, bytes, chunks;
+
+  void run(Way way, const Gpu& gpu, std::byte* model, std::byte* shard,
+           std::size_t row_bytes) const {
+    std::byte* const in_model = model + row * row_bytes;
+    std::byte* const in_shard = shard + local * row_bytes;
+    const std::size_t step = gpu.place.gpus * bytes;
+    const bool is_out = way == Way::to_shard;
+    check(cudaMemcpy2DAsync(is_out ? in_shard : in_model, is_out ? bytes : step,
+                            is_out ? in_model : in_shard, is_out ? step : bytes, bytes, chunks,
+                            cudaMemcpyDefault, gpu.context.stream()),
+          "copying rows between GPUs");
+  }
+};
+
+// Copies the rows of an array between the model and the shard of a GPU.
+template <class Array>
+void copy_rows(Way way, const Gpu& gpu, const Array& model, const Array& shard) {
+  const Shard& place = gpu.place;
+  GS_CHECK(model.size() == place.all_rows && shard.size() == place.count());
+  constexpr std::size_t kRowBytes = sizeof(*model.data());
+  auto* const in_model = reinterpret_cast<std::byte*>(model.data());
+  auto* const in_shard = reinterpret_cast<std::byte*>(shard.data());
+  const std::size_t full = shard.size() / place.chunk_rows(), end = full * place.chunk_rows();
+  const auto copy = [&](std::size_t local, std::size_t rows, std::size_t chunks) {
+    if (rows * chunks > 0)
+      ChunkCopy{place.row_of_all(local), local, rows * kRowBytes, chunks}.run(way, gpu, in_model,
+                                                                              in_shard, kRowBytes);
+  };
+  copy(0, place.chunk_rows(), full);
+  copy(end, shard.size() - end, 1);
+}
+
+}  // namespace
+
+Gpu::Gpu(int device, Streams& streams)
+    : context(device), memory(context, streams), photos(context, memory), renderer(context, memory),
+      pass(memory), photo_buffers(memory), dL_dimage(memory), depth_maps(memory), depth(memory),
+      shard(memory) {
+  streams.add(context);
+  check(cudaEventCreateWithFlags(&launched, cudaEventDisableTiming), "making an event");
+}
+
+Gpu::~Gpu() { cudaEventDestroy(launched); }
+
+void Gpu::clear_gradients() {
+  renderer.clear_gradients();
+  photo_buffers.clear_gradients();
+}
+
+void Gpu::release_step() {
+  renderer.release_caches();
+  for (Buffer<std::uint32_t>* const lists :
+       {&pass.tile_counts, &pass.depth_order, &pass.tile_splats})
+    lists->release();
+  pass.depths.release();
+  photo_buffers.release();  // its gradients are zero between steps
+  pass.scratch<CudaScratch>().room.release();
+}
+
+void Gpu::release_caches() {
+  pass = RenderPass(memory);
+  renderer.release_caches();
+  photo_buffers.release();
+  dL_dimage.release();
+  depth.release();
+}
+
+Gpus::Gpus(const std::vector<int>& devices) {
+  connect(devices);
+  for (const int device : devices) all_.push_back(std::make_unique<Gpu>(device, streams_));
+  check(cudaSetDevice(devices.front()), "choosing the GPU");
+}
+
+Gpus::~Gpus() {
+  streams_.wait();
+  streams_.forget();
+}
+
+void Gpus::meet() {
+  if (!are_several()) return;
+  for_each([](Gpu& gpu) {
+    check(cudaEventRecord(gpu.launched, gpu.context.stream()), "marking a stream");
+  });
+  for (const std::unique_ptr<Gpu>& gpu : all_)
+    for (const std::unique_ptr<Gpu>& other : all_)
+      if (gpu != other)
+        check(cudaStreamWaitEvent(gpu->context.stream(), other->launched, 0),
+              "waiting for a stream");
+}
+
+void Gpus::deal_out(const TrainingModel& model, std::size_t chunk_rows) {
+  streams_.synchronize();
+  for (std::size_t i = 0; i < count(); ++i) {
+    Gpu& gpu = *all_[i];
+    gpu.place = Shard(int(i), int(count()), model.count(), chunk_rows);
+    take_shape_of(model, gpu.place.count(), gpu.shard);
+  }
+  for_each([&](Gpu& gpu) {
+    for_each_row_array([&](const RowArray&, const auto& shard,
+                           const auto& all) { copy_rows(Way::to_shard, gpu, all, shard); },
+                       gpu.shard, model);
+  });
+  streams_.synchronize();
+}
+
+void Gpus::merge(const TrainingModel& model) {
+  streams_.synchronize();
+  for_each([&](Gpu& gpu) {
+    for_each_row_array([&](const RowArray&, const auto& all,
+                           const auto& shard) { copy_rows(Way::to_model, gpu, all, shard); },
+                       model, gpu.shard);
+  });
+  streams_.synchronize();
+}
+
+}  // namespace gs::cuda
