@@ -18,7 +18,7 @@ void for_each_chunk_of(const Deal& deal, int rank, F&& f) {
 }  // namespace
 
 void take_shape_of(const TrainingModel& model, std::size_t count, TrainingModel& shard) {
-  shard.moment_form = model.moment_form;
+  shard.store_moments_as(model.moment_storage());
   shard.set_learned_arrays(model.gaussians);
   shard.gaussians.has_filter = model.gaussians.has_filter;
   shard.statistics.has_sums = model.statistics.has_sums;

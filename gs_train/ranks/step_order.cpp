@@ -21,7 +21,7 @@ struct ShardHead {
   Deal deal;
   std::uint64_t rows, first_count;
   int adam_steps;
-  MomentForm moment_form;
+  MomentStorage moment_storage;
   bool has_time, has_filter, has_sums;
 };
 
@@ -31,7 +31,7 @@ ShardHead head_of(const Deal& deal, const TrainingModel& shard) {
           shard.count(),
           shard.first_count,
           shard.adam_steps,
-          shard.moment_form,
+          shard.moment_storage(),
           gaussians.has_time,
           gaussians.has_filter,
           shard.statistics.has_sums};
@@ -40,7 +40,7 @@ ShardHead head_of(const Deal& deal, const TrainingModel& shard) {
 void take_shape(const ShardHead& head, TrainingModel& shard) {
   shard.gaussians.has_time = head.has_time;
   shard.gaussians.has_filter = head.has_filter;
-  shard.moment_form = head.moment_form;
+  shard.store_moments_as(head.moment_storage);
   shard.statistics.has_sums = head.has_sums;
   shard.adam_steps = head.adam_steps;
   shard.first_count = std::size_t(head.first_count);
@@ -76,7 +76,7 @@ void unpack(Unpacker& unpacker, PhotometricState& state) {
   state.adam_steps = unpacker.value<int>();
   state.is_solved = unpacker.value<bool>();
   for_each_photometric_array(
-      [&](const char*, auto& array) { array.upload(unpacker.list<float>()); }, state);
+      [&]<class T>(const char*, Buffer<T>& array) { array.upload(unpacker.list<T>()); }, state);
 }
 
 void pack(Packer& packer, const PoseState& state) {
@@ -98,7 +98,8 @@ void unpack(Unpacker& unpacker, PoseState& state) {
   state.centers = unpacker.list<Vec3d>();
   state.common_modes.resize(unpacker.value<std::size_t>());
   for (std::vector<double>& mode : state.common_modes) mode = unpacker.list<double>();
-  for_each_pose_array([&](const char*, auto& array) { array = unpacker.list<float>(); }, state);
+  for_each_pose_array(
+      [&]<class T>(const char*, std::vector<T>& array) { array = unpacker.list<T>(); }, state);
 }
 
 }  // namespace

@@ -41,8 +41,8 @@ TEST(TrainingMemory, TheStateIsThatOfTheModelsArrays) {
     size.has_time = model.gaussians.has_time = form & 1;
     size.has_filter = model.gaussians.has_filter = form & 2;
     size.has_sums = model.statistics.has_sums = form & 4;
-    model.moment_form = MomentForm(form / 8);
-    size.moment_bytes = moment_bytes(model.moment_form);
+    model.store_moments_as(MomentStorage(form / 8));
+    size.moment_bytes = moment_bytes(model.moment_storage());
     model.set_learned_arrays(model.gaussians);
     EXPECT_DOUBLE_EQ(state_bytes(size, 1000), 1000 * row_bytes(model));
   }
@@ -109,7 +109,7 @@ TEST(TrainingMemory, ABatchWithDepthMapsKeepsItsForcesApart) {
 TEST(TrainingMemory, TakesTheBytesOfMomentsFromTheConfig) {
   Config config;
   EXPECT_EQ(training_size(config, {}, 1).moment_bytes, 8);
-  config.optimizer.moments = MomentForm::tiny;
+  config.optimizer.moments = MomentStorage::halves;
   EXPECT_EQ(training_size(config, {}, 1).moment_bytes, 2);
 }
 

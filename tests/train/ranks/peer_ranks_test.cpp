@@ -83,7 +83,7 @@ TEST_F(PeerRun, HasTheBytesAndTheLossOfOneRank) {
 TEST_F(PeerRun, WithABudgetAndMomentsAsCodesHasTheBytesOfOneRank) {
   Config config = busy_run();
   config.train.batch = 3;
-  config.optimizer.moments = MomentForm::tiny;
+  config.optimizer.moments = MomentStorage::halves;
   expect_same(config);
 }
 

@@ -90,7 +90,7 @@ TEST_F(RankedRun, WithMcmcHasTheBytesOfOneRank) {
 
 TEST_F(RankedRun, WithMomentsAsCodesHasTheBytesOfOneRank) {
   for (Config config : {run_in_batches(4), mcmc_run(1)}) {
-    config.optimizer.moments = MomentForm::tiny;
+    config.optimizer.moments = MomentStorage::halves;
     expect_same_for_any_number(config);
   }
 }
