@@ -58,8 +58,8 @@ __global__ void __launch_bounds__(kThreads)
 }  // namespace
 
 bool DevicePoses::holds(const PoseState& state) const {
-  return !held_values_.empty() && state.values == held_values_ &&
-         state.moments == held_moments_ && state.common_modes == held_modes_;
+  return !held_values_.empty() && state.values == held_values_ && state.moments == held_moments_ &&
+         state.common_modes == held_modes_;
 }
 
 void DevicePoses::upload(const PoseState& state) {

@@ -220,7 +220,8 @@ class ParityCheck {
     backend.synchronize(model);
   }
   // A model after some steps on the CPU.
-  TrainingModel under_way(const DensityStep& density, MomentStorage moments = MomentStorage::floats) {
+  TrainingModel under_way(const DensityStep& density,
+                          MomentStorage moments = MomentStorage::floats) {
     TrainingModel model = untrained(scene_.model, host_memory(), moments);
     for (int i = 0; i < kStepsBefore; ++i) step(cpu_, model, density, i);
     return model;

@@ -378,8 +378,9 @@ TEST_F(Checkpoints, OfVersionsWithMoreSettingsAreReadWhereTheseChangedNothing) {
 TEST_F(Checkpoints, WithWhatWasRemovedSayWhatItIs) {
   ASSERT_TRUE(save(folder(), 12));
   const TrainingModel model = telling_state(7, 12).model;
-  for (const auto& [bit, what] :
-       {std::pair{128u, "optimizer.lazy"}, {64u, "moments in 32 bits"}, {8u, "model.time_colors"}}) {
+  for (const auto& [bit, what] : {std::pair{128u, "optimizer.lazy"},
+                                  {64u, "moments in 32 bits"},
+                                  {8u, "model.time_colors"}}) {
     rewrite(file(12), file(11), model, [bit = bit](const std::string& section, std::string& text) {
       if (section == "gaussians")
         text += std::string{char(bit & 255), char(bit >> 8), 0, 0, 0, 0, 0, 0};

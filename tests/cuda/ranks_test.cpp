@@ -135,8 +135,8 @@ TEST_P(CudaRanks, ScoresRegularizersAndNoiseHaveTheBytesOfOneGpu) {
 TEST_P(CudaRanks, MomentsAsCodesHaveTheBytesOfOneGpu) {
   const std::vector<View> views = some_views(131, 77, 3);
   expect_bytes_of_one_gpu(
-      model_of(random_gaussians(kTypical, 3000, views[0].camera, 5), MomentStorage::halves), views, {},
-      {true});
+      model_of(random_gaussians(kTypical, 3000, views[0].camera, 5), MomentStorage::halves), views,
+      {}, {true});
 }
 
 TEST_P(CudaRanks, APhotometricModelHasTheBytesOfOneGpu) {

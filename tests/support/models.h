@@ -72,8 +72,7 @@ inline Gaussians random_gradients(std::size_t count, std::uint64_t seed, float z
   return gradients;
 }
 
-inline constexpr MomentStorage kMomentStorages[] = {MomentStorage::floats,
-                                                    MomentStorage::halves};
+inline constexpr MomentStorage kMomentStorages[] = {MomentStorage::floats, MomentStorage::halves};
 
 /// A model of these Gaussians with moments and statistics of zero.
 inline TrainingModel model_of(const Gaussians& gaussians,
@@ -141,8 +140,8 @@ inline bool moments_are(const TrainingModel& model, std::size_t i, std::uint32_t
   bool same = true;
   std::visit(
       [&](const auto& moments) {
-        for_each_array(
-            [&](const char*, const auto& rows) { same &= moments_are(rows, i, value); }, moments);
+        for_each_array([&](const char*, const auto& rows) { same &= moments_are(rows, i, value); },
+                       moments);
       },
       model.moments);
   return same;

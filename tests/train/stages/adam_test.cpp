@@ -95,7 +95,8 @@ TEST(BatchRule, KeepsHowFarNoiseMovesAParameter) {
       float mean = 0;
       for (int photo = 0; photo < kPhotos; ++photo) {
         const float gradient = draws.normal();
-        adam_update(single, moments, gradient, adam_step((update - 1) * kPhotos + photo + 1, 1e-3f));
+        adam_update(single, moments, gradient,
+                    adam_step((update - 1) * kPhotos + photo + 1, 1e-3f));
         mean += gradient / kPhotos;
       }
       adam_update(batch, batch_moments, mean,

@@ -26,8 +26,8 @@ constexpr LearningRates kRates{1e-4f, 2e-3f, 3e-3f, 4e-2f, 5e-3f, 6e-4f};
 
 /// Row i has the moments numbered(1 + i).
 TrainingModel numbered_model(std::size_t count) {
-  TrainingModel model = model_of(random_gaussians(kTypical, count, random_camera(40, 30), 1),
-                                 MomentStorage::halves);
+  TrainingModel model =
+      model_of(random_gaussians(kTypical, count, random_camera(40, 30), 1), MomentStorage::halves);
   number_moments(model, 1);
   return model;
 }
