@@ -205,8 +205,10 @@ double training_bytes(const TrainingSize& size) {
   add_batch(size, kept);
   add_step(size, step);
   const double of_step = step.sum() + instance_bytes(size, grows);
-  // An array that grows holds its old rows until they are copied. SH coefficients have most.
-  const double rows = size.gaussians * sizeof(ShRest);
+  // An array that grows holds its old rows until they are copied. SH coefficients have most, or
+  // their moments.
+  const double of_number = std::max(sizeof(float), std::size_t(size.moment_bytes));
+  const double rows = size.gaussians * of_number * (sizeof(ShRest) / sizeof(float));
   const double old_rows = is_held_twice ? rows / mean_reserve(rows) : 0;
   const double most =
       old_rows < double(kBytesWorthReleasing) ? of_step + old_rows : std::max(of_step, old_rows);

@@ -139,8 +139,13 @@ TEST(TrainingMemory, GrowingArraysHaveAReserve) {
   size.growth = RowGrowth::by_need;
   const double by_need = training_bytes(size);
   EXPECT_GT(reserved, 1.01 * none);
-  // Of the old SH coefficients, which are there for a while, a part is in place of the step.
-  EXPECT_GT(by_need, reserved + 1e6 * (0.015 * 716 + 40));
+  // Of the old moments of SH, which are there for a while, a part is in place of the step.
+  EXPECT_GT(by_need, reserved + 1e6 * (0.015 * 716 + 220));
+  size.moment_bytes = 2;  // the old coefficients are more than their moments
+  const double of_halves = training_bytes(size);
+  size.growth = RowGrowth::reserved;
+  EXPECT_GT(of_halves, training_bytes(size) + 1e6 * (0.015 * 362 + 40));
+  EXPECT_LT(of_halves, training_bytes(size) + 1e6 * 120);
 }
 
 TEST(TrainingMemory, PhotosBeyondTheBudgetHaveFourPlaces) {
