@@ -83,6 +83,10 @@ Span<const std::uint32_t> morton_order(Context& context, RowOrderWorkspace& work
                                        Span<const float> log_time_scales);
 
 inline constexpr int kGatherThreads = 256;  // threads of a block, and rows that it copies
+// Words of a row that are copied at once. It divides the 45 and 90 words of rows of SH and of their
+// moments, so that there are few kernels.
+inline constexpr int kMostCopied = 9;
+static_assert(kMostCopied <= BorrowedRoom::kWordsOfRow);
 
 /// What rows of T are copied in: words of 4 bytes, or of 2 for some HalfMoments.
 template <class T>
@@ -114,8 +118,8 @@ __global__ void copy_columns_kernel(const Word* from, unsigned words_apart_from,
   }
 }
 
-/// Gathers arrays one by one through borrowed room. Where a row has more words than the room has,
-/// it is gathered in several passes of some of its words.
+/// Gathers arrays one by one through borrowed room. Where a row has more words than kMostCopied, it
+/// is gathered in several passes of some of its words.
 class RowGather {
  public:
   RowGather(Context& context, BorrowedRoom& room) : context_(context), room_(room) {}
@@ -145,7 +149,7 @@ class RowGather {
   // The words from kFirst on of each row. A pass changes no word that a later one reads.
   template <int kWords, int kFirst = 0, class Word>
   void gather_columns(Word* rows, Span<const std::uint32_t> source) {
-    constexpr int kCopied = std::min(kWords - kFirst, BorrowedRoom::kWordsOfRow);
+    constexpr int kCopied = std::min(kWords - kFirst, kMostCopied);
     Word* const room = reinterpret_cast<Word*>(room_.words(source.size));
     const std::size_t blocks = blocks_for(source.size, kGatherThreads);
     context_.launch("gather", copy_columns_kernel<kCopied, Word>, blocks, kGatherThreads,
