@@ -20,6 +20,7 @@
 #include "gs_train/metrics.h"
 #include "tests/support/captured_log.h"
 #include "tests/support/error_of.h"
+#include "tests/support/models.h"
 #include "tests/support/small_scene.h"
 #include "tests/support/temp_folder.h"
 
