@@ -15,6 +15,7 @@
 #include "cuda/train/photos.cuh"
 #include "cuda/train/poses.cuh"
 #include "gs_core/math/adam.h"
+#include "gs_core/math/moment_rounding.h"
 #include "gs_core/math/view_splat.h"
 #include "gs_train/backend.h"
 

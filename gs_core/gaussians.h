@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// The learned quantities: one array per quantity, one row per Gaussian. Parameters, gradients and
-// both Adam moments are all of this one type.
+// The learned quantities: one array per quantity, one row per Gaussian. Parameters and gradients are
+// both of this one type; moment_arrays.h has Adam's moments of them.
 #pragma once
 
 #include "gs_core/buffer.h"
@@ -68,21 +68,25 @@ void take_learned_arrays(To& to, const Like& like) {
 
 using GaussiansSpan = GaussianArrays<Span>;
 
+/// Arrays without rows that own what they hold, in this memory.
+template <template <class> class Array>
+GaussianArrays<Array> arrays_in(Memory& memory) {
+  return {.mean = Array<Vec3f>(memory),
+          .log_scale = Array<Vec3f>(memory),
+          .rotation = Array<Quatf>(memory),
+          .logit_opacity = Array<float>(memory),
+          .sh0 = Array<Vec3f>(memory),
+          .sh_rest = Array<ShRest>(memory),
+          .right_rotation = Array<Quatf>(memory),
+          .time_mean = Array<float>(memory),
+          .log_time_scale = Array<float>(memory),
+          .filter_scale = Array<float>(memory)};
+}
+
 /// Owns the arrays of N Gaussians. It can be moved; copy_of() makes a copy.
 struct Gaussians : GaussianArrays<Buffer> {
   explicit Gaussians(Memory& memory = host_memory())
-      : GaussianArrays<Buffer>{Buffer<Vec3f>(memory),
-                               Buffer<Vec3f>(memory),
-                               Buffer<Quatf>(memory),
-                               Buffer<float>(memory),
-                               Buffer<Vec3f>(memory),
-                               Buffer<ShRest>(memory),
-                               false,
-                               Buffer<Quatf>(memory),
-                               Buffer<float>(memory),
-                               Buffer<float>(memory),
-                               false,
-                               Buffer<float>(memory)} {}
+      : GaussianArrays<Buffer>(arrays_in<Buffer>(memory)) {}
   Gaussians(std::size_t count, Memory& memory, bool with_time = false) : Gaussians(memory) {
     has_time = with_time;
     resize(count);

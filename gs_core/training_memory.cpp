@@ -50,19 +50,14 @@ Gaussians arrays_of(const TrainingSize& size) {
   return arrays;
 }
 
-// Both moments of an array whose rows have so many bytes.
-void add_moments(const TrainingSize& size, std::size_t row_bytes, Rows& rows) {
-  const double numbers = double(row_bytes) / sizeof(float);
-  for (int moment = 0; moment < 2; ++moment) rows.add(numbers * 0.5 * size.moment_bytes);
-}
-
 // Parameters, moments and statistics.
 void add_state(const TrainingSize& size, Rows& rows) {
   const Gaussians arrays = arrays_of(size);
   for_each_stored_array([&](const char*, const auto& array) { rows.add(sizeof *array.data()); },
                         arrays);
+  const double moments_per_byte = double(size.moment_bytes) / sizeof(float);
   for_each_array(
-      [&](const char*, const auto& array) { add_moments(size, sizeof *array.data(), rows); },
+      [&](const char*, const auto& array) { rows.add(sizeof *array.data() * moments_per_byte); },
       arrays);
   for (int statistic = 0; statistic < 2; ++statistic) rows.add(sizeof(float));
   if (size.has_sums) rows.add(sizeof(FragmentSums));
@@ -209,8 +204,10 @@ double training_bytes(const TrainingSize& size) {
   add_batch(size, kept);
   add_step(size, step);
   const double of_step = step.sum() + instance_bytes(size, grows);
-  // An array that grows holds its old rows until they are copied. SH coefficients have most.
-  const double rows = size.gaussians * sizeof(ShRest);
+  // An array that grows holds its old rows until they are copied. SH coefficients have most, or
+  // their moments.
+  const double of_number = std::max(sizeof(float), std::size_t(size.moment_bytes));
+  const double rows = size.gaussians * of_number * (sizeof(ShRest) / sizeof(float));
   const double old_rows = is_held_twice ? rows / mean_reserve(rows) : 0;
   const double most =
       old_rows < double(kBytesWorthReleasing) ? of_step + old_rows : std::max(of_step, old_rows);

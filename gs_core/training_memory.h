@@ -84,10 +84,10 @@ double state_bytes(const TrainingSize& size, double gaussians);
 /// The RAM of a Gaussian of the usual parameters, kParameterBytes, in a run on the CPU, which keeps
 /// gradients of all parameters as well: some 1,700 bytes, and a reserve.
 inline constexpr double kGaussianBytesOnCpu = 2048, kParameterBytes = 236;
-/// What moments of this form (optimizer.moments) save of it: the bytes that they are smaller than
-/// floats, and half of that again, since arrays grow by halves.
-constexpr double bytes_saved_by_codes(MomentForm form, double parameter_bytes) {
-  const int of_number = moment_bytes(MomentForm::floats) - moment_bytes(form);
+/// What optimizer.moments saves of it: the bytes by which moments are smaller than floats, and half
+/// of that again, since arrays grow by halves.
+constexpr double bytes_saved_by_moments(MomentStorage storage, double parameter_bytes) {
+  const int of_number = moment_bytes(MomentStorage::floats) - moment_bytes(storage);
   return 1.5 * of_number * parameter_bytes / sizeof(float);
 }
 

@@ -34,7 +34,7 @@ struct Update {
   float photometric_rate = 0;       // of the photometric model; 0: it rests
   float pose_rate = 0;              // of the poses; 0: they rest
   AdamRule photo_rule = {};         // of both
-  std::uint64_t rounding_seed = 0;  // of moments that are codes (MomentRounding)
+  std::uint64_t rounding_seed = 0;  // of HalfMoments (MomentRounding)
 };
 
 /// Noise on the means in one step. It depends on seed, step and row alone, so that every backend

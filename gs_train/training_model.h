@@ -8,7 +8,7 @@
 #include "gs_core/error.h"
 #include "gs_core/gaussians.h"
 #include "gs_core/math/growth.h"
-#include "gs_core/math/moment_code.h"
+#include "gs_core/moment_arrays.h"
 #include "gs_train/photometric/photometric_state.h"
 #include "gs_train/poses/pose_state.h"
 
@@ -34,16 +34,12 @@ void for_each_statistic(F&& f, First&& first, Rest&&... rest) {
   if (first.has_sums) f("sums", first.sums, rest.sums...);
 }
 
-/// The parameters, both Adam moments and the statistics of N Gaussians. A new array is a member
+/// The parameters, Adam's moments and the statistics of N Gaussians. A new array is a member
 /// here and a line in for_each_row_array(): row operations, checkpoints and copies then treat it
 /// like the others.
 struct TrainingModel {
   Gaussians gaussians;
-  // Adam's moments: as floats, or both as codes (optimizer.moments). The arrays of the other form
-  // are empty.
-  MomentForm moment_form = MomentForm::floats;
-  Gaussians first_moment, second_moment;
-  MomentCodes codes;
+  StoredMoments moments;  // of Adam, as optimizer.moments says
   DensityStatistics statistics;
   PhotometricState photometric;  // of the photos; empty without photometric.model
   PoseState poses;               // of the photos; empty without poses.refine
@@ -53,27 +49,26 @@ struct TrainingModel {
   std::size_t first_count = 0;
 
   explicit TrainingModel(Memory& memory = host_memory())
-      : gaussians(memory), first_moment(memory), second_moment(memory), codes(memory),
-        statistics(memory), photometric(memory) {}
+      : gaussians(memory), moments(AdamMoments<FloatMoments>(memory)), statistics(memory),
+        photometric(memory) {}
   std::size_t count() const { return gaussians.count(); }
   /// Where its arrays lie.
   Memory& memory() const { return gaussians.memory(); }
+  MomentStorage moment_storage() const { return MomentStorage(moments.index()); }
+  /// Stores moments like this from now on. Call it before rows are added.
+  void store_moments_as(MomentStorage storage) {
+    if (storage == MomentStorage::halves)
+      moments = AdamMoments<HalfMoments>(memory());
+    else
+      moments = AdamMoments<FloatMoments>(memory());
+  }
   /// Says that parameters and moments have the learned quantities of `like`. Call it before rows are
   /// added.
   void set_learned_arrays(const Gaussians& like) {
-    for (Gaussians* const arrays : {&gaussians, &first_moment, &second_moment})
-      take_learned_arrays(*arrays, like);
-    take_learned_arrays(codes, like);
+    take_learned_arrays(gaussians, like);
+    std::visit([&](auto& arrays) { take_learned_arrays(arrays, like); }, moments);
   }
 };
-
-/// Calls f(arrays) for each set of arrays that holds moments of the model.
-template <class F, class Model>
-void for_each_moment(F&& f, Model& model) {
-  if (model.moment_form == MomentForm::tiny) return f(model.codes);
-  f(model.first_moment);
-  f(model.second_moment);
-}
 
 /// What an array holds. It decides what the row of a new Gaussian starts with.
 enum class RowRole {
@@ -82,18 +77,18 @@ enum class RowRole {
   statistic,  // of density control; every Gaussian starts with zeros after a refinement
 };
 
-/// One array of a TrainingModel, for example {moment, "first_moment", "mean"}.
+/// One array of a TrainingModel, for example {moment, "moments", "mean"}.
 struct RowArray {
   RowRole role;
   const char* group;
   const char* name;
 
-  /// "first_moment.mean": checkpoint files name their sections like this.
+  /// "moments.mean": checkpoint files name their sections like this.
   std::string key() const { return std::string(group) + "." + name; }
 };
 
 /// Calls f(RowArray, a.array, b.array, ...) for every array that has one row per Gaussian, in a
-/// fixed order. The models may be const, and all of them keep moments as the first one does.
+/// fixed order. The models may be const, and all of them store moments as the first one does.
 template <class F, class First, class... Rest>
 void for_each_row_array(F&& f, First&& first, Rest&&... rest) {
   const auto visit = [&f](RowRole role, const char* group) {
@@ -102,19 +97,16 @@ void for_each_row_array(F&& f, First&& first, Rest&&... rest) {
     };
   };
   for_each_stored_array(visit(RowRole::parameter, "gaussians"), first.gaussians, rest.gaussians...);
-  if (first.moment_form == MomentForm::tiny) {
-    for_each_array(visit(RowRole::moment, "moments"), first.codes, rest.codes...);
-  } else {
-    for_each_array(visit(RowRole::moment, "first_moment"), first.first_moment,
-                   rest.first_moment...);
-    for_each_array(visit(RowRole::moment, "second_moment"), first.second_moment,
-                   rest.second_moment...);
-  }
+  std::visit(
+      [&]<class Moments>(Moments& moments) {
+        for_each_array(visit(RowRole::moment, "moments"), moments,
+                       std::get<std::remove_const_t<Moments>>(rest.moments)...);
+      },
+      first.moments);
   for_each_statistic(visit(RowRole::statistic, "statistics"), first.statistics, rest.statistics...);
 }
 
-/// Gives a model whose parameters are set the moments, in the form that it has, and the statistics
-/// of a model before its first step: zeros.
+/// Sets moments and statistics to zero, as before the first step. The parameters must be set.
 inline void clear_history(TrainingModel& model) {
   const std::size_t count = model.count();
   model.set_learned_arrays(model.gaussians);
@@ -145,19 +137,19 @@ inline void clear_statistics(TrainingModel& model) {
 
 /// Zeros the moments of the opacities, or all of them, or none.
 inline void clear_moments(TrainingModel& model, MomentClearing which) {
-  for_each_moment(
+  std::visit(
       [which](auto& moments) {
         if (which == MomentClearing::opacity) moments.logit_opacity.fill_zero();
         if (which == MomentClearing::all)
           for_each_array([](const char*, auto& array) { array.fill_zero(); }, moments);
       },
-      model);
+      model.moments);
 }
 
 /// A copy of everything, in another memory.
 inline TrainingModel copy_to(Memory& memory, const TrainingModel& from) {
   TrainingModel model(memory);
-  model.moment_form = from.moment_form;
+  model.store_moments_as(from.moment_storage());
   model.set_learned_arrays(from.gaussians);
   model.gaussians.has_filter = from.gaussians.has_filter;
   model.statistics.has_sums = from.statistics.has_sums;

@@ -84,7 +84,7 @@ Span<const std::uint32_t> morton_order(Context& context, RowOrderWorkspace& work
 
 inline constexpr int kGatherThreads = 256;  // threads of a block, and rows that it copies
 
-/// What rows of T are copied in: words of 4 bytes, or of 2 where their codes are tiny.
+/// What rows of T are copied in: words of 4 bytes, or of 2 for some HalfMoments.
 template <class T>
 using WordOf =
     std::conditional_t<sizeof(T) % sizeof(std::uint32_t) == 0, std::uint32_t, std::uint16_t>;

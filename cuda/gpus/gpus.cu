@@ -31,7 +31,8 @@ void connect(const std::vector<int>& devices) {
 
 // Gives a shard the arrays that the model has, with undefined rows.
 void take_shape_of(const TrainingModel& model, std::size_t count, TrainingModel& shard) {
-  shard.moment_form = model.moment_form;
+  if (shard.moment_storage() != model.moment_storage())
+    shard.store_moments_as(model.moment_storage());
   shard.set_learned_arrays(model.gaussians);
   shard.gaussians.has_filter = model.gaussians.has_filter;
   shard.statistics.has_sums = model.statistics.has_sums;

@@ -33,36 +33,35 @@ struct SomeRows {
 };
 
 /// The whole warp: starts to copy `rows` rows of kInRow numbers into shared memory, without
-/// registers in between. Rows that do not take part may be left out.
-template <int kInRow, class Which = EveryRow>
-__device__ void start_copy(float* to, const float* from, int rows, Which which = {}) {
+/// registers in between: of each row the first kInUse numbers, in whole vectors, with their
+/// neighbors. Rows that do not take part may be left out. T is a number or moments of a number.
+template <int kInRow, int kInUse = kInRow, class T, class Which = EveryRow>
+__device__ void start_copy(T* to, const T* from, int rows, Which which = {}) {
+  constexpr int kInVector = sizeof(float4) / sizeof(T);
+  static_assert(kWarp * kInRow % kInVector == 0);
   if (rows == kWarp) {
-    for (int k = 4 * lane_of_thread(); k < kWarp * kInRow; k += 4 * kWarp)
-      if (which.has(k / kInRow) || which.has((k + 3) / kInRow))
+    for (int k = kInVector * lane_of_thread(); k < kWarp * kInRow; k += kInVector * kWarp) {
+      const int row = k / kInRow, last = (k + kInVector - 1) / kInRow;  // of the vector
+      if ((k % kInRow < kInUse && which.has(row)) || (last > row && which.has(last)))
         __pipeline_memcpy_async(to + k, from + k, sizeof(float4));
+    }
   } else {
     // Only the last warp of an array comes here, so that speed does not matter. With asynchronous
     // copies of single numbers, nvcc 13.0 once made a kernel whose results differed from run to
     // run, and in which racecheck saw numbers copied twice.
 #pragma unroll 1
-    for (int k = lane_of_thread(); k < rows * kInRow; k += kWarp)
-      if (which.has(k / kInRow)) to[k] = from[k];
+    for (int k = lane_of_thread(); k < rows * kInUse; k += kWarp) {
+      const int row = k / kInUse, at = row * kInRow + k % kInUse;
+      if (which.has(row)) to[at] = from[at];
+    }
   }
 }
 
 /// The same for SH rows: copies the numbers of each row that a degree uses.
-template <int degree, class Which = EveryRow>
-__device__ void start_sh_copy(float* to, const float* from, int rows, Which which = {}) {
-  if constexpr (degree == kMaxShDegree) {
-    start_copy<kShRowNumbers>(to, from, rows, which);
-  } else if constexpr (degree > 0) {
-    constexpr int kInUse = kShNumbersInUse<degree>;
-    for (int k = lane_of_thread(); k < rows * kInUse; k += kWarp) {
-      if (!which.has(k / kInUse)) continue;
-      const int at = k / kInUse * kShRowNumbers + k % kInUse;
-      __pipeline_memcpy_async(to + at, from + at, sizeof(float));
-    }
-  }
+template <int degree, class T, class Which = EveryRow>
+__device__ void start_sh_copy(T* to, const T* from, int rows, Which which = {}) {
+  if constexpr (degree > 0)
+    start_copy<kShRowNumbers, kShNumbersInUse<degree>>(to, from, rows, which);
 }
 
 /// Calls f(std::integral_constant<int, degree>) for the degree in use.

@@ -8,22 +8,17 @@ namespace {
 
 constexpr int kThreads = 256;  // numbers are independent: any size that fills a multiprocessor
 
-__global__ void adam_kernel(Span<float> parameters, Span<float> m, Span<float> v,
-                            Span<const float> gradient, AdamStep step, AdamRule rule) {
+// One quantity, with so many numbers in a row.
+template <class Stored>
+__global__ void adam_kernel(Span<float> parameters, Span<Stored> moments,
+                            Span<const float> gradient, AdamStep step, AdamRule rule,
+                            MomentRounding rounding, int in_row, int random_offset) {
   const std::size_t i = std::size_t(blockIdx.x) * kThreads + threadIdx.x;
   if (i >= parameters.size) return;
-  adam_update(parameters[i], m[i], v[i], gradient[i], step, rule);
-}
-
-// The same with moments that are codes, for a quantity with so many numbers in a row. `place` is
-// that of the quantity (NumberPlaces).
-__global__ void adam_codes_kernel(Span<float> parameters, Span<TinyCode> moments,
-                                  Span<const float> gradient, AdamStep step, AdamRule rule,
-                                  MomentRounding rounding, int in_row, int place) {
-  const std::size_t i = std::size_t(blockIdx.x) * kThreads + threadIdx.x;
-  if (i >= parameters.size) return;
-  adam_update(parameters[i], moments[i], gradient[i], step, rule,
-              random_of_number(rounding.of_row(i / in_row), place + int(i % in_row)));
+  std::uint32_t random = 0;
+  if constexpr (Stored::kIsRounded)
+    random = random_of_number(rounding.of_row(i / in_row), random_offset + int(i % in_row));
+  adam_update(parameters[i], moments[i], gradient[i], step, rule, random);
 }
 
 class CudaOptimizer final : public Optimizer {
@@ -43,37 +38,24 @@ class CudaOptimizer final : public Optimizer {
     const AdamRule& rule = update.rule;
     const int t = model.adam_steps += rule.steps;
     const AdamSteps steps = adam_steps(t, update.rates);
-    if (model.moment_form == MomentForm::tiny)
-      update_codes(model, gradients, steps, rule, {update.rounding_seed, t});
-    else
-      update_floats(model, gradients, steps, rule);
+    const MomentRounding rounding{update.rounding_seed, t};
+    std::visit(
+        [&]<class Stored>(const AdamMoments<Stored>& moments) {
+          for_each_array(
+              [&](const char*, const auto& parameters, const auto& of_parameters,
+                  const auto& gradient, const AdamStep& step, int random_offset) {
+                const Span<float> numbers = numbers_of(parameters);
+                context_.launch("adam", adam_kernel<Stored>, blocks_for(numbers.size, kThreads),
+                                kThreads, numbers, moments_in(of_parameters), numbers_of(gradient),
+                                step, rule, rounding, int(sizeof(parameters[0]) / sizeof(float)),
+                                random_offset);
+              },
+              model.gaussians, moments, gradients, steps, kRandomOffsets);
+        },
+        model.moments);
   }
 
  private:
-  void update_floats(const TrainingModel& model, const Gaussians& gradients, const AdamSteps& steps,
-                     const AdamRule& rule) {
-    for_each_array(
-        [&](const char*, const auto& parameters, const auto& m, const auto& v, const auto& gradient,
-            const AdamStep& step) {
-          const Span<float> numbers = numbers_of(parameters);
-          context_.launch("adam", adam_kernel, blocks_for(numbers.size, kThreads), kThreads,
-                          numbers, numbers_of(m), numbers_of(v), numbers_of(gradient), step, rule);
-        },
-        model.gaussians, model.first_moment, model.second_moment, gradients, steps);
-  }
-  void update_codes(const TrainingModel& model, const Gaussians& gradients, const AdamSteps& steps,
-                    const AdamRule& rule, const MomentRounding& rounding) {
-    for_each_array(
-        [&](const char*, const auto& parameters, const auto& moments, const auto& gradient,
-            const AdamStep& step, int place) {
-          const Span<float> numbers = numbers_of(parameters);
-          context_.launch("adam", adam_codes_kernel, blocks_for(numbers.size, kThreads), kThreads,
-                          numbers, codes_of(moments), numbers_of(gradient), step, rule, rounding,
-                          int(sizeof(parameters[0]) / sizeof(float)), place);
-        },
-        model.gaussians, model.codes, gradients, steps, number_places());
-  }
-
   Context& context_;
 };
 

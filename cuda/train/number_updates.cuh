@@ -1,104 +1,101 @@
 // SPDX-License-Identifier: Apache-2.0
 // What an update does with the numbers of one quantity: their gradients are written to an array, or
-// Adam updates them. Those whose moments are codes are in updates_of_codes.cuh.
+// Adam updates them and their moments.
 #pragma once
 
+#include <algorithm>
 #include <type_traits>
 
 #include "cuda/device/warp.cuh"
 #include "cuda/render/sh_rows.cuh"
-#include "gs_core/math/moment_code.h"
+#include "gs_core/math/adam.h"
+#include "gs_core/math/moment_rounding.h"
 
 namespace gs::cuda {
 
-/// Shared memory of a warp for moments that are codes: a random word of each row, by which they are
-/// rounded, and the codes of its SH rows. Empty for moments that are floats.
-template <bool has_codes>
-struct CodeRows {
+/// Neighbors of an array, which are moved at once.
+template <class T, int count>
+struct alignas(count * sizeof(T)) Few {
+  T of[count];
+};
+
+/// Stands for moments where there are none.
+struct NoMoments {
+  static constexpr bool kIsRounded = false;
+};
+template <class Stored>
+inline constexpr bool kHasMoments = !std::is_same_v<Stored, NoMoments>;
+
+/// The SH rows of a warp in shared memory, aligned for copies of 16 bytes, and a random word of
+/// each row, by which moments are rounded.
+template <class Stored>
+struct ShRows {
+  alignas(16) float parameters[kWarp * kShRowNumbers];
+  alignas(16) Stored moments[kWarp * kShRowNumbers];
   std::uint32_t random[kWarp];
-  alignas(16) std::uint16_t sh_codes[kWarp * kShRowNumbers];  // bits of TinyCode
+
+  /// Of this lane's Gaussian.
+  __device__ const Vec3f* coefficients() const {
+    return reinterpret_cast<const Vec3f*>(parameters + lane_of_thread() * kShRowNumbers);
+  }
 };
-template <>
-struct CodeRows<false> {};
-/// The arrays of a quantity whose SH rows lie in shared memory as floats.
-template <class Numbers>
-inline constexpr int kFloatArrays = Numbers::kArrays - Numbers::kHasCodes;
 
-/// Array `a` of the SH rows of a warp, for vector_at().
-template <class Numbers, class Shared>
-__device__ const float* sh_rows_of(const Shared& shared, int a) {
-  if constexpr (Numbers::kHasCodes)
-    if (a == kFloatArrays<Numbers>) return reinterpret_cast<const float*>(shared.sh_codes);
-  return shared.sh_rows[a];
-}
-
-/// Which numbers a finish() takes: number `number` of row `row` of the warp, or four from there on,
-/// which may be in two rows of `in_row` numbers each.
-template <class RandomSource>
+/// Which numbers a finish() takes: number `number` of row `row` of the warp, and its next ones, which
+/// may be in two rows of `in_row` numbers each. `random` has a word of each row.
 struct NumberPlace {
-  const RandomSource& rows;
+  const std::uint32_t* random;
   int row, number, in_row;
-};
 
-/// Vector `at` of array `a` of a quantity, or of a copy of that array. Vector is float or float4.
-/// The array of codes has half of the length; its codes become floats of the same bits.
-template <class Numbers, class Vector = float>
-__device__ Vector vector_at(const float* array, int a, std::size_t at) {
-  if constexpr (Numbers::kHasCodes) {
-    if (a == Numbers::kArrays - 1) {
-      if constexpr (std::is_same_v<Vector, float>) {
-        return __uint_as_float(reinterpret_cast<const std::uint16_t*>(array)[at]);
-      } else {
-        const ushort4 codes = reinterpret_cast<const ushort4*>(array)[at];
-        return {__uint_as_float(codes.x), __uint_as_float(codes.y), __uint_as_float(codes.z),
-                __uint_as_float(codes.w)};
-      }
+  /// The random numbers of `count` numbers of a quantity (RandomOffsets).
+  template <int count>
+  __device__ void load_random(int offset, std::uint32_t (&to)[count]) const {
+    const bool are_of_two_rows = number + count > in_row;
+    const std::uint32_t of_row = random[row],
+                        of_next = count > 1 ? random[row + are_of_two_rows] : 0;
+    for (int k = 0; k < count; ++k) {
+      const bool is_next = number + k >= in_row;
+      to[k] = random_of_number(is_next ? of_next : of_row,
+                               offset + number + k - (is_next ? in_row : 0));
     }
   }
-  return reinterpret_cast<const Vector*>(array)[at];
-}
+};
 
-/// Of a warp's SH rows in shared memory: vector `at` of all arrays.
-template <class Shared, class Numbers, class Vector>
-__device__ void load_sh(const Shared& shared, const Numbers&, int at,
-                        Vector (&loaded)[Numbers::kArrays]) {
-  for (int a = 0; a < Numbers::kArrays; ++a)
-    loaded[a] = vector_at<Numbers, Vector>(sh_rows_of<Numbers>(shared, a), a, at);
-}
-
-/// The numbers of one quantity, for WriteGradients: finish() writes the gradient to an array.
-/// Vector is float or float4.
+/// The numbers of one quantity, for WriteGradients: finish() writes the gradients to an array.
 struct GradientNumbers {
-  static constexpr int kArrays = 1;
-  static constexpr bool kHasCodes = false;
-  float* arrays[kArrays];
+  using Stored = NoMoments;
+  static constexpr int kNeighbors = 4;  // of SH rows that finish() takes at a time
+  const float* parameters;
   float* gradients;
 
-  template <class Vector, class Place>
-  __device__ void finish(std::size_t at, Vector (&)[kArrays], const Vector& gradient,
-                         const Place&) const {
-    reinterpret_cast<Vector*>(gradients)[at] = gradient;
+  template <int count>
+  __device__ void finish(std::size_t at, const Few<float, count>&, const Few<NoMoments, count>&,
+                         const Few<float, count>& gradient, const NumberPlace&) const {
+    reinterpret_cast<Few<float, count>*>(gradients)[at] = gradient;
   }
 };
 
-/// The numbers of one quantity, for UpdateByAdam: finish() updates the parameter and its moments, or
-/// four neighbors at a time.
+/// The numbers of one quantity, for UpdateByAdam: finish() updates parameters and moments. A number
+/// and its moments are 24 bytes to read and write with FloatMoments and 12 with HalfMoments, so an
+/// update of all 59 numbers of a Gaussian moves 1,416 or 708 bytes.
+template <class StoredMoments>
 struct AdamNumbers {
-  static constexpr int kArrays = 3;
-  static constexpr bool kHasCodes = false;
-  float* arrays[kArrays];  // parameters, first and second moments
+  using Stored = StoredMoments;
+  static constexpr int kNeighbors = std::min(4, int(16 / sizeof(Stored)));  // 16 bytes at most
+  float* parameters;
+  Stored* moments;
   AdamStep step;
   AdamRule rule;
+  int random_offset;
 
-  template <class Vector, class Place>
-  __device__ void finish(std::size_t at, Vector (&numbers)[kArrays], const Vector& gradient,
-                         const Place&) const {
-    for (int k = 0; k < int(sizeof(Vector) / sizeof(float)); ++k)
-      adam_update(reinterpret_cast<float*>(&numbers[0])[k],
-                  reinterpret_cast<float*>(&numbers[1])[k],
-                  reinterpret_cast<float*>(&numbers[2])[k],
-                  reinterpret_cast<const float*>(&gradient)[k], step, rule);
-    for (int a = 0; a < kArrays; ++a) reinterpret_cast<Vector*>(arrays[a])[at] = numbers[a];
+  template <int count>
+  __device__ void finish(std::size_t at, Few<float, count> numbers, Few<Stored, count> of_numbers,
+                         const Few<float, count>& gradient, const NumberPlace& place) const {
+    std::uint32_t random[count] = {};
+    if constexpr (Stored::kIsRounded) place.load_random(random_offset, random);
+    for (int k = 0; k < count; ++k)
+      adam_update(numbers.of[k], of_numbers.of[k], gradient.of[k], step, rule, random[k]);
+    reinterpret_cast<Few<float, count>*>(parameters)[at] = numbers;
+    reinterpret_cast<Few<Stored, count>*>(moments)[at] = of_numbers;
   }
 };
 

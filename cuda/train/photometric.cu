@@ -28,7 +28,8 @@ __global__ void __launch_bounds__(kThreads)
 
 /// The numbers of all photos on the device.
 struct Numbers {
-  float *values, *first_moment, *second_moment;
+  float* values;
+  FloatMoments* moments;
   const float* start;
   std::uint32_t photos;
   bool is_solved;
@@ -44,8 +45,7 @@ __device__ void update_all(const Numbers& numbers, double* gradient, const AdamS
     if (numbers.is_solved)
       prior = gain_prior_vjp(double(numbers.values[i]), double(numbers.start[i]),
                              kGainPriorWeight / numbers.photos, kGainPriorSpread);
-    adam_update(numbers.values[i], numbers.first_moment[i], numbers.second_moment[i],
-                float(gradient[i] + prior), step, rule);
+    adam_update(numbers.values[i], numbers.moments[i], float(gradient[i] + prior), step, rule);
     gradient[i] = 0;
   }
 }
@@ -84,11 +84,7 @@ void update_photometric(Context& context, const PhotometricState& state, Span<do
   const PhotometricShape& shape = state.shape;
   GS_CHECK(int(shape.photo_size) == kNumbers && gradient.size == shape.size());
   const StageScope scope(context, "photometric");
-  const Numbers numbers{state.values.data(),
-                        state.first_moment.data(),
-                        state.second_moment.data(),
-                        state.start.data(),
-                        shape.photos,
+  const Numbers numbers{state.values.data(), state.moments.data(), state.start.data(), shape.photos,
                         state.is_solved};
   context.launch("photometric", update_kernel, 1, kThreads, numbers, gradient.data, step, rule,
                  halted);

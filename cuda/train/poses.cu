@@ -24,7 +24,8 @@ __global__ void refine_kernel(PoseRow row, DevicePose* to) {
 
 /// All rows on the device.
 struct Rows {
-  float *values, *first_moment, *second_moment;
+  float* values;
+  FloatMoments* moments;
   double* gradient;
   const double* modes;  // (mode_count, count)
   int count, mode_count;
@@ -38,8 +39,7 @@ __global__ void __launch_bounds__(kThreads)
   for (int i = int(threadIdx.x); i < rows.count; i += kThreads) {
     const double sigma = i % int(kPoseNumbers) < 3 ? kPoseSpreadTurn : kPoseSpreadShift;
     const double of_pull = weight * double(rows.values[i]) / (sigma * sigma);
-    adam_update(rows.values[i], rows.first_moment[i], rows.second_moment[i],
-                float(rows.gradient[i] + of_pull), step, rule);
+    adam_update(rows.values[i], rows.moments[i], float(rows.gradient[i] + of_pull), step, rule);
     rows.gradient[i] = 0;
   }
   __shared__ double shared[1][kThreads];
@@ -59,8 +59,7 @@ __global__ void __launch_bounds__(kThreads)
 }  // namespace
 
 bool DevicePoses::holds(const PoseState& state) const {
-  return !held_values_.empty() && state.values == held_values_ &&
-         state.first_moment == held_first_moment_ && state.second_moment == held_second_moment_ &&
+  return !held_values_.empty() && state.values == held_values_ && state.moments == held_moments_ &&
          state.common_modes == held_modes_;
 }
 
@@ -69,8 +68,7 @@ void DevicePoses::upload(const PoseState& state) {
   held_values_.clear();
   held_modes_ = state.common_modes;
   values_.upload(state.values);
-  first_moment_.upload(state.first_moment);
-  second_moment_.upload(state.second_moment);
+  moments_.upload(state.moments);
   std::vector<double> modes;
   for (const std::vector<double>& mode : state.common_modes)
     modes.insert(modes.end(), mode.begin(), mode.end());
@@ -82,8 +80,7 @@ void DevicePoses::upload(const PoseState& state) {
 
 void DevicePoses::download(PoseState& state) {
   state.values = held_values_ = values_.download();
-  state.first_moment = held_first_moment_ = first_moment_.download();
-  state.second_moment = held_second_moment_ = second_moment_.download();
+  state.moments = held_moments_ = moments_.download();
 }
 
 PoseRow DevicePoses::row_of(const PoseState& state, std::size_t photo, const Camera& given) const {
@@ -113,8 +110,8 @@ void DevicePoses::update(const AdamStep& step, const AdamRule& rule, const std::
   held_values_.clear();  // they are older from now on
   const std::size_t count = values_.size();
   context_.launch("poses", update_kernel, 1, kThreads,
-                  Rows{values_.data(), first_moment_.data(), second_moment_.data(),
-                       gradient_.data(), modes_.data(), int(count), int(modes_.size() / count)},
+                  Rows{values_.data(), moments_.data(), gradient_.data(), modes_.data(), int(count),
+                       int(modes_.size() / count)},
                   step, rule, halted);
 }
 

@@ -34,8 +34,8 @@ struct PoseRow {
 class DevicePoses {
  public:
   DevicePoses(Context& context, Memory& memory)
-      : context_(context), values_(memory), first_moment_(memory), second_moment_(memory),
-        modes_(memory), gradient_(memory), cameras_(memory), block_sums_(memory) {}
+      : context_(context), values_(memory), moments_(memory), modes_(memory), gradient_(memory),
+        cameras_(memory), block_sums_(memory) {}
 
   void upload(const PoseState& state);
   void download(PoseState& state);
@@ -64,12 +64,14 @@ class DevicePoses {
 
   Context& context_;
   // What the last download has brought; no values: an update came after it.
-  std::vector<float> held_values_, held_first_moment_, held_second_moment_;
-  std::vector<std::vector<double>> held_modes_;          // those of modes_
-  Buffer<float> values_, first_moment_, second_moment_;  // (rows, 6)
-  Buffer<double> modes_;                                 // (modes, rows, 6) PoseState::common_modes
-  Buffer<double> gradient_;                              // (rows, 6) zero between steps
-  Buffer<DevicePose> cameras_;                           // (kMostBatch)
+  std::vector<float> held_values_;
+  std::vector<FloatMoments> held_moments_;
+  std::vector<std::vector<double>> held_modes_;  // those of modes_
+  Buffer<float> values_;                         // (rows, 6)
+  Buffer<FloatMoments> moments_;                 // (rows, 6)
+  Buffer<double> modes_;                         // (modes, rows, 6) PoseState::common_modes
+  Buffer<double> gradient_;                      // (rows, 6) zero between steps
+  Buffer<DevicePose> cameras_;                   // (kMostBatch)
   std::size_t blocks_ = 0;
   Buffer<double> block_sums_;  // (photos of a batch, blocks, 6)
 };

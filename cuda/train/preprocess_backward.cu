@@ -7,8 +7,8 @@ namespace {
 
 constexpr int kBasisStride = kShBasisCount + 1;  // odd, so that 32 rows begin in different banks
 
-template <class Numbers>
-struct Shared : ShRows<Numbers> {
+template <class Stored>
+struct Shared : ShRows<Stored> {
   union {
     float numbers[kRowNumbers<true> * kWarp];  // parameters at first, gradients in the end
     struct {                                   // between
@@ -19,23 +19,21 @@ struct Shared : ShRows<Numbers> {
 };
 
 // The gradients of the SH rows.
-template <class Numbers>
+template <class Stored>
 struct ShGradients {
-  const Shared<Numbers>& shared;
+  const Shared<Stored>& shared;
 
   __device__ float number(int row, int number) const {
     return shared.basis[row * kBasisStride + 1 + number / 3] *
            shared.dL_dcolor[row * 3 + number % 3];
   }
-  template <class Vector>
-  __device__ Vector at(int item) const {
-    constexpr int kCount = sizeof(Vector) / sizeof(float);
-    const int row = kCount * item / kShRowNumbers, first = kCount * item % kShRowNumbers;
-    Vector gradient;
-    for (int k = 0; k < kCount; ++k) {
+  template <int count>
+  __device__ Few<float, count> at(int item) const {
+    const int row = count * item / kShRowNumbers, first = count * item % kShRowNumbers;
+    Few<float, count> gradient;
+    for (int k = 0; k < count; ++k) {
       const bool is_next = first + k >= kShRowNumbers;
-      reinterpret_cast<float*>(&gradient)[k] =
-          number(row + is_next, first + k - (is_next ? kShRowNumbers : 0));
+      gradient.of[k] = number(row + is_next, first + k - (is_next ? kShRowNumbers : 0));
     }
     return gradient;
   }
@@ -44,8 +42,8 @@ struct ShGradients {
 // The whole warp: pulls the color gradients back to the SH coefficients of its `rows` rows. Returns
 // the part of dL/d(mean) that comes from the viewing direction.
 template <int degree, class Numbers>
-__device__ Vec3f color_backward(Shared<Numbers>& shared, const Vec3f& mean, const Camera& camera,
-                                std::size_t first, int rows, bool is_visible,
+__device__ Vec3f color_backward(Shared<typename Numbers::Stored>& shared, const Vec3f& mean,
+                                const Camera& camera, std::size_t first, int rows, bool is_visible,
                                 const Vec3f& dL_dcolor, const Numbers& numbers) {
   if constexpr (degree == 0) return Vec3f(0.0f);
   const int lane = lane_of_thread();
@@ -60,7 +58,7 @@ __device__ Vec3f color_backward(Shared<Numbers>& shared, const Vec3f& mean, cons
   for (int c = 0; c < 3; ++c) shared.dL_dcolor[3 * lane + c] = dL_dcolor[c];
   __pipeline_wait_prior(0);
   __syncwarp();
-  finish_sh_rows<degree, Numbers>(shared, numbers, first, rows, ShGradients<Numbers>{shared});
+  finish_sh_rows<degree>(shared, numbers, first, rows, ShGradients{shared});
   if (!is_visible) return Vec3f(0.0f);
   float dL_dbasis[kShBasisCount];
   for (int k = 1; k < (degree + 1) * (degree + 1); ++k)
@@ -82,24 +80,24 @@ struct Input {
 };
 
 // The least blocks of a multiprocessor, a quarter of them on each of its parts. Shared memory has
-// room for 11 with moments that are floats and for 18 with codes. Gaussians in space and time need
+// room for 11 with FloatMoments and for 18 with HalfMoments. Gaussians in space and time need
 // more registers than so many blocks would leave.
-template <bool has_time, class Numbers>
-constexpr int kLeastBlocks = Numbers::kHasCodes ? (has_time ? 12 : 16) : (has_time ? 8 : 11);
+template <bool has_time, class Stored>
+constexpr int kLeastBlocks = Stored::kIsRounded ? (has_time ? 12 : 16) : (has_time ? 8 : 11);
 
 // Blocks of one warp: shared memory, which bounds the warps of a multiprocessor, is given to blocks.
 template <int degree, bool has_time, class Sink>
-__global__ void __launch_bounds__(kWarp, kLeastBlocks<has_time, typename Sink::Numbers>)
+__global__ void __launch_bounds__(kWarp, kLeastBlocks<has_time, typename Sink::Numbers::Stored>)
     preprocess_backward_kernel(const __grid_constant__ Input in,
                                const __grid_constant__ Sink sink) {
   using Numbers = typename Sink::Numbers;
-  __shared__ Shared<Numbers> shared;
+  __shared__ Shared<typename Numbers::Stored> shared;
   const Camera camera = refined(in.given, in.pose);
   const std::size_t first = std::size_t(blockIdx.x) * kWarp, i = first + lane_of_thread(),
                     projected = in.shard.row_of_all(i);
   const int rows = int(min(in.count - first, std::size_t(kWarp)));
   // All loads come first, before any store, so that the warp waits for memory only once.
-  start_sh_rows<degree, Numbers>(shared, sink.of[Quantity::sh_rest], first, rows);
+  start_sh_rows<degree>(shared, sink.of[Quantity::sh_rest], first, rows);
   const bool is_halted = sink.is_halted(), is_row = i < in.count;
   Shares<has_time, Numbers> shares(sink.of, first, rows);
   const typename Sink::Statistics statistics =
@@ -113,7 +111,7 @@ __global__ void __launch_bounds__(kWarp, kLeastBlocks<has_time, typename Sink::N
   if (is_visible) store_in_vectors(in.sums + projected, SplatGradientSum{});  // for the next step
   if (is_halted) return;
 
-  if constexpr (Numbers::kHasCodes)  // the lanes wait for each other in row()
+  if constexpr (Numbers::Stored::kIsRounded)  // the lanes wait for each other in row()
     shared.random[lane_of_thread()] = sink.rounding.of_row(projected);
   const Row<has_time> row = shares.row(shared.numbers, rows);
   SplatGradient dL_dsplat{};
@@ -143,7 +141,7 @@ __global__ void __launch_bounds__(kWarp, kLeastBlocks<has_time, typename Sink::N
   __syncwarp();
   store_row(shared.numbers, gradient);
   __syncwarp();
-  shares.finish(sink.of, first, rows, shared.numbers, shared);
+  shares.finish(sink.of, first, rows, shared.numbers, shared.random);
 }
 
 template <class Sink>
@@ -171,7 +169,7 @@ void preprocess_backward(Context& context, const GaussiansSpan& gaussians, const
   int quantity = 0;
   for_each_array(
       [&](const char*, const auto& rows, const auto& to) {
-        sink.of[quantity++] = {{numbers_of(rows)}, numbers_of(to)};
+        sink.of[quantity++] = {numbers_of(rows), numbers_of(to)};
       },
       gaussians, gradients);
   launch(context, gaussians, photo, sink);

@@ -13,64 +13,49 @@
 #include "cuda/render/sh_rows.cuh"
 #include "cuda/stages.cuh"
 #include "cuda/train/row_updates.cuh"
-#include "cuda/train/updates_of_codes.cuh"
 #include "gs_core/math/spacetime_splat.h"
 
 namespace gs::cuda {
 
-/// The SH rows of a warp in shared memory, and what goes along with moments that are codes.
-template <class Numbers>
-struct ShRows : CodeRows<Numbers::kHasCodes> {
-  // of the parameters, and of moments that are floats; aligned for copies of 16 bytes
-  alignas(16) float sh_rows[kFloatArrays<Numbers>][kWarp * kShRowNumbers];
-
-  /// Of this lane's Gaussian.
-  __device__ const Vec3f* coefficients() const {
-    return reinterpret_cast<const Vec3f*>(sh_rows[0] + lane_of_thread() * kShRowNumbers);
-  }
-};
-
 /// The whole warp: starts to copy its SH rows into shared memory, so that they arrive during other
 /// work.
 template <int degree, class Numbers>
-__device__ void start_sh_rows(ShRows<Numbers>& shared, const Numbers& numbers, std::size_t first,
-                              int rows) {
+__device__ void start_sh_rows(ShRows<typename Numbers::Stored>& shared, const Numbers& numbers,
+                              std::size_t first, int rows) {
   if constexpr (degree > 0) {
-    for (int a = 0; a < kFloatArrays<Numbers>; ++a)
-      start_sh_copy<degree>(shared.sh_rows[a], numbers.arrays[a] + first * kShRowNumbers, rows);
-    if constexpr (Numbers::kHasCodes)
-      start_copy_of_codes<degree>(
-          shared.sh_codes,
-          reinterpret_cast<const std::uint16_t*>(numbers.arrays[1]) + first * kShRowNumbers, rows);
+    start_sh_copy<degree>(shared.parameters, numbers.parameters + first * kShRowNumbers, rows);
+    if constexpr (kHasMoments<typename Numbers::Stored>)
+      start_sh_copy<degree>(shared.moments, numbers.moments + first * kShRowNumbers, rows);
     __pipeline_commit();
   }
 }
 
-/// The whole warp: applies gradients to its SH rows, four numbers at a time where it can.
-/// gradients.at<Vector>(k) has those of vector k of all rows, a float or a float4.
+/// The whole warp: applies gradients to its SH rows, several numbers at a time where it can.
+/// gradients.at<count>(k) has those of vector k of `count` numbers of all rows.
 template <int degree, class Numbers, class Gradients>
-__device__ void finish_sh_rows(const ShRows<Numbers>& shared, const Numbers& numbers,
-                               std::size_t first, int rows, const Gradients& gradients) {
+__device__ void finish_sh_rows(const ShRows<typename Numbers::Stored>& shared,
+                               const Numbers& numbers, std::size_t first, int rows,
+                               const Gradients& gradients) {
   if constexpr (degree == 0) return;
-  using Place = NumberPlace<ShRows<Numbers>>;
+  using Stored = typename Numbers::Stored;
   if (degree == kMaxShDegree && rows == kWarp) {
-    const std::size_t base = first / 4 * kShRowNumbers;  // `first` is a multiple of 32
-    for (int item = lane_of_thread(); item < kWarp * kShRowNumbers / 4; item += kWarp) {
-      float4 loaded[Numbers::kArrays];
-      load_sh(shared, numbers, item, loaded);
-      numbers.finish(
-          base + item, loaded, gradients.template at<float4>(item),
-          Place{shared, 4 * item / kShRowNumbers, 4 * item % kShRowNumbers, kShRowNumbers});
-    }
+    constexpr int kCount = Numbers::kNeighbors;
+    const std::size_t base = first / kCount * kShRowNumbers;  // `first` is a multiple of 32
+    for (int item = lane_of_thread(); item < kWarp * kShRowNumbers / kCount; item += kWarp)
+      numbers.template finish<kCount>(
+          base + item, reinterpret_cast<const Few<float, kCount>*>(shared.parameters)[item],
+          reinterpret_cast<const Few<Stored, kCount>*>(shared.moments)[item],
+          gradients.template at<kCount>(item),
+          NumberPlace{shared.random, kCount * item / kShRowNumbers, kCount * item % kShRowNumbers,
+                      kShRowNumbers});
     return;
   }
   constexpr int kInUse = std::max(kShNumbersInUse<degree>, 1);
   for (int item = lane_of_thread(); item < rows * kInUse; item += kWarp) {
     const int row = item / kInUse, number = item % kInUse, at = row * kShRowNumbers + number;
-    float loaded[Numbers::kArrays];
-    load_sh(shared, numbers, at, loaded);
-    numbers.finish(first * kShRowNumbers + at, loaded, gradients.template at<float>(at),
-                   Place{shared, row, number, kShRowNumbers});
+    numbers.template finish<1>(first * kShRowNumbers + at, {shared.parameters[at]},
+                               {shared.moments[at]}, gradients.template at<1>(at),
+                               NumberPlace{shared.random, row, number, kShRowNumbers});
   }
 }
 
@@ -95,17 +80,18 @@ __device__ inline Row<true> pull_back(const Camera& camera, const Row<true>& row
   return gradient;
 }
 
-/// What updates the model, whose moments have this form. `photo` says how large a photo is, which
-/// counts where there is one.
-template <class Numbers>
-UpdateByAdam<Numbers> update_of(const TrainingModel& model, const ModelUpdate& update,
-                                const PhotoRows& photo, bool adds_forces,
-                                const std::uint32_t* halted, const Shard& shard) {
+/// What updates the model. `photo` says how large a photo is, which counts where there is one.
+template <class Stored>
+UpdateByAdam<AdamNumbers<Stored>> update_of(const TrainingModel& model,
+                                            const AdamMoments<Stored>& moments,
+                                            const ModelUpdate& update, const PhotoRows& photo,
+                                            bool adds_forces, const std::uint32_t* halted,
+                                            const Shard& shard) {
   const DensityStatistics& statistics = model.statistics;
   const bool gathers = update.density.gather_statistics;
   const Regularizers of_each =
       update.density.regularizers.of_each(shard.count_of_all(model.count()));
-  UpdateByAdam<Numbers> sink{
+  UpdateByAdam<AdamNumbers<Stored>> sink{
       {gathers ? statistics.visits.data() : nullptr, statistics.gradient_norm.data(),
        photo.camera.width, photo.camera.height, halted,
        adds_forces ? statistics.sums.data() : nullptr, force_scale(photo.pixel_count())},
@@ -116,26 +102,23 @@ UpdateByAdam<Numbers> update_of(const TrainingModel& model, const ModelUpdate& u
       of_each};
   int quantity = 0;
   for_each_array(
-      [&](const char*, const auto& parameters, const auto& m, const auto& v, const auto& codes,
-          const AdamStep& step, int place) {
-        Numbers& numbers = sink.of[quantity++];
-        if constexpr (Numbers::kHasCodes)
-          numbers = {{numbers_of(parameters), numbers_of(codes)}, step, update.rule, place};
-        else
-          numbers = {{numbers_of(parameters), numbers_of(m), numbers_of(v)}, step, update.rule};
+      [&](const char*, const auto& parameters, const auto& of_parameters, const AdamStep& step,
+          int random_offset) {
+        sink.of[quantity++] = {numbers_of(parameters).data, moments_in(of_parameters).data, step,
+                               update.rule, random_offset};
       },
-      model.gaussians.span(), model.first_moment.span(), model.second_moment.span(),
-      model.codes.span(), update.adam, number_places());
+      model.gaussians, moments, update.adam, kRandomOffsets);
   return sink;
 }
 /// Calls f(sink) with it.
 template <class F>
 void with_update(const TrainingModel& model, const ModelUpdate& update, const PhotoRows& photo,
                  bool adds_forces, const std::uint32_t* halted, const Shard& shard, F&& f) {
-  if (model.moment_form == MomentForm::tiny)
-    f(update_of<AdamCodes>(model, update, photo, adds_forces, halted, shard));
-  else
-    f(update_of<AdamNumbers>(model, update, photo, adds_forces, halted, shard));
+  std::visit(
+      [&](const auto& moments) {
+        f(update_of(model, moments, update, photo, adds_forces, halted, shard));
+      },
+      model.moments);
 }
 
 /// update_by_photos() for one photo  preprocess_backward.cu.

@@ -192,7 +192,7 @@ template <class NumbersOfQuantity>
 struct UpdateByAdam : GatherStatistics {
   using Numbers = NumbersOfQuantity;
   Numbers of[Quantity::count];  // null where rows have no time
-  MomentRounding rounding;      // of moments that are codes
+  MomentRounding rounding;      // of HalfMoments
   bool is_absolute;             // the statistic
   bool is_regularized;
   Regularizers of_each;  // weights for one row
@@ -219,14 +219,16 @@ struct UpdateByAdam : GatherStatistics {
 /// This lane's share of the numbers of a warp's rows.
 template <bool has_time, class Numbers>
 struct Shares {
-  float loaded[kRowNumbers<has_time>][Numbers::kArrays];
+  using Stored = typename Numbers::Stored;
+  float parameters[kRowNumbers<has_time>];
+  Stored moments[kRowNumbers<has_time>];
 
   __device__ Shares(const Numbers* of, std::size_t first, int rows) {
     for_each(
         [&](auto quantity, int k, int item) {
-          constexpr int kWidth = width_of(quantity);
-          for (int a = 0; a < Numbers::kArrays; ++a)
-            loaded[k][a] = vector_at<Numbers>(of[quantity].arrays[a], a, first * kWidth + item);
+          const std::size_t at = first * width_of(quantity) + item;
+          parameters[k] = of[quantity].parameters[at];
+          if constexpr (kHasMoments<Stored>) moments[k] = of[quantity].moments[at];
         },
         rows);
   }
@@ -236,7 +238,7 @@ struct Shares {
     for_each(
         [&](auto quantity, int k, int item) {
           constexpr int kOffset = offset_of(quantity);
-          shared[kOffset * kWarp + item] = loaded[k][0];
+          shared[kOffset * kWarp + item] = parameters[k];
         },
         rows);
     __syncwarp();
@@ -244,15 +246,16 @@ struct Shares {
     __syncwarp();
     return row;
   }
-  template <class RandomSource>
+  /// `random` has a word of each row.
   __device__ void finish(const Numbers* of, std::size_t first, int rows, const float* gradients,
-                         const RandomSource& random) {
+                         const std::uint32_t* random) const {
     for_each(
         [&](auto quantity, int k, int item) {
           constexpr int kWidth = width_of(quantity), kOffset = offset_of(quantity);
-          of[quantity].finish(
-              first * kWidth + item, loaded[k], gradients[kOffset * kWarp + item],
-              NumberPlace<RandomSource>{random, item / kWidth, item % kWidth, kWidth});
+          of[quantity].template finish<1>(
+              first * kWidth + item, {parameters[k]}, {moments[k]},
+              {gradients[kOffset * kWarp + item]},
+              NumberPlace{random, item / kWidth, item % kWidth, kWidth});
         },
         rows);
   }
@@ -271,7 +274,7 @@ struct Shares {
   }
 };
 
-/// An array as plain numbers, or codes as floats of the same bits.
+/// An array as plain numbers.
 template <class T>
 float* numbers_of(const Span<T>& rows) {
   return reinterpret_cast<float*>(rows.data);

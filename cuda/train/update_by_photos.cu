@@ -35,8 +35,8 @@ struct BatchInput {
   const float* filter_scale;  // (count)  null without a 3D filter
 };
 
-template <class Numbers, bool has_time>
-struct Shared : ShRows<Numbers> {
+template <class Stored, bool has_time>
+struct Shared : ShRows<Stored> {
   float numbers[kRowNumbers<has_time> * kWarp];  // parameters at first, gradients in the end
   union alignas(16) {
     float4 gradients[kAtOnce][kWarp * sizeof(SplatGradientSum) / sizeof(float4)];
@@ -47,9 +47,9 @@ struct Shared : ShRows<Numbers> {
 struct ShGradients {
   const float* numbers;
 
-  template <class Vector>
-  __device__ Vector at(int item) const {
-    return reinterpret_cast<const Vector*>(numbers)[item];
+  template <int count>
+  __device__ Few<float, count> at(int item) const {
+    return reinterpret_cast<const Few<float, count>*>(numbers)[item];
   }
 };
 
@@ -148,7 +148,7 @@ __global__ void __launch_bounds__(kWarp, kBlocks)
     update_by_photos_kernel(const __grid_constant__ BatchInput in,
                             const __grid_constant__ Sink sink) {
   using Numbers = typename Sink::Numbers;
-  __shared__ Shared<Numbers, has_time> shared;
+  __shared__ Shared<typename Numbers::Stored, has_time> shared;
   const int lane = lane_of_thread();
   const std::size_t first = std::size_t(blockIdx.x) * kWarp, i = first + lane;
   const std::size_t first_projected = in.shard.row_of_all(first),
@@ -156,14 +156,14 @@ __global__ void __launch_bounds__(kWarp, kBlocks)
   const int rows = int(min(in.count - first, std::size_t(kWarp)));
   const bool is_row = i < in.count;
   // All loads of rows come first. Which are visible says what is loaded of the photos.
-  start_sh_rows<degree, Numbers>(shared, sink.of[Quantity::sh_rest], first, rows);
+  start_sh_rows<degree>(shared, sink.of[Quantity::sh_rest], first, rows);
   const bool is_halted = sink.is_halted();
   Shares<has_time, Numbers> shares(sink.of, first, rows);
   const typename Sink::Statistics before =
       is_row ? sink.load_statistics(i) : typename Sink::Statistics{};
   const float filter_scale = in.filter_scale && is_row ? in.filter_scale[i] : 0.0f;
   PhotosUnderWay photos = start_photos(shared, in, 0, first_projected, is_row);
-  if constexpr (Numbers::kHasCodes)  // the lanes wait for each other in row()
+  if constexpr (Numbers::Stored::kIsRounded)  // the lanes wait for each other in row()
     shared.random[lane] = sink.rounding.of_row(projected);
   const Row<has_time> row = shares.row(shared.numbers, rows);
   RowSum<degree, has_time> sum;
@@ -203,9 +203,9 @@ __global__ void __launch_bounds__(kWarp, kBlocks)
     shared.sh_gradients[lane * kShRowNumbers + k] = sum.sh_rest[k];
   store_row(shared.numbers, sum.gradient);
   __syncwarp();
-  finish_sh_rows<degree, Numbers>(shared, sink.of[Quantity::sh_rest], first, rows,
-                                  ShGradients{shared.sh_gradients});
-  shares.finish(sink.of, first, rows, shared.numbers, shared);
+  finish_sh_rows<degree>(shared, sink.of[Quantity::sh_rest], first, rows,
+                         ShGradients{shared.sh_gradients});
+  shares.finish(sink.of, first, rows, shared.numbers, shared.random);
 }
 
 }  // namespace

@@ -83,7 +83,7 @@ double picture_bytes_on_cpu(const SceneSize& scene) {
 }
 
 double bytes_on_cpu(const Config& config) {
-  return kGaussianBytesOnCpu - bytes_saved_by_codes(config.optimizer.moments, kParameterBytes);
+  return kGaussianBytesOnCpu - bytes_saved_by_moments(config.optimizer.moments, kParameterBytes);
 }
 
 /// The config of a run that has as many Gaussians as the scene asks for.

@@ -8,6 +8,7 @@
 #include <cmath>
 #include <cstddef>
 #include <string>
+#include <utility>
 
 #include "gs_core/config/config_limits.h"
 #include "gs_core/config/setting_lines.h"
@@ -20,7 +21,8 @@
 namespace gs {
 namespace {
 
-constexpr FileKind kKind{"gsckpt\r\n", 1};
+// Version 1 had first and second moments as floats in arrays of their own.
+constexpr FileKind kKind{"gsckpt\r\n", 1, 2};
 constexpr std::int64_t kMostSteps = 2'000'000'000;         // as int, with some left to count on
 constexpr std::size_t kChunkBytes = std::size_t(1) << 24;  // copied from a device at once
 
@@ -67,7 +69,7 @@ constexpr std::uint64_t kHasSums = 2;          // sums over fragments, of densit
 constexpr std::uint64_t kHasFilter = 4;        // that of the 3D filter
 constexpr std::uint64_t kHasPhotometric = 16;  // those of a photometric model, which are no rows
 constexpr std::uint64_t kHasPoses = 32;        // those of poses, which are no rows either
-constexpr std::uint64_t kIsTiny = 256;         // moments as codes, in place of those as floats
+constexpr std::uint64_t kHasHalves = 256;      // HalfMoments in place of FloatMoments
 
 // Kinds that older versions wrote.
 struct RemovedKind {
@@ -76,7 +78,7 @@ struct RemovedKind {
 };
 constexpr RemovedKind kRemovedKinds[] = {
     {8, "colors that change in time (model.time_colors)"},
-    {64, "moments as codes of 32 bits (optimizer.moments = \"compact\")"},
+    {64, "moments in 32 bits (optimizer.moments = \"compact\")"},
     {128, "updates of SH that were left for later (optimizer.lazy)"},
 };
 
@@ -84,12 +86,12 @@ std::uint64_t kind_of(const TrainingModel& model) {
   return (model.gaussians.has_time ? kHasTime : 0) | (model.statistics.has_sums ? kHasSums : 0) |
          (model.gaussians.has_filter ? kHasFilter : 0) |
          (model.photometric.empty() ? 0 : kHasPhotometric) | (model.poses.empty() ? 0 : kHasPoses) |
-         (model.moment_form == MomentForm::tiny ? kIsTiny : 0);
+         (model.moment_storage() == MomentStorage::halves ? kHasHalves : 0);
 }
 
 void set_kind(TrainingModel& model, std::uint64_t kind) {
   model.gaussians.has_time = kind & kHasTime;
-  model.moment_form = kind & kIsTiny ? MomentForm::tiny : MomentForm::floats;
+  model.store_moments_as(kind & kHasHalves ? MomentStorage::halves : MomentStorage::floats);
   model.set_learned_arrays(model.gaussians);
   model.statistics.has_sums = kind & kHasSums;
   model.gaussians.has_filter = kind & kHasFilter;
@@ -97,7 +99,7 @@ void set_kind(TrainingModel& model, std::uint64_t kind) {
 
 bool is_kind(std::uint64_t kind) {
   constexpr std::uint64_t kKnown =
-      kHasTime | kHasSums | kHasFilter | kHasPhotometric | kHasPoses | kIsTiny;
+      kHasTime | kHasSums | kHasFilter | kHasPhotometric | kHasPoses | kHasHalves;
   return (kind & ~kKnown) == 0;
 }
 
@@ -207,9 +209,65 @@ void read_older_sums(CheckedReader& file, Buffer<FragmentSums>& sums) {
   for (std::size_t i = 0; i < rows.size(); ++i) sums[i] = {rows[i].x, rows[i].z, rows[i].w};
 }
 
+// What version 1 called the arrays of first and of second moments.
+constexpr std::pair<const char*, float FloatMoments::*> kSplitMoments[] = {
+    {"first_moment", &FloatMoments::first}, {"second_moment", &FloatMoments::second}};
+
+void take_split(const std::vector<float>& values, float FloatMoments::*moment,
+                Span<FloatMoments> pairs) {
+  for (std::size_t i = 0; i < values.size(); ++i) pairs[i].*moment = values[i];
+}
+
+void read_split_moments(CheckedReader& file, std::size_t count,
+                        AdamMoments<FloatMoments>& moments) {
+  for (const auto& [group, moment] : kSplitMoments)
+    for_each_array(
+        [&](const std::string& name, auto& array) {
+          constexpr std::size_t kInRow = sizeof(*array.data()) / sizeof(FloatMoments);
+          const std::vector<float> values = file.values<float>(group + ("." + name));
+          if (values.size() / kInRow != count || values.size() % kInRow) file.damaged();
+          array.resize(count);
+          take_split(values, moment, moments_in(array));
+        },
+        moments);
+}
+
+// So many numbers of photos.
+template <class T>
+std::vector<T> read_values(CheckedReader& file, const std::string& name, std::size_t count) {
+  std::vector<T> values = file.values<T>(name);
+  if (values.size() != count) file.damaged();
+  return values;
+}
+
+// An array of photos, whose name is GROUP.values, GROUP.moments or GROUP.start.
+template <class T>
+std::vector<T> read_of_photos(CheckedReader& file, const std::string& name, std::size_t count) {
+  if constexpr (std::is_same_v<T, FloatMoments>) {
+    if (file.version() == 1) {
+      std::vector<T> pairs;
+      for (const auto& [split, moment] : kSplitMoments) {
+        const std::string group = name.substr(0, name.find('.') + 1);
+        const std::vector<float> values = read_values<float>(file, group + split, count);
+        pairs.resize(count);
+        take_split(values, moment, {pairs.data(), count});
+      }
+      return pairs;
+    }
+  }
+  return read_values<T>(file, name, count);
+}
+
 void read_model(CheckedReader& file, std::size_t count, TrainingModel& model) {
+  auto* split =
+      file.version() == 1 ? std::get_if<AdamMoments<FloatMoments>>(&model.moments) : nullptr;
+  const bool is_split = split != nullptr;
   for_each_row_array(
       [&](const RowArray& which, auto& array) {
+        if (is_split && which.role == RowRole::moment) {  // all of them at the first of them
+          if (split) read_split_moments(file, count, *std::exchange(split, nullptr));
+          return;
+        }
         const std::size_t row = sizeof(*array.data());
         const std::uint64_t bytes = file.section(which.key());
         if constexpr (std::is_same_v<std::remove_cvref_t<decltype(array)>, Buffer<FragmentSums>>)
@@ -256,10 +314,8 @@ void read_photometric(const std::filesystem::path& path, CheckedReader& file,
   state.adam_steps = int(shape[4]);
   state.is_solved = shape[5] != 0;
   for_each_photometric_array(
-      [&](const char* name, auto& array) {
-        const std::vector<float> values = file.values<float>(name);
-        if (values.size() != state.shape.size()) file.damaged();
-        array.upload(values);
+      [&]<class T>(const char* name, Buffer<T>& array) {
+        array.upload(read_of_photos<T>(file, name, state.shape.size()));
       },
       state);
 }
@@ -279,9 +335,8 @@ void read_poses(CheckedReader& file, PoseState& state) {
     file.damaged();
   state.adam_steps = int(numbers[1]);
   for_each_pose_array(
-      [&](const char* name, auto& array) {
-        array = file.values<float>(name);
-        if (array.size() != kPoseNumbers * std::size_t(numbers[0])) file.damaged();
+      [&]<class T>(const char* name, std::vector<T>& array) {
+        array = read_of_photos<T>(file, name, kPoseNumbers * std::size_t(numbers[0]));
       },
       state);
 }

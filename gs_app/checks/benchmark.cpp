@@ -124,7 +124,7 @@ TrainingSize benchmark_size(const Gaussians& gaussians, const std::vector<View>&
 
 }  // namespace
 
-TrainingModel benchmark_model(Backend& backend, const GaussianModel& from, MomentForm moments) {
+TrainingModel benchmark_model(Backend& backend, const GaussianModel& from, MomentStorage moments) {
   TrainingModel model = untrained(from, backend.memory(), moments);
   backend.rows().sort_by_morton(model);
   return model;
@@ -138,7 +138,7 @@ Workload mean_workload(Backend& backend, const TrainingModel& model, const std::
     backend.renderer().forward(model.gaussians.span(), view.camera, settings, pass);
     add_to_mean(workload_of(pass, settings), views.size(), mean);
   }
-  mean.moments = model.moment_form;
+  mean.moments = model.moment_storage();
   return mean;
 }
 

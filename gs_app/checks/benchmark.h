@@ -59,7 +59,7 @@ void check_scales(const std::vector<View>& views, const std::vector<double>& sca
 /// A training model of these Gaussians in memory that the backend trains in: rows in Morton order,
 /// as training keeps them, and zero moments in this form.
 TrainingModel benchmark_model(Backend& backend, const GaussianModel& from,
-                              MomentForm moments = MomentForm::floats);
+                              MomentStorage moments = MomentStorage::floats);
 
 /// The workload of one view, averaged over `views`.
 Workload mean_workload(Backend& backend, const TrainingModel& model, const std::vector<View>& views,

@@ -7,7 +7,7 @@
 #include "gs_app/checks/generated_scene.h"
 #include "gs_app/checks/self_check_list.h"
 #include "gs_app/checks/untrained.h"
-#include "gs_train/decoded_moments.h"
+#include "gs_train/opened_moments.h"
 #include "gs_train/schedule.h"
 
 namespace gs {
@@ -23,8 +23,8 @@ constexpr double kPictureTolerance = 1e-3;
 constexpr double kLossTolerance = 1e-3;
 constexpr double kGradientTolerance = 5e-3;
 constexpr double kStepTolerance = 2e-2;  // Adam divides tiny gradients by their own size
-// Of tiny moments: one that is rounded the other way differs by an eighth of m, or a quarter of v.
-constexpr double kTinyTolerance = 0.1;
+// Of half moments: one that is rounded the other way differs by an eighth of m, or a quarter of v.
+constexpr double kHalfTolerance = 0.1;
 // So that the moments are like those in the middle of a run.
 constexpr int kStepsBefore = 20;
 constexpr LossSettings kLossSettings{.lambda_dssim = 0.2f};
@@ -83,7 +83,7 @@ class ParityCheck {
     compare_step("step on a reduced photo", {.gather_statistics = true}, 2);
     compare_step("mcmc step", {.regularizers = {0.01f, 0.01f},  // those of the preset mcmc
                                .noise = {kNoiseScale, {1, RandomStream::position_noise}, 1}});
-    compare_step_with_codes("step with tiny moments: ");
+    compare_step_with_half_moments("step with half moments: ");
     compare_relocation();
     device_.upload_views({}, 0);  // this scene's views end here
   }
@@ -220,7 +220,8 @@ class ParityCheck {
     backend.synchronize(model);
   }
   // A model after some steps on the CPU.
-  TrainingModel under_way(const DensityStep& density, MomentForm moments = MomentForm::floats) {
+  TrainingModel under_way(const DensityStep& density,
+                          MomentStorage moments = MomentStorage::floats) {
     TrainingModel model = untrained(scene_.model, host_memory(), moments);
     for (int i = 0; i < kStepsBefore; ++i) step(cpu_, model, density, i);
     return model;
@@ -238,16 +239,15 @@ class ParityCheck {
   }
   // A code moves by more when it is rounded than a step changes it, so of moments the values are
   // compared, and not their changes.
-  void compare_step_with_codes(const std::string& what) {
+  void compare_step_with_half_moments(const std::string& what) {
     constexpr DensityStep kGathering{.gather_statistics = true};
-    TrainingModel expected = under_way(kGathering, MomentForm::tiny);
-    TrainingModel before = decoded(expected);
-    for_each_array([](const char*, auto& m, auto& v) { m.fill_zero(), v.fill_zero(); },
-                   before.first_moment, before.second_moment);
+    TrainingModel expected = under_way(kGathering, MomentStorage::halves);
+    TrainingModel before = copy_to(host_memory(), expected);
+    clear_moments(before, MomentClearing::all);
     TrainingModel actual = copy_to(device_.memory(), expected);
     step(cpu_, expected, kGathering, kStepsBefore);
     step(device_, actual, kGathering, kStepsBefore);
-    compare_changes(what, before, decoded(actual), decoded(expected), kTinyTolerance);
+    compare_changes(what, before, actual, expected, kHalfTolerance);
   }
   // A fifth of the Gaussians is dead, and the number of Gaussians grows by a tenth.
   void compare_relocation() {
@@ -268,8 +268,9 @@ class ParityCheck {
           a, b);
     };
     compare_all(actual.gaussians, expected.gaussians, "");
-    compare_all(actual.first_moment, expected.first_moment, "first moments");
-    compare_all(actual.second_moment, expected.second_moment, "second moments");
+    const OpenedMoments a = opened(actual), b = opened(expected);
+    compare_all(a.first, b.first, "first moments");
+    compare_all(a.second, b.second, "second moments");
     compare("relocation: visits", 0, actual.statistics.visits, expected.statistics.visits);
   }
   void compare_changes(const std::string& step, const TrainingModel& before,
@@ -294,10 +295,9 @@ class ParityCheck {
                          const auto& z) { compare_change(what, x, y, z, of_moments); },
                      old, a, b);
     };
-    compare_all(step + "first moments", before.first_moment, actual.first_moment,
-                expected.first_moment);
-    compare_all(step + "second moments", before.second_moment, actual.second_moment,
-                expected.second_moment);
+    const OpenedMoments old = opened(before), a = opened(actual), b = opened(expected);
+    compare_all(step + "first moments", old.first, a.first, b.first);
+    compare_all(step + "second moments", old.second, a.second, b.second);
     compare_change(step + "visits", before.statistics.visits, actual.statistics.visits,
                    expected.statistics.visits);
     compare_change(step + "gradient norms", before.statistics.gradient_norm,

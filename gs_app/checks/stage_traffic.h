@@ -7,7 +7,7 @@
 #include <optional>
 #include <string>
 
-#include "gs_core/math/moment_form.h"
+#include "gs_core/math/moment_storage.h"
 
 namespace gs {
 
@@ -23,7 +23,7 @@ struct Workload {
   bool is_packed = false;   // stage 1 reads a packed model (Renderer::pack)
   bool has_depths = true;   // stage 1 writes depths, which a packed model does not have
   double splat_bytes = 48;  // one splat
-  MomentForm moments = MomentForm::floats;
+  MomentStorage moments = MomentStorage::floats;
 };
 
 /// Bytes that one run of a stage of the CUDA backend reads and writes. Nothing for the blending

@@ -7,11 +7,11 @@
 
 namespace gs {
 
-/// A training model of these Gaussians in `memory`, with zero moments in this form and statistics.
+/// A training model of these Gaussians in `memory`, with moments and statistics of zero.
 inline TrainingModel untrained(const GaussianModel& from, Memory& memory,
-                               MomentForm moments = MomentForm::floats) {
+                               MomentStorage moments = MomentStorage::floats) {
   TrainingModel model(memory);
-  model.moment_form = moments;
+  model.store_moments_as(moments);
   Gaussians& gaussians = model.gaussians;
   take_learned_arrays(gaussians, from.gaussians);
   gaussians.has_filter = from.gaussians.has_filter;

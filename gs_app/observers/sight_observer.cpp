@@ -2,7 +2,7 @@
 #include "gs_app/observers/sight_observer.h"
 
 #include <algorithm>
-#include <vector>
+#include <iterator>
 
 #include "gs_core/log.h"
 
@@ -11,29 +11,22 @@ namespace {
 
 constexpr int kStepsUntilSomethingIsSeen = 100;
 
-bool has_nonzero(float number) { return number != 0; }
-bool has_nonzero(const Vec3f& v) {
-  return has_nonzero(v.x) || has_nonzero(v.y) || has_nonzero(v.z);
-}
-bool has_nonzero(const CodedRow<Vec3f>& row) {
-  return std::any_of(std::begin(row.number), std::end(row.number),
-                     [](TinyCode code) { return code.bits != 0; });
-}
-template <class T>
-bool has_nonzero(const Buffer<T>& rows) {
-  const std::vector<T> values = rows.download();
-  return std::any_of(values.begin(), values.end(), [](const T& row) { return has_nonzero(row); });
+bool is_nonzero(const FloatMoments& moments) { return moments.first != 0 || moments.second != 0; }
+
+template <class Rows>
+bool has_nonzero(const Rows& rows) {
+  const auto values = rows.download();
+  return std::any_of(values.begin(), values.end(), [](const auto& row) {
+    return std::any_of(std::begin(row.number), std::end(row.number),
+                       [](const auto& moments) { return is_nonzero(opened(moments)); });
+  });
 }
 
 // A Gaussian that was seen has had gradients of its color or its mean. Regularizers act on neither.
 bool has_seen_something(Trainer& trainer) {
-  bool result = false;
-  for_each_moment(
-      [&](const auto& moments) {
-        result = result || has_nonzero(moments.sh0) || has_nonzero(moments.mean);
-      },
-      trainer.model());
-  return result;
+  return std::visit(
+      [](const auto& moments) { return has_nonzero(moments.sh0) || has_nonzero(moments.mean); },
+      trainer.model().moments);
 }
 
 }  // namespace

@@ -159,7 +159,7 @@ TrainingState state_from_model(const Config& config, const Scene& scene) {
   state.progress.strikes.assign(scene.train_views.size(), 0);
   state.progress.view_order = first_view_order(scene, config);
   state.model.gaussians = std::move(model.gaussians);
-  state.model.moment_form = config.optimizer.moments;
+  state.model.store_moments_as(config.optimizer.moments);
   clear_history(state.model);
   return state;
 }

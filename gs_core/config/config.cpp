@@ -117,11 +117,12 @@ void assign(const Field<T>& field, const toml::node& node, std::string_view wher
       return;
     }
   }
-  const auto value = value_of<typename Wide<T>::type>(node);
+  auto value = value_of<typename Wide<T>::type>(node);
   if (!value) refuse(where, field.key, text_of(node), kTypeName<T>);
   if constexpr (std::is_same_v<typename Wide<T>::type, std::string>) {
     const std::string_view why = reason_for_removed_word(field.key, *value);
     if (!why.empty()) refuse_removed(where, field.key, text_of(node), why);
+    value = std::string(current_word(field.key, *value));
   }
   if (!fits(*value, field.limits))
     refuse(where, field.key, text_of(node), range_for(*value, field.limits));

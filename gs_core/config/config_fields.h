@@ -127,7 +127,7 @@ void visit_fields(AnyConfig& config, Visitor&& visit) {
   field("optimizer.log_time_scale_lr",  optimizer.log_time_scale_lr,  "",            at_least(0),             retrain, "learning rate of the logarithms of the scales in time, if model.dynamic", "Yang et al. 2024");
   field("optimizer.cooldown_from",      optimizer.cooldown_from,      "steps",       steps_from(0),           retrain, "the cooldown, in which all learning rates fall, begins after this step of a 30,000-step run", "Hägele et al. 2024");
   field("optimizer.cooldown_share",     optimizer.cooldown_share,     "",            above(0),                retrain, "share of each learning rate that is left at the last step; during the cooldown the rates fall exponentially; 1: no cooldown", "docs/schedule.md");
-  field("optimizer.moments",            optimizer.moments,            "",            one_of<MomentForm>(),    retrain, "how Adam keeps the two moments of each parameter: as floats (8 bytes), or as codes (tiny: 2 bytes), which are rounded at random (docs/moments.md)", "Gupta et al. 2015");
+  field("optimizer.moments",            optimizer.moments,            "",            one_of<MomentStorage>(), retrain, "how Adam stores the two moments of each parameter: as floats (8 bytes), or in half of the bits of one float (2 bytes), rounded at random (docs/moments.md)", "Gupta et al. 2015");
 
   auto& density = config.density;
   field("density.strategy",             density.strategy,             "",            one_of(growth_method_words()), retrain, "how Gaussians are added and removed: growth is the method of the defaults; the others are published ones, and presets have the settings that fit them (adaptive, absgs, mcmc, paper_dash to paper_taming)", "docs/density.md");

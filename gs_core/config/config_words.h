@@ -12,7 +12,7 @@
 #include "gs_core/error.h"
 #include "gs_core/math/depth_kind.h"
 #include "gs_core/math/growth.h"
-#include "gs_core/math/moment_form.h"
+#include "gs_core/math/moment_storage.h"
 #include "gs_core/math/render_rules.h"
 
 namespace gs {
@@ -111,9 +111,9 @@ struct Words<GrowthScore> {
                                                  {"edge", GrowthScore::edge}};
 };
 template <>
-struct Words<MomentForm> {
-  static constexpr Word<MomentForm> kTable[] = {{"float", MomentForm::floats},
-                                                {"tiny", MomentForm::tiny}};
+struct Words<MomentStorage> {
+  static constexpr Word<MomentStorage> kTable[] = {{"float", MomentStorage::floats},
+                                                   {"half", MomentStorage::halves}};
 };
 
 /// Lists of words that stay text, since other code gives them their meaning. "cuda:N" stands for

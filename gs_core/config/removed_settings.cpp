@@ -39,12 +39,12 @@ constexpr RemovedSetting kSettings[] = {
     {"photometric.vignetting", "false",
      "vignetting is no longer learned, which cost 0.1 to 0.3 dB on real photos; remove the line"},
     {"optimizer.lazy", R"("offload"|"off"|"auto")",
-     "updates of SH are no longer left for later, which saved no time beside optimizer.moments = \"tiny\"; remove the line"},
+     "updates of SH are no longer left for later, which saved no time beside optimizer.moments = \"half\"; remove the line"},
     {"train.rank_processes", "false",
      "gemsplat starts no processes of its own any more: one process drives all GPUs of a machine (--gpus N); remove the line"},
     {"train.rank_deadline", "*", ""},
     {"train.offload", R"("auto"|"none")",
-     "models are no longer kept in host memory, which took 16 to 24 times as long; train with optimizer.moments = \"tiny\", or in blocks (gemsplat partition)"},
+     "models are no longer kept in host memory, which took 16 to 24 times as long; train with optimizer.moments = \"half\", or in blocks (gemsplat partition)"},
 };
 // clang-format on
 
@@ -55,9 +55,14 @@ struct RemovedWord {
 constexpr RemovedWord kWords[] = {
     {"density.strategy", "budgeted", "its methods have names of their own: \"growth\" has the constants of the defaults, \"adaptive\" those of Kerbl et al. 2023, and docs/density.md lists the others"},
     {"photometric.model", "ppisp", "this model was no better than gains where both were measured; train with \"gains\""},
-    {"optimizer.moments", "compact", "codes of 32 bits are larger and slower than those of \"tiny\", and no better; train with \"tiny\""},
+    {"optimizer.moments", "compact", "moments in 32 bits are larger and slower than \"half\", and no better; train with \"half\""},
 };
 // clang-format on
+
+struct RenamedWord {
+  std::string_view key, word, now;
+};
+constexpr RenamedWord kRenamedWords[] = {{"optimizer.moments", "tiny", "half"}};
 
 }  // namespace
 
@@ -75,6 +80,12 @@ bool is_unchanged(const RemovedSetting& setting, std::string_view value) {
     rest.remove_prefix(std::min(bar + 1, rest.size()));
   }
   return false;
+}
+
+std::string_view current_word(std::string_view key, std::string_view word) {
+  for (const RenamedWord& renamed : kRenamedWords)
+    if (renamed.key == key && renamed.word == word) return renamed.now;
+  return word;
 }
 
 std::string_view reason_for_removed_word(std::string_view key, std::string_view word) {

@@ -20,6 +20,9 @@ const RemovedSetting* find_removed_setting(std::string_view key);
 /// Whether a run with this value, as TOML text, is as it is without the setting.
 bool is_unchanged(const RemovedSetting& setting, std::string_view value);
 
+/// A word as this version has it. Older versions had another one for the same.
+std::string_view current_word(std::string_view key, std::string_view word);
+
 /// Why a setting that there is does not have this word any more; empty if it never had it.
 std::string_view reason_for_removed_word(std::string_view key, std::string_view word);
 

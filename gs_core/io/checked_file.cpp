@@ -92,11 +92,12 @@ CheckedReader::CheckedReader(std::filesystem::path path, const FileKind& kind)
   if (std::string_view(name, sizeof name) != kind.name)
     cannot_read(reader_.path(), "it is not a file of this kind; name another one");
   read(numbers, sizeof numbers);
-  if (numbers[0] != kind.version)
+  version_ = numbers[0];
+  if (version_ < kind.oldest || version_ > kind.version)
     cannot_read(reader_.path(),
                 fmt::format("it has version {} of its format, and this program knows version {}; "
                             "use the program that wrote it",
-                            numbers[0], kind.version));
+                            version_, kind.version));
 }
 
 std::uint64_t CheckedReader::section(std::string_view name) {

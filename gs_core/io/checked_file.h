@@ -35,10 +35,10 @@ class RunningHash {
   void* state_;
 };
 
-/// The kind of a file, 8 characters, and its version.
+/// The kind of a file, 8 characters, and the versions of it that are read. The newest is written.
 struct FileKind {
   std::string_view name;
-  std::uint32_t version;
+  std::uint32_t oldest, version;
 };
 
 /// Writes such a file, completely or not at all. Order of calls: section(), write() of as many
@@ -69,6 +69,8 @@ class CheckedReader {
   /// Reads the next bytes of the section.
   void read(void* to, std::size_t bytes);
   std::string text(std::string_view name);
+  /// That of the file.
+  std::uint32_t version() const { return version_; }
   /// A section that holds plain values.
   template <class T>
   std::vector<T> values(std::string_view name) {
@@ -87,6 +89,7 @@ class CheckedReader {
 
   ByteReader reader_;
   RunningHash hash_;
+  std::uint32_t version_ = 0;
   std::uint64_t left_ = 0;  // bytes of the section that were not read yet
 };
 

@@ -2,6 +2,7 @@
 // Stage 8: Adam, one scalar parameter.
 #pragma once
 
+#include "gs_core/math/adam_moments.h"
 #include "gs_core/math/constants.h"
 #include "gs_core/types.h"
 
@@ -45,12 +46,19 @@ inline AdamStep adam_step(int t, float learning_rate) {
 
 /// m = b1 m + (1-b1) g;  v = b2 v + (1-b2) g^2;  p -= rate m / (sqrt(v) / sqrt(1-b2^t) + eps)
 /// Kingma & Ba 2015, Alg. 1, with bias corrections in AdamStep.
-GS_HD void adam_update(float& parameter, float& m, float& v, float gradient, const AdamStep& step,
-                       const AdamRule& rule = AdamRule()) {
+///
+/// `stored` is FloatMoments or HalfMoments. The parameter moves by the moments before they are
+/// rounded by `random` (moment_rounding.h).
+template <class Stored>
+GS_HD void adam_update(float& parameter, Stored& stored, float gradient, const AdamStep& step,
+                       const AdamRule& rule = AdamRule(), std::uint32_t random = 0) {
   using std::sqrt;
+  FloatMoments moments = opened(stored);
+  float &m = moments.first, &v = moments.second;
   m = rule.beta1 * m + rule.one_minus_beta1 * gradient;
   v = rule.beta2 * v + rule.one_minus_beta2 * (gradient * gradient);
   parameter -= step.rate * m / (sqrt(v) * step.inverse_sqrt_bias2 + rule.epsilon);
+  store(stored, moments, random);
 }
 
 }  // namespace gs

@@ -24,8 +24,8 @@ std::int64_t gaussians_for(const RoomForGaussians& room) {
   const double parameters = kParameterBytes + time;
   const double sums = room.batch > 1 ? parameters + kBytesOfStatistics : 0;
   const double of_gaussian = kGaussianBytesOnCpu + kTimeParametersAtATime * time + sums -
-                             bytes_saved_by_codes(room.moments, parameters);
-  // Parameters and moments, floats or codes, are in use.
+                             bytes_saved_by_moments(room.moments, parameters);
+  // Parameters and moments are in use.
   const double of_present = (1 + moment_bytes(room.moments) / double(sizeof(float))) * parameters;
   const double present = double(room.present);
   const double usable = kShareOfFree * double(room.free_bytes) -

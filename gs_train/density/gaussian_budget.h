@@ -16,7 +16,7 @@ struct RoomForGaussians {
   std::size_t present;     // Gaussians, which are part of the memory in use
   bool has_time = false;   // they have a place in time
   int batch = 1;           // photos of one update
-  MomentForm moments = MomentForm::floats;
+  MomentStorage moments = MomentStorage::floats;
 };
 
 /// The number of Gaussians that the CPU backend can train.
@@ -26,7 +26,7 @@ struct RoomForGaussians {
 /// bytes of one Gaussian   parameters, two moments and gradients 4 * 236, half of that again since
 ///                         arrays grow, statistics 8, splat and sorting about 150, eight instances
 ///                         in a view about 320
-///   moments as codes      236 less, 354 if they are tiny, and half of that again
+///   half moments          354 less, and half of that again
 ///   in time               six more parameters: 24 bytes where there are 236
 ///   in batches            sums of the gradients 236, and of the statistics 8
 ///   scores                sums over fragments 16: what the 2048 have in reserve

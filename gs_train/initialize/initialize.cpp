@@ -128,7 +128,7 @@ TrainingModel initial_model(const Scene& scene, const Config& config, Memory& me
   if (start.has_time) spread_in_time(start, config);
 
   TrainingModel model(memory);
-  model.moment_form = config.optimizer.moments;
+  model.store_moments_as(config.optimizer.moments);
   model.set_learned_arrays(start);
   for_each_array([](const char*, auto& to, const auto& from) { to.upload(from.download()); },
                  model.gaussians, start);

@@ -205,12 +205,12 @@ void RunRecovery::resume(TrainingState from) {
     throw Error(fmt::format(
         "{} has {} training views, but the run had {}; train on the scene of the run",
         run_.scene.source, run_.scene.train_views.size(), from.progress.strikes.size()));
-  const MomentForm form = from.model.moment_form;
-  if (form != run_.config.optimizer.moments)
+  const MomentStorage storage = from.model.moment_storage();
+  if (storage != run_.config.optimizer.moments)
     throw UsageError(
-        fmt::format("the state to resume has its moments as optimizer.moments={0} keeps them; set "
+        fmt::format("the state to resume has its moments as optimizer.moments={0} stores them; set "
                     "optimizer.moments={0}, or start a new run",
-                    word_of(form)));
+                    word_of(storage)));
   guard_.restore(from.progress.strikes);
   restore(std::move(from));
 }

@@ -6,6 +6,7 @@
 #include <cstdint>
 
 #include "gs_core/buffer.h"
+#include "gs_core/math/adam_moments.h"
 
 namespace gs {
 
@@ -18,16 +19,17 @@ struct PhotometricShape {
   bool operator==(const PhotometricShape&) const = default;
 };
 
-/// All arrays have shape.size() numbers: those of the training photos, in the order of the scene.
+/// All arrays have shape.size() rows: those of the training photos, in the order of the scene.
 struct PhotometricState {
   PhotometricShape shape;
-  Buffer<float> values, first_moment, second_moment;
-  Buffer<float> start;     // that the values began with
+  Buffer<float> values;
+  Buffer<FloatMoments> moments;  // of Adam
+  Buffer<float> start;           // that the values began with
   int adam_steps = 0;      // updates; fewer than the model's, because the values rest at times
   bool is_solved = false;  // the start was solved for, so that values stay near it
 
   explicit PhotometricState(Memory& memory = host_memory())
-      : values(memory), first_moment(memory), second_moment(memory), start(memory) {}
+      : values(memory), moments(memory), start(memory) {}
   bool empty() const { return values.empty(); }
   Span<float> photo(std::size_t i) const {
     return {values.data() + shape.photo_begin(i), shape.photo_size};
@@ -47,8 +49,7 @@ struct PhotoOnDevice {
 template <class F, class First, class... Rest>
 void for_each_photometric_array(F&& f, First&& first, Rest&&... rest) {
   f("photometric.values", first.values, rest.values...);
-  f("photometric.first_moment", first.first_moment, rest.first_moment...);
-  f("photometric.second_moment", first.second_moment, rest.second_moment...);
+  f("photometric.moments", first.moments, rest.moments...);
   f("photometric.start", first.start, rest.start...);
 }
 

@@ -5,6 +5,7 @@
 #include <cstdint>
 #include <vector>
 
+#include "gs_core/math/adam_moments.h"
 #include "gs_core/math/pose.h"
 
 namespace gs {
@@ -24,7 +25,8 @@ struct PoseState {
   // (center_poses.cpp)
   std::vector<std::vector<double>> common_modes;
   // (rows, 6) turn in radians and shift in extents, in the axes of the frame; 0: as given
-  std::vector<float> values, first_moment, second_moment;
+  std::vector<float> values;
+  std::vector<FloatMoments> moments;  // of Adam, of each value
   int adam_steps = 0;         // updates; fewer than the model's, because poses rest at times
   bool is_on_device = false;  // values and moments there are newer
 
@@ -40,8 +42,7 @@ struct PoseState {
 template <class F, class First, class... Rest>
 void for_each_pose_array(F&& f, First&& first, Rest&&... rest) {
   f("poses.values", first.values, rest.values...);
-  f("poses.first_moment", first.first_moment, rest.first_moment...);
-  f("poses.second_moment", first.second_moment, rest.second_moment...);
+  f("poses.moments", first.moments, rest.moments...);
 }
 
 /// Takes over what has been learned, of the same photos.

@@ -80,7 +80,7 @@ void begin_poses(const Config& config, const Scene& scene, TrainingModel& model)
   take_frames(scene, state);
   const std::size_t size = kPoseNumbers * state.frames.size();
   if (state.empty())
-    for_each_pose_array([&](const char*, auto& array) { array.assign(size, 0.0f); }, state);
+    for_each_pose_array([&](const char*, auto& array) { array.assign(size, {}); }, state);
   if (state.values.size() != size)
     throw Error(fmt::format(
         "the state of the run has refined poses of {} photos or rig frames, but {} has {}; train "
@@ -125,8 +125,7 @@ void update_poses(PoseState& state, float rate, const AdamRule& rule,
   for (std::size_t i = 0; i < gradient.size(); ++i) {
     const double sigma = i % kPoseNumbers < 3 ? kPoseSpreadTurn : kPoseSpreadShift;
     const double of_pull = weight * double(state.values[i]) / (sigma * sigma);
-    adam_update(state.values[i], state.first_moment[i], state.second_moment[i],
-                float(gradient[i] + of_pull), step, rule);
+    adam_update(state.values[i], state.moments[i], float(gradient[i] + of_pull), step, rule);
   }
   center_poses(state);
 }

@@ -3,6 +3,7 @@
 #include "gs_core/math/adam.h"
 
 #include "gs_core/error.h"
+#include "gs_core/math/moment_rounding.h"
 #include "gs_core/threads/parallel.h"
 #include "gs_render/stage_clock.h"
 #include "gs_train/stages/scalar_stages.h"
@@ -28,40 +29,21 @@ class ScalarOptimizer final : public Optimizer {
   }
 };
 
-void update_numbers(Span<float> parameters, Span<float> m, Span<float> v,
-                    Span<const float> gradient, const AdamStep& step, const AdamRule& rule) {
-  parallel_chunks(parameters.size, 16384, [=](std::size_t begin, std::size_t end) {
-    for (std::size_t i = begin; i < end; ++i)
-      adam_update(parameters[i], m[i], v[i], gradient[i], step, rule);
-  });
-}
-
-void update_floats(TrainingModel& model, const Gaussians& gradients, const AdamSteps& steps,
-                   const AdamRule& rule) {
+template <class Stored>
+void update_row(TrainingModel& model, AdamMoments<Stored>& moments, std::size_t i,
+                const Gaussians& gradients, const AdamSteps& steps, const AdamRule& rule,
+                std::uint32_t random) {
   for_each_array(
-      [&](const char*, auto& parameters, auto& m, auto& v, const auto& gradient,
-          const AdamStep& step) {
-        update_numbers(numbers_of(parameters), numbers_of(m), numbers_of(v), numbers_of(gradient),
-                       step, rule);
-      },
-      model.gaussians, model.first_moment, model.second_moment, gradients, steps);
-}
-
-// Row i, whose moments are codes.
-void update_row(TrainingModel& model, std::size_t i, const Gaussians& gradients,
-                const AdamSteps& steps, const AdamRule& rule, std::uint32_t random) {
-  static const NumberPlaces kPlaces = number_places();
-  for_each_array(
-      [&](const char*, auto& rows, auto& moments, const auto& of_rows, const AdamStep& step,
-          int place) {
+      [&](const char*, auto& rows, auto& of_moments, const auto& of_gradients, const AdamStep& step,
+          int offset) {
         constexpr int kInRow = sizeof(rows[0]) / sizeof(float);
         float* const parameters = numbers_of(rows).data + i * kInRow;
-        const float* const gradient = numbers_of(of_rows).data + i * kInRow;
+        const float* const gradient = numbers_of(of_gradients).data + i * kInRow;
         for (int k = 0; k < kInRow; ++k)
-          adam_update(parameters[k], moments[i].number[k], gradient[k], step, rule,
-                      random_of_number(random, place + k));
+          adam_update(parameters[k], of_moments[i].number[k], gradient[k], step, rule,
+                      random_of_number(random, offset + k));
       },
-      model.gaussians, model.codes, gradients, steps, kPlaces);
+      model.gaussians, moments, gradients, steps, kRandomOffsets);
 }
 
 }  // namespace
@@ -73,12 +55,14 @@ void update_by_adam(TrainingModel& model, const Gaussians& gradients, const Upda
   const int t = model.adam_steps += rule.steps;
   const AdamSteps steps = adam_steps(t, update.rates);
   const MomentRounding rounding{update.rounding_seed, t};
-  if (model.moment_form == MomentForm::tiny)
-    parallel_for(model.count(), 512, [&](std::size_t i) {
-      update_row(model, i, gradients, steps, rule, rounding.of_row(row_of_model(i)));
-    });
-  else
-    update_floats(model, gradients, steps, rule);
+  std::visit(
+      [&]<class Stored>(AdamMoments<Stored>& moments) {
+        parallel_for(model.count(), 512, [&](std::size_t i) {
+          const std::uint32_t random = Stored::kIsRounded ? rounding.of_row(row_of_model(i)) : 0;
+          update_row(model, moments, i, gradients, steps, rule, random);
+        });
+      },
+      model.moments);
 }
 
 std::unique_ptr<Optimizer> make_scalar_optimizer() { return std::make_unique<ScalarOptimizer>(); }

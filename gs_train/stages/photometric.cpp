@@ -16,8 +16,7 @@ void update_photometric(PhotometricState& state, const PhotometricModel& model, 
   model.add_penalties(state, gradient);
   const AdamStep step = adam_step(state.adam_steps += rule.steps, rate);
   for (std::size_t i = 0; i < gradient.size(); ++i)
-    adam_update(state.values[i], state.first_moment[i], state.second_moment[i], float(gradient[i]),
-                step, rule);
+    adam_update(state.values[i], state.moments[i], float(gradient[i]), step, rule);
   center_photos(model, state);
 }
 

@@ -30,11 +30,13 @@ namespace fs = std::filesystem;
 using ::testing::ElementsAre;
 using ::testing::HasSubstr;
 
+constexpr FileKind kKind{"gsckpt\r\n", 2, 2};  // as it is written
+
 /// A model in which all numbers differ, in the state after some step.
 TrainingState telling_state(std::size_t gaussians, int step, bool has_time = false,
-                            MomentForm form = MomentForm::floats) {
+                            MomentStorage storage = MomentStorage::floats) {
   TrainingState state;
-  state.model.moment_form = form;
+  state.model.store_moments_as(storage);
   state.model.gaussians.has_time = has_time;
   state.model.gaussians.resize(gaussians);
   clear_history(state.model);
@@ -43,14 +45,39 @@ TrainingState telling_state(std::size_t gaussians, int step, bool has_time = fal
     for (float& number : numbers_of(array)) number = next += 0.37f;
   };
   for_each_array(fill, state.model.gaussians);
-  for_each_array(fill, state.model.first_moment);
-  for_each_array(fill, state.model.second_moment);
-  if (form == MomentForm::tiny) number_codes(state.model, 0x3f801234);
+  number_moments(state.model, std::uint32_t(step) + 1000, 100);
   fill("", state.model.statistics.visits);
   fill("", state.model.statistics.gradient_norm);
   state.model.adam_steps = step + 5;
   state.progress = {step, 2, 0.1234567890123, 77.7, 1234567, {0, 1, 2}, {2, 0, 1}};
   return state;
+}
+
+void tell(float& number, float& next) { number = next += 0.37f; }
+void tell(FloatMoments& moments, float& next) {
+  tell(moments.first, next);
+  tell(moments.second, next);
+}
+
+/// A photometric model and poses, in whose arrays all numbers differ.
+void add_photos(TrainingModel& model) {
+  float next = 0.25f;
+  model.photometric.shape = {3, 3};
+  model.photometric.adam_steps = 9;
+  model.photometric.is_solved = true;
+  for_each_photometric_array(
+      [&](const char*, auto& array) {
+        array.resize(model.photometric.shape.size());
+        for (auto& number : array) tell(number, next);
+      },
+      model.photometric);
+  model.poses.adam_steps = 7;
+  for_each_pose_array(
+      [&](const char*, auto& array) {
+        array.resize(3 * kPoseNumbers);
+        for (auto& number : array) tell(number, next);
+      },
+      model.poses);
 }
 
 /// Three training views and a test view, one with a name that is not UTF-8.
@@ -153,31 +180,76 @@ TEST_F(Checkpoints, WithSumsOfDensityControlComeBackBitForBit) {
   }
 }
 
-// Copies a checkpoint as versions before November 2026 wrote it: with the weights of fragments, as
-// the second of four numbers of a row.
-void copy_with_older_sums(const fs::path& from, const fs::path& to, const TrainingModel& model) {
-  constexpr FileKind kKind{"gsckpt\r\n", 1};
-  CheckedReader in(from, kKind);
-  CheckedWriter out(to, kKind);
-  const auto copy = [&](const std::string& name) {
-    std::vector<std::byte> bytes(in.section(name));
-    in.read(bytes.data(), bytes.size());
-    if (name == "statistics.sums") {
-      std::vector<Vec4f> rows;
-      for (const FragmentSums& row : model.statistics.sums)
-        rows.push_back({row.count, 1000, row.first, row.second});
-      bytes.resize(rows.size() * sizeof(Vec4f));
-      std::memcpy(bytes.data(), rows.data(), bytes.size());
+using Sections = std::vector<std::pair<std::string, std::string>>;  // names and bytes
+
+Sections sections_of(const fs::path& checkpoint, const TrainingModel& model) {
+  std::vector<std::string> names{"about",   "config",     "view_names", "views",
+                                 "strikes", "view_order", "gaussians"};
+  if (model.gaussians.has_time) names.push_back("view_times");
+  for_each_row_array([&](const RowArray& which, const auto&) { names.push_back(which.key()); },
+                     model);
+  const auto add = [&](const char* name, const auto&) { names.push_back(name); };
+  if (!model.photometric.empty()) {
+    names.push_back("photometric");
+    for_each_photometric_array(add, model.photometric);
+  }
+  if (!model.poses.empty()) {
+    names.push_back("poses");
+    for_each_pose_array(add, model.poses);
+  }
+  CheckedReader file(checkpoint, kKind);
+  Sections sections;
+  for (const std::string& name : names) sections.emplace_back(name, file.text(name));
+  file.finish();
+  return sections;
+}
+
+void write_sections(const fs::path& to, const Sections& sections,
+                    std::uint32_t version = kKind.version) {
+  CheckedWriter file(to, {kKind.name, version, version});
+  for (const auto& [name, bytes] : sections) file.text(name, bytes);
+  file.commit();
+}
+
+// Copies a checkpoint; edit(section, text) changes its sections.
+template <class Edit>
+void rewrite(const fs::path& from, const fs::path& to, const TrainingModel& model, Edit&& edit) {
+  Sections sections = sections_of(from, model);
+  for (auto& [name, text] : sections) edit(name, text);
+  write_sections(to, sections);
+}
+
+// Version 1 had moments as floats in two arrays: first ones of all arrays of rows, then second ones.
+Sections as_of_version_1(const Sections& sections) {
+  Sections result, second;
+  for (const auto& [name, bytes] : sections) {
+    const std::size_t at = name.find("moments");
+    if (at == name.npos) {
+      result.insert(result.end(), second.begin(), second.end());
+      second.clear();
+      result.emplace_back(name, bytes);
+      continue;
     }
-    out.section(name, bytes.size());
-    out.write(bytes.data(), bytes.size());
-  };
-  for (const char* name :
-       {"about", "config", "view_names", "views", "strikes", "view_order", "gaussians"})
-    copy(name);
-  for_each_row_array([&](const RowArray& which, const auto&) { copy(which.key()); }, model);
-  in.finish();
-  out.commit();
+    std::string halves[2];
+    for (std::size_t i = 0; i < bytes.size(); i += 4) halves[i / 4 % 2] += bytes.substr(i, 4);
+    const std::string rest = name.substr(at + std::string("moments").size());
+    result.emplace_back(name.substr(0, at) + "first_moment" + rest, halves[0]);
+    second.emplace_back(name.substr(0, at) + "second_moment" + rest, halves[1]);
+  }
+  result.insert(result.end(), second.begin(), second.end());
+  return result;
+}
+
+// Before November 2026, rows of sums had the weights of fragments as the second of four numbers.
+void copy_with_older_sums(const fs::path& from, const fs::path& to, const TrainingModel& model) {
+  rewrite(from, to, model, [&](const std::string& name, std::string& bytes) {
+    if (name != "statistics.sums") return;
+    bytes.clear();
+    for (const FragmentSums& row : model.statistics.sums) {
+      const Vec4f older{row.count, 1000, row.first, row.second};
+      bytes.append(reinterpret_cast<const char*>(&older), sizeof older);
+    }
+  });
 }
 
 TEST_F(Checkpoints, OfOlderVersionsComeBackWithoutTheWeightsOfFragments) {
@@ -206,14 +278,14 @@ TEST_F(Checkpoints, WithA3dFilterComeBackBitForBit) {
             checkpoint_bytes(telling_state(100, 12).model, 4) + 400);
 }
 
-TEST_F(Checkpoints, WithMomentsAsCodesComeBackBitForBitAndAreSmaller) {
+TEST_F(Checkpoints, WithHalfMomentsComeBackBitForBitAndAreSmaller) {
   for (const bool has_time : {false, true}) {
-    const TrainingState expected = telling_state(100, 12, has_time, MomentForm::tiny);
+    const TrainingState expected = telling_state(100, 12, has_time, MomentStorage::halves);
     fs::create_directories(path());
     write_checkpoint(file(12), telling_config(), telling_scene(), expected.progress,
                      expected.model);
     const TrainingModel read = read_checkpoint(file(12)).state.model;
-    ASSERT_EQ(read.moment_form, MomentForm::tiny);
+    ASSERT_EQ(read.moment_storage(), MomentStorage::halves);
     EXPECT_TRUE(same_bits(read, expected.model));
     constexpr unsigned saved = 6;  // bytes of a number
     EXPECT_EQ(checkpoint_bytes(expected.model, 4),
@@ -224,68 +296,55 @@ TEST_F(Checkpoints, WithMomentsAsCodesComeBackBitForBitAndAreSmaller) {
   }
 }
 
-TEST_F(Checkpoints, WithAPhotometricModelComeBackBitForBit) {
+TEST_F(Checkpoints, WithAPhotometricModelAndPosesComeBackBitForBit) {
   TrainingState expected = telling_state(100, 12);
-  PhotometricState& photometric = expected.model.photometric;
-  photometric.shape = {3, 3};
-  photometric.adam_steps = 9;
-  photometric.is_solved = true;
-  float next = 0.25f;
-  for_each_photometric_array(
-      [&](const char*, auto& array) {
-        array.resize(photometric.shape.size());
-        for (float& number : array) number = next += 0.37f;
-      },
-      photometric);
+  add_photos(expected.model);
   fs::create_directories(path());
-  write_checkpoint(file(12), telling_config(), telling_scene(), expected.progress, expected.model);
-  EXPECT_TRUE(same_bits(read_checkpoint(file(12)).state.model, expected.model));
+  const auto read_again = [&] {
+    write_checkpoint(file(12), telling_config(), telling_scene(), expected.progress,
+                     expected.model);
+    return read_checkpoint(file(12)).state.model;
+  };
+  EXPECT_TRUE(same_bits(read_again(), expected.model));
   EXPECT_NEAR(double(fs::file_size(file(12))), double(checkpoint_bytes(expected.model, 4)), 16384);
-  photometric.values[5] = std::numeric_limits<float>::quiet_NaN();
-  write_checkpoint(file(12), telling_config(), telling_scene(), expected.progress, expected.model);
-  EXPECT_THROW(read_checkpoint(file(12)), Error);
+  const TrainingModel sound = copy_to(host_memory(), expected.model);
+  expected.model.photometric.values[5] = std::numeric_limits<float>::quiet_NaN();
+  EXPECT_THROW(read_again(), Error);
+  expected.model.photometric.values[5] = sound.photometric.values[5];
+  expected.model.poses.values[5] = std::numeric_limits<float>::quiet_NaN();
+  EXPECT_THROW(read_again(), Error);
 }
 
-TEST_F(Checkpoints, WithRefinedPosesComeBackBitForBit) {
-  TrainingState expected = telling_state(100, 12);
-  PoseState& poses = expected.model.poses;
-  poses.adam_steps = 7;
-  float next = 0.25f;
-  for_each_pose_array(
-      [&](const char*, auto& array) {
-        array.resize(3 * kPoseNumbers);
-        for (float& number : array) number = next += 0.37f;
-      },
-      poses);
-  fs::create_directories(path());
-  write_checkpoint(file(12), telling_config(), telling_scene(), expected.progress, expected.model);
-  EXPECT_TRUE(same_bits(read_checkpoint(file(12)).state.model, expected.model));
-  poses.values[5] = std::numeric_limits<float>::quiet_NaN();
-  write_checkpoint(file(12), telling_config(), telling_scene(), expected.progress, expected.model);
-  EXPECT_THROW(read_checkpoint(file(12)), Error);
+TEST_F(Checkpoints, OfVersion1HaveTheSameMoments) {
+  for (const bool has_time : {false, true})
+    for (const std::size_t count : {0, 100}) {
+      TrainingState expected = telling_state(count, 12, has_time);
+      add_photos(expected.model);
+      fs::create_directories(path());
+      write_checkpoint(file(12), telling_config(), telling_scene(), expected.progress,
+                       expected.model);
+      const Sections sections = as_of_version_1(sections_of(file(12), expected.model));
+      write_sections(file(11), sections, 1);
+      EXPECT_TRUE(same_bits(read_checkpoint(file(11)).state.model, expected.model));
+      write_sections(file(11), sections, 2);
+      EXPECT_THROW(read_checkpoint(file(11)), Error);
+    }
 }
 
-// Copies checkpoint 12 of telling_state(7, 12) as checkpoint 11. edit(section, text) changes it.
-template <class Edit>
-void rewrite(const fs::path& from, const fs::path& to, const TrainingModel& model, Edit&& edit) {
-  const FileKind kind{"gsckpt\r\n", 1};
-  std::vector<std::string> sections{"about",   "config",     "view_names", "views",
-                                    "strikes", "view_order", "gaussians"};
-  for_each_row_array([&](const RowArray& which, const auto&) { sections.push_back(which.key()); },
-                     model);
-  if (!model.photometric.empty()) {
-    sections.push_back("photometric");
-    for_each_photometric_array([&](const char* name, const auto&) { sections.push_back(name); },
-                               model.photometric);
-  }
-  CheckedReader reader(from, kind);
-  CheckedWriter writer(to, kind);
-  for (const std::string& section : sections) {
-    std::string text = reader.text(section);
-    edit(section, text);
-    writer.text(section, text);
-  }
-  writer.commit();
+TEST_F(Checkpoints, OfVersion1WithMomentsOfAnotherNumberOfRowsAreRefused) {
+  ASSERT_TRUE(save(folder(), 12));
+  Sections sections = as_of_version_1(sections_of(file(12), telling_state(7, 12).model));
+  for (auto& [name, bytes] : sections)
+    if (name == "second_moment.rotation") bytes.resize(bytes.size() - sizeof(float));
+  write_sections(file(11), sections, 1);
+  EXPECT_THROW(read_checkpoint(file(11)), Error);
+}
+
+TEST_F(Checkpoints, OfALaterVersionAreRefusedByIt) {
+  ASSERT_TRUE(save(folder(), 12));
+  write_sections(file(11), sections_of(file(12), telling_state(7, 12).model), 3);
+  EXPECT_THAT(error_of([&] { read_checkpoint(file(11)); }),
+              AllOf(HasSubstr("it has version 3 of its format"), HasSubstr("knows version 2")));
 }
 
 // Version 0.1.0 did not write "first_gaussians".
@@ -319,8 +378,9 @@ TEST_F(Checkpoints, OfVersionsWithMoreSettingsAreReadWhereTheseChangedNothing) {
 TEST_F(Checkpoints, WithWhatWasRemovedSayWhatItIs) {
   ASSERT_TRUE(save(folder(), 12));
   const TrainingModel model = telling_state(7, 12).model;
-  for (const auto& [bit, what] :
-       {std::pair{128u, "optimizer.lazy"}, {64u, "codes of 32 bits"}, {8u, "model.time_colors"}}) {
+  for (const auto& [bit, what] : {std::pair{128u, "optimizer.lazy"},
+                                  {64u, "moments in 32 bits"},
+                                  {8u, "model.time_colors"}}) {
     rewrite(file(12), file(11), model, [bit = bit](const std::string& section, std::string& text) {
       if (section == "gaussians")
         text += std::string{char(bit & 255), char(bit >> 8), 0, 0, 0, 0, 0, 0};

@@ -16,8 +16,8 @@ TEST(ParityChecks, FindNoDifferenceOfABackendFromItself) {
     EXPECT_EQ(check.largest, 0) << check.what;
     EXPECT_GT(check.numbers, 0u) << check.what;
   }
-  for (const char* what : {"step: mean", "step with tiny moments: mean",
-                           "step with tiny moments: first moments", "relocation: mean"})
+  for (const char* what : {"step: mean", "step with half moments: mean",
+                           "step with half moments: first moments", "relocation: mean"})
     EXPECT_TRUE(std::ranges::any_of(checks, [what](const SelfCheck& check) {
       return check.what == what;
     })) << what;

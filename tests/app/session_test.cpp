@@ -20,6 +20,7 @@
 #include "gs_train/metrics.h"
 #include "tests/support/captured_log.h"
 #include "tests/support/error_of.h"
+#include "tests/support/models.h"
 #include "tests/support/small_scene.h"
 #include "tests/support/temp_folder.h"
 
@@ -161,7 +162,7 @@ TEST_F(Session, ARunWhoseCamerasLookAwayDoesNotStart) {
 }
 
 TEST_F(Session, ARunThatSeesNothingInItsFirst100StepsSaysSo) {
-  const auto warnings_of = [&](const std::string& out, MomentForm moments) {
+  const auto warnings_of = [&](const std::string& out, MomentStorage moments) {
     TrainRequest longer = request(out);
     longer.settings = [settings = longer.settings, moments](const Config& start) {
       Config config = settings(start);
@@ -174,12 +175,12 @@ TEST_F(Session, ARunThatSeesNothingInItsFirst100StepsSaysSo) {
     return log.text();
   };
   const std::string warning = "step 100: no view has shown any Gaussian";
-  EXPECT_THAT(warnings_of("seeing", MomentForm::floats), Not(HasSubstr(warning)));
-  EXPECT_THAT(warnings_of("seeing_tiny", MomentForm::tiny), Not(HasSubstr(warning)));
+  EXPECT_THAT(warnings_of("seeing", MomentStorage::floats), Not(HasSubstr(warning)));
+  EXPECT_THAT(warnings_of("seeing_tiny", MomentStorage::halves), Not(HasSubstr(warning)));
   // The points are between the planes, and far beside the pictures.
   for (View& view : scene_.train_views) view.camera.cam_from_world_translation.y += 1000;
-  EXPECT_THAT(warnings_of("blind", MomentForm::floats), HasSubstr(warning));
-  EXPECT_THAT(warnings_of("blind_tiny", MomentForm::tiny), HasSubstr(warning));
+  EXPECT_THAT(warnings_of("blind", MomentStorage::floats), HasSubstr(warning));
+  EXPECT_THAT(warnings_of("blind_tiny", MomentStorage::halves), HasSubstr(warning));
 }
 
 TEST_F(Session, AStoppedRunIsSavedAndGoesOnToTheSameBytes) {
@@ -377,7 +378,7 @@ TEST_F(Session, ARunStartsFromTheGaussiansOfAModel) {
     for (std::size_t i = 0; i < state.count(); ++i) {
       EXPECT_EQ(state.gaussians.mean[i], model.gaussians.mean[i]);
       EXPECT_EQ(state.gaussians.logit_opacity[i], model.gaussians.logit_opacity[i]);
-      EXPECT_EQ(state.first_moment.mean[i], Vec3f(0.0f));
+      EXPECT_TRUE(moments_are(state, i, 0));
       EXPECT_EQ(state.statistics.visits[i], 0);
     }
   };

@@ -36,12 +36,12 @@ TEST(StageTraffic, APackedModelHasNoDepths) {
 TEST(StageTraffic, AnUpdateMovesTheBytesOfTheMoments) {
   Workload work = one_visible_of_three();
   const double of_visible = 2 * 48 + 12 + 2 * 8;
-  const auto bytes_with = [&](MomentForm form) {
+  const auto bytes_with = [&](MomentStorage form) {
     work.moments = form;
     return stage_bytes("preprocess backward, Adam", work);
   };
-  EXPECT_EQ(bytes_with(MomentForm::floats), 3 * (1416 + 4) + of_visible);
-  EXPECT_EQ(bytes_with(MomentForm::tiny), 3 * (708 + 4) + of_visible);
+  EXPECT_EQ(bytes_with(MomentStorage::floats), 3 * (1416 + 4) + of_visible);
+  EXPECT_EQ(bytes_with(MomentStorage::halves), 3 * (708 + 4) + of_visible);
 }
 
 TEST(StageTraffic, StagesThatArithmeticLimitsHaveNone) {

@@ -524,6 +524,14 @@ TEST(Config, KeysOfOlderRunsAreTaken) {
   EXPECT_EQ(config.density.scale_regularizer, 0.5f);
 }
 
+TEST(Config, WordsOfOlderRunsAreTaken) {
+  Config config;
+  apply_setting(config, "optimizer.moments=tiny");
+  EXPECT_EQ(config.optimizer.moments, MomentStorage::halves);
+  EXPECT_EQ(config_of_lines("optimizer.moments = \"tiny\"\n").optimizer.moments,
+            MomentStorage::halves);
+}
+
 TEST(Config, SettingsOfOlderVersionsAreReadOverWhereTheyChangedNothing) {
   Config config;
   apply_setting(config, "optimizer.lazy=auto");
@@ -543,7 +551,7 @@ TEST(Config, SettingsOfOlderVersionsAreReadOverWhereTheyChangedNothing) {
   EXPECT_THAT(error_of([&] { apply_setting(config, "poses.pull=3"); }),
               HasSubstr("poses.pull = 3 cannot be used: the pull to the given poses"));
   EXPECT_THAT(error_of([&] { apply_setting(config, "optimizer.moments=compact"); }),
-              HasSubstr("optimizer.moments = \"compact\" cannot be used: codes of 32 bits"));
+              HasSubstr("optimizer.moments = \"compact\" cannot be used: moments in 32 bits"));
   EXPECT_THAT(error_of([&] { apply_setting(config, "photometric.model=ppisp"); }),
               HasSubstr("no better than gains"));
   EXPECT_THAT(

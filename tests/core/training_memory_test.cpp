@@ -41,8 +41,8 @@ TEST(TrainingMemory, TheStateIsThatOfTheModelsArrays) {
     size.has_time = model.gaussians.has_time = form & 1;
     size.has_filter = model.gaussians.has_filter = form & 2;
     size.has_sums = model.statistics.has_sums = form & 4;
-    model.moment_form = MomentForm(form / 8);
-    size.moment_bytes = moment_bytes(model.moment_form);
+    model.store_moments_as(MomentStorage(form / 8));
+    size.moment_bytes = moment_bytes(model.moment_storage());
     model.set_learned_arrays(model.gaussians);
     EXPECT_DOUBLE_EQ(state_bytes(size, 1000), 1000 * row_bytes(model));
   }
@@ -109,7 +109,7 @@ TEST(TrainingMemory, PhotosWithDepthMapsKeepTheirForcesApart) {
 TEST(TrainingMemory, TakesTheBytesOfMomentsFromTheConfig) {
   Config config;
   EXPECT_EQ(training_size(config, {}, 1).moment_bytes, 8);
-  config.optimizer.moments = MomentForm::tiny;
+  config.optimizer.moments = MomentStorage::halves;
   EXPECT_EQ(training_size(config, {}, 1).moment_bytes, 2);
 }
 
@@ -139,8 +139,13 @@ TEST(TrainingMemory, GrowingArraysHaveAReserve) {
   size.growth = RowGrowth::by_need;
   const double by_need = training_bytes(size);
   EXPECT_GT(reserved, 1.01 * none);
-  // Of the old SH coefficients, which are there for a while, a part is in place of the step.
-  EXPECT_GT(by_need, reserved + 1e6 * (0.015 * 716 + 40));
+  // Of the old moments of SH, which are there for a while, a part is in place of the step.
+  EXPECT_GT(by_need, reserved + 1e6 * (0.015 * 716 + 220));
+  size.moment_bytes = 2;  // the old coefficients are more than their moments
+  const double of_halves = training_bytes(size);
+  size.growth = RowGrowth::reserved;
+  EXPECT_GT(of_halves, training_bytes(size) + 1e6 * (0.015 * 362 + 40));
+  EXPECT_LT(of_halves, training_bytes(size) + 1e6 * 120);
 }
 
 TEST(TrainingMemory, PhotosBeyondTheBudgetHaveFourPlaces) {

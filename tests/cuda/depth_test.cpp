@@ -75,7 +75,7 @@ class CudaDepth : public CudaTest {
           const Span<float> x = numbers_of(a), y = numbers_of(b);
           EXPECT_LT(norm_difference({x.begin(), x.end()}, {y.begin(), y.end()}), tolerance) << name;
         },
-        here.first_moment, expected.first_moment);
+        opened(here).first, opened(expected).first);
     const auto numbers = [](const Buffer<float>& from) { return from.download(); };
     EXPECT_LT(norm_difference(numbers(here.statistics.gradient_norm),
                               numbers(expected.statistics.gradient_norm)),
@@ -194,7 +194,8 @@ TEST_F(CudaDepth, RunsRefinePosesAsWell) {
   step_with_poses(cpu(), expected);
   step_with_poses(gpu(), actual);
   gpu().synchronize(actual);
-  EXPECT_LT(norm_difference(on_host(actual).poses.first_moment, expected.poses.first_moment), 1e-2);
+  EXPECT_LT(norm_difference(first_moments(on_host(actual).poses), first_moments(expected.poses)),
+            1e-2);
 }
 
 }  // namespace

@@ -60,21 +60,17 @@ class FusedStepTest : public CudaTest {
     gpu().synchronize(on_gpu);
   }
   void expect_same(const TrainingModel& actual, const TrainingModel& expected, double tolerance) {
-    for_each_array(
-        [&](const char* name, const auto& a, const auto& b) {
-          EXPECT_LT(norm_difference(downloaded(a), downloaded(b)), tolerance) << name;
-        },
-        actual.first_moment, expected.first_moment);
-    for_each_array(
-        [&](const char* name, const auto& a, const auto& b) {
-          EXPECT_LT(norm_difference(downloaded(a), downloaded(b)), 2 * tolerance) << name;
-        },
-        actual.second_moment, expected.second_moment);
-    for_each_array(
-        [&](const char* name, const auto& a, const auto& b) {
-          EXPECT_LT(norm_difference(downloaded(a), downloaded(b)), tolerance) << name;
-        },
-        actual.gaussians, expected.gaussians);
+    const auto compare = [](const Gaussians& x, const Gaussians& y, double most) {
+      for_each_array(
+          [&](const char* name, const auto& a, const auto& b) {
+            EXPECT_LT(norm_difference(downloaded(a), downloaded(b)), most) << name;
+          },
+          x, y);
+    };
+    const OpenedMoments a = opened(actual), b = opened(expected);
+    compare(a.first, b.first, tolerance);
+    compare(a.second, b.second, 2 * tolerance);
+    compare(actual.gaussians, expected.gaussians, tolerance);
     EXPECT_EQ(actual.adam_steps, expected.adam_steps);
     EXPECT_LT(norm_difference(downloaded(actual.statistics.gradient_norm),
                               downloaded(expected.statistics.gradient_norm)),

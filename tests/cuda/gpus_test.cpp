@@ -97,8 +97,8 @@ TEST_F(CudaGpus, ScoresRegularizersAndNoiseHaveTheBytesOfOneGpu) {
 TEST_F(CudaGpus, MomentsAsCodesHaveTheBytesOfOneGpu) {
   const std::vector<View> views = some_views(131, 77, 3);
   expect_bytes_of_one_gpu(
-      model_of(random_gaussians(kTypical, 3000, views[0].camera, 5), MomentForm::tiny), views, {},
-      {true});
+      model_of(random_gaussians(kTypical, 3000, views[0].camera, 5), MomentStorage::halves), views,
+      {}, {true});
 }
 
 // What is learned of photos, and their depth maps: in each combination, by batches of all sizes.

@@ -1,15 +1,14 @@
 // SPDX-License-Identifier: Apache-2.0
-// Adam's moments as codes (optimizer.moments) on the GPU: updates and row operations against the
-// scalar twin, and whole runs.
+// HalfMoments (optimizer.moments) on the GPU: updates and row operations against the scalar twin, and
+// whole runs.
 #include <gtest/gtest.h>
 
 #include <cmath>
 #include <string>
 
-#include "gs_core/config/config_words.h"
 #include "gs_core/math/activations.h"
 #include "gs_train/poses/poses.h"
-#include "tests/cuda/every_form.h"
+#include "tests/cuda/every_model.h"
 #include "tests/support/adaptive.h"
 #include "tests/support/cuda.h"
 #include "tests/support/poses.h"
@@ -23,10 +22,10 @@ std::vector<View> some_views(int count = 3) { return shifted_views(count, 3, fal
 
 class CudaMoments : public CudaTest {
  protected:
-  /// Compares parameters, decoded moments and statistics.
+  /// Compares parameters, opened moments and statistics.
   void expect_same(const TrainingModel& actual, const TrainingModel& expected, double tolerance) {
-    ASSERT_EQ(actual.moment_form, expected.moment_form);
-    const TrainingModel a = decoded(actual), b = decoded(expected);
+    ASSERT_EQ(actual.moment_storage(), MomentStorage::halves);
+    const OpenedMoments a = opened(actual), b = opened(expected);
     const auto compare = [](const std::string& what, const auto& x, const auto& y, double most) {
       EXPECT_LT(norm_difference(downloaded(x), downloaded(y)), most) << what;
     };
@@ -36,21 +35,20 @@ class CudaMoments : public CudaTest {
                          const auto& of_y) { compare(what + name, of_x, of_y, most); },
                      x, y);
     };
-    compare_all("", a.gaussians, b.gaussians, tolerance);
-    // Where the last bits of two gradients decide, tiny codes differ by an eighth or a quarter.
-    const double of_moments = (actual.moment_form == MomentForm::tiny ? 5 : 1) * tolerance;
-    compare_all("m of ", a.first_moment, b.first_moment, of_moments);
-    compare_all("v of ", a.second_moment, b.second_moment, 2 * of_moments);
-    compare("visits", a.statistics.visits, b.statistics.visits, tolerance);
-    compare("gradient_norm", a.statistics.gradient_norm, b.statistics.gradient_norm, tolerance);
+    compare_all("", actual.gaussians, expected.gaussians, tolerance);
+    // Where the last bits of two gradients decide, they differ by an eighth or a quarter.
+    compare_all("m of ", a.first, b.first, 5 * tolerance);
+    compare_all("v of ", a.second, b.second, 10 * tolerance);
+    compare("visits", actual.statistics.visits, expected.statistics.visits, tolerance);
+    compare("gradient_norm", actual.statistics.gradient_norm, expected.statistics.gradient_norm,
+            tolerance);
     EXPECT_EQ(actual.adam_steps, expected.adam_steps);
   }
   /// Steps of both backends by each view: on the GPU fused, and by one contract after the other.
-  void expect_same_steps(const Gaussians& start, MomentForm form, const RenderSettings& settings,
+  void expect_same_steps(const Gaussians& start, const RenderSettings& settings,
                          const DensityStep& density) {
-    SCOPED_TRACE(word_of(form));
     const std::vector<View> views = some_views();
-    TrainingModel expected = model_of(start, form);
+    TrainingModel expected = model_of(start, MomentStorage::halves);
     TrainingModel fused = on_gpu(expected), unfused = on_gpu(expected);
     for (const View& view : views) {
       const TrainingPhoto photo{&view, settings};
@@ -64,16 +62,16 @@ class CudaMoments : public CudaTest {
   }
 };
 
-/// Differences of codes that are rounded the other way: 1/8 of m, up to 15 sqrt(v), and 1/4 of v;
+/// Differences of moments that are rounded the other way: 1/8 of m, up to 15 sqrt(v), and 1/4 of v;
 /// two of them at most.
 constexpr double kApartM = 4, kApartV = 0.6;  // in sqrt(v), and in v
 
 // The same gradients on both sides, so that products rounded once instead of twice are all that
-// differs: a code is another one where that meets the threshold of its rounding, at some 3 of
+// differs: a moment is another one where that meets the threshold of its rounding, at some 3 of
 // 100,000 roundings at most.
 TEST_F(CudaMoments, AreRoundedAsByTheScalarTwin) {
   TrainingModel host =
-      model_of(random_gaussians(kTypical, 1001, random_camera(40, 30), 1), MomentForm::tiny);
+      model_of(random_gaussians(kTypical, 1001, random_camera(40, 30), 1), MomentStorage::halves);
   TrainingModel device = on_gpu(host);
   Draws draws(2);
   Gaussians gradients(1001, host_memory());
@@ -92,15 +90,16 @@ TEST_F(CudaMoments, AreRoundedAsByTheScalarTwin) {
   std::size_t numbers = 0, different = 0;
   for_each_array(
       [&](const char* name, const auto& a, const auto& b) {
-        for (std::size_t i = 0; i < codes_of(b).size; ++i, ++numbers) {
-          const TinyCode x = codes_of(a)[i], y = codes_of(b)[i];
-          different += x.bits != y.bits;
-          const double v = second_moment(y);
-          ASSERT_NEAR(first_moment(x), first_moment(y), kApartM * std::sqrt(v)) << name << " " << i;
-          ASSERT_NEAR(second_moment(x), v, kApartV * v) << name << " " << i;
+        for (std::size_t i = 0; i < moments_in(b).size; ++i, ++numbers) {
+          different += moments_in(a)[i].bits != moments_in(b)[i].bits;
+          const FloatMoments x = opened(moments_in(a)[i]), y = opened(moments_in(b)[i]);
+          const double v = y.second;
+          ASSERT_NEAR(x.first, y.first, kApartM * std::sqrt(v)) << name << " " << i;
+          ASSERT_NEAR(x.second, v, kApartV * v) << name << " " << i;
         }
       },
-      actual.codes, host.codes);
+      std::get<AdamMoments<HalfMoments>>(actual.moments),
+      std::get<AdamMoments<HalfMoments>>(host.moments));
   EXPECT_LT(double(different), 0.01 * double(numbers));
   for_each_array(
       [](const char* name, const auto& a, const auto& b) {
@@ -115,7 +114,7 @@ TEST_F(CudaMoments, OfAFusedStepAreThoseOfTheScalarTwin) {
       SCOPED_TRACE(degree);
       RenderSettings settings;
       settings.sh_degree = degree;
-      expect_same_steps(start, MomentForm::tiny, settings, {true});
+      expect_same_steps(start, settings, {true});
     }
 }
 
@@ -125,7 +124,7 @@ TEST_F(CudaMoments, OfAStepWithRegularizersAndAbsoluteGradientsAreThoseOfTheScal
     settings.absolute_gradient = true;
     DensityStep density{.gather_statistics = true, .regularizers = {1e-3f, 1e-3f}};
     density.noise = {5e4f, {3, RandomStream::position_noise}, 1};
-    expect_same_steps(start, MomentForm::tiny, settings, density);
+    expect_same_steps(start, settings, density);
   }
 }
 
@@ -138,7 +137,7 @@ TEST_F(CudaMoments, OfABatchAreThoseOfTheScalarTwin) {
       settings.sh_degree = degree;
       std::vector<TrainingPhoto> batch;
       for (const View& view : views) batch.push_back({&view, settings});
-      TrainingModel expected = model_of(start, MomentForm::tiny);
+      TrainingModel expected = model_of(start, MomentStorage::halves);
       TrainingModel fused = on_gpu(expected), unfused = on_gpu(expected);
       const DensityStep density{.gather_statistics = true, .regularizers = {1e-3f, 1e-3f}};
       for (int i = 0; i < 3; ++i) {
@@ -159,8 +158,8 @@ TEST_F(CudaMoments, OfAnyNumberOfRowsAreThoseOfTheScalarTwin) {
   for (const std::size_t count : {1, 2, 31, 32, 33, 65}) {
     SCOPED_TRACE(count);
     const Gaussians start = random_gaussians(kTypical, count, views[0].camera, 4);
-    expect_same_steps(start, MomentForm::tiny, {}, {true});
-    TrainingModel expected = model_of(start, MomentForm::tiny);
+    expect_same_steps(start, {}, {true});
+    TrainingModel expected = model_of(start, MomentStorage::halves);
     TrainingModel fused = on_gpu(expected);
     const TrainingPhoto batch[] = {{&views[0], {}}, {&views[1], {}}};
     cpu().step(expected, {batch, 2}, {0.2f}, update_of(2), {true});
@@ -176,7 +175,7 @@ TEST_F(CudaMoments, OfAStepThatRefinesPosesAreThoseOfTheScalarTwin) {
   scene.extent = 0.5f;
   const Camera& camera = scene.train_views[0].camera;
   for (const Gaussians& start : all_forms(camera)) {
-    TrainingModel expected = model_of(start, MomentForm::tiny);
+    TrainingModel expected = model_of(start, MomentStorage::halves);
     Config config = adaptive_config();
     config.poses.refine = true;
     begin_poses(config, scene, expected);
@@ -198,27 +197,21 @@ TEST_F(CudaMoments, OfAStepThatRefinesPosesAreThoseOfTheScalarTwin) {
 
 // ---- rows --------------------------------------------------------------------------------------
 
-/// Codes that tell rows and quantities apart.
-TrainingModel numbered_model(MomentForm form, std::size_t count, bool has_time = false) {
+/// Moments that tell rows and quantities apart.
+TrainingModel numbered_model(std::size_t count) {
   Draws draws(7);
   Gaussians rows = random_gaussians(kTypical, count, random_camera(40, 30), 5);
-  if (has_time) rows = in_spacetime(rows, 8);
   for (std::size_t i = 0; i < count; ++i) {
     rows.log_scale[i] = Vec3f(std::log(draws.log_uniform(0.02f, 2))) + draws.uniform3(-1, 0);
     rows.logit_opacity[i] = logit(draws.log_uniform(0.003f, 0.9f));
-    if (has_time) rows.log_time_scale[i] = draws.uniform(-1, 3);
   }
-  TrainingModel model = model_of(rows, form);
-  number_codes(model, 1, form == MomentForm::tiny ? 6'001 : 1'000'001);
+  TrainingModel model = model_of(rows, MomentStorage::halves);
+  number_moments(model, 1, 6'001);
   for (std::size_t i = 0; i < count; ++i) {
     model.statistics.visits[i] = float(draws.below(9));
     model.statistics.gradient_norm[i] = model.statistics.visits[i] * float(draws.below(32)) / 16;
   }
   return model;
-}
-
-bool same_codes(const TrainingModel& a, const TrainingModel& b) {
-  return same_bits(a.codes, b.codes);
 }
 
 TEST_F(CudaMoments, FollowTheirRowsAsOnTheScalarTwin) {
@@ -229,12 +222,12 @@ TEST_F(CudaMoments, FollowTheirRowsAsOnTheScalarTwin) {
                                  .max_gaussians = 0};
   for (const std::size_t count : {0, 1, 257, 3000}) {
     SCOPED_TRACE(testing::Message() << " " << count);
-    TrainingModel host = numbered_model(MomentForm::tiny, count);
+    TrainingModel host = numbered_model(count);
     const auto change_both = [&](const char* what, const auto& change) {
       TrainingModel device = on_gpu(host);
       change(cpu().rows(), host);
       change(gpu().rows(), device);
-      EXPECT_TRUE(same_codes(on_host(device), host)) << what;
+      EXPECT_TRUE(same_bits(on_host(device).moments, host.moments)) << what;
     };
     change_both("grow", [&](RowOps& rows, TrainingModel& model) {
       rows.grow(model, GrowthRules{kRules}, 1, 600);
@@ -251,7 +244,7 @@ TEST_F(CudaMoments, FollowTheirRowsAsOnTheScalarTwin) {
 }
 
 TEST_F(CudaMoments, AreSortedWithTheirRows) {
-  TrainingModel host = numbered_model(MomentForm::tiny, 3000);
+  TrainingModel host = numbered_model(3000);
   TrainingModel device = on_gpu(host);
   cpu().rows().sort_by_morton(host);
   gpu().rows().sort_by_morton(device);
@@ -260,12 +253,12 @@ TEST_F(CudaMoments, AreSortedWithTheirRows) {
 
 // ---- runs --------------------------------------------------------------------------------------
 
-Config with(MomentForm form, Config config) {
-  config.optimizer.moments = form;
+Config with_halves(Config config) {
+  config.optimizer.moments = MomentStorage::halves;
   return config;
 }
 
-class CudaCodedRun : public CudaTest {
+class CudaHalfRun : public CudaTest {
  protected:
   double mean_psnr(Config config) {
     constexpr int kSeeds = 6;
@@ -285,22 +278,22 @@ class CudaCodedRun : public CudaTest {
 };
 
 // Rounding makes another run of it, as another seed does.
-TEST_F(CudaCodedRun, EndsAsGoodAsWithFloats) {
+TEST_F(CudaHalfRun, EndsAsGoodAsWithFloats) {
   const double floats = mean_psnr(short_run());
   RecordProperty("psnr_of_floats", std::to_string(floats));
-  const double codes = mean_psnr(with(MomentForm::tiny, short_run()));
-  RecordProperty("psnr_of_" + std::string(word_of(MomentForm::tiny)), std::to_string(codes));
-  EXPECT_NEAR(codes, floats, MomentForm::tiny == MomentForm::tiny ? 0.5 : 0.3);
+  const double halves = mean_psnr(with_halves(short_run()));
+  RecordProperty("psnr_of_halves", std::to_string(halves));
+  EXPECT_NEAR(halves, floats, 0.5);
 }
 
-TEST_F(CudaCodedRun, RepeatsItselfAndGoesOnWhereItWasStoppedInDeterministicSteps) {
+TEST_F(CudaHalfRun, RepeatsItselfAndGoesOnWhereItWasStoppedInDeterministicSteps) {
   for (const int batch : {1, 3}) {
     SCOPED_TRACE(testing::Message() << ", batch " << batch);
-    Config config = with(MomentForm::tiny, busy_run());
+    Config config = with_halves(busy_run());
     config.train.deterministic = true;
     config.train.batch = batch;
     const TrainingModel whole = trained(config);
-    EXPECT_EQ(whole.moment_form, MomentForm::tiny);
+    EXPECT_EQ(whole.moment_storage(), MomentStorage::halves);
     EXPECT_TRUE(same_bits(trained(config), whole));
     EXPECT_TRUE(same_bits(resumed_after(43, scene_, config, gpu()), whole));
   }

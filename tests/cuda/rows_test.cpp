@@ -54,10 +54,7 @@ TrainingModel random_model(std::size_t count, std::uint64_t seed) {
     if (draws.chance(0.1f)) break_row(rows, i, draws.below(kWaysToBreak));
   }
   TrainingModel model = model_of(rows);
-  float first = 0.5f;
-  const auto number = [&](const char*, const auto& array) { number_rows(array, first += 1); };
-  for_each_array(number, model.first_moment);
-  for_each_array(number, model.second_moment);
+  number_moments(model, 1, 1);
   draw_statistics(model.statistics, draws);
   return model;
 }
@@ -127,8 +124,7 @@ class CudaRows : public CudaTest {
     EXPECT_TRUE(same_bits(actual.gaussians.logit_opacity, expected.gaussians.logit_opacity));
     EXPECT_TRUE(same_bits(actual.gaussians.sh0, expected.gaussians.sh0));
     EXPECT_TRUE(same_bits(actual.gaussians.sh_rest, expected.gaussians.sh_rest));
-    EXPECT_TRUE(same_bits(actual.first_moment, expected.first_moment));
-    EXPECT_TRUE(same_bits(actual.second_moment, expected.second_moment));
+    EXPECT_TRUE(same_bits(actual.moments, expected.moments));
     EXPECT_TRUE(same_statistics(actual, expected));
     return expect_same_places(actual.gaussians, expected.gaussians, before);
   }

@@ -189,7 +189,7 @@ TEST_F(CudaStep, AStepByTheRuleOfABatchIsTheScalarOne) {
   expect_same(on_host(actual), expected, 2e-2);
   gpu().synchronize(usual);
   EXPECT_GT(
-      norm_difference(downloaded(usual.second_moment.sh0), downloaded(actual.second_moment.sh0)),
+      norm_difference(downloaded(opened(usual).second.sh0), downloaded(opened(actual).second.sh0)),
       0.5);
 }
 
@@ -272,8 +272,7 @@ TEST_F(CudaStep, DeterministicStepsGiveTheSameBytesEachTime) {
         EXPECT_EQ(std::memcmp(a.data(), b.data(), a.size() * sizeof(a[0])), 0) << name;
       };
       for_each_array(expect_identical, first.gaussians, again.gaussians);
-      for_each_array(expect_identical, first.first_moment, again.first_moment);
-      for_each_array(expect_identical, first.second_moment, again.second_moment);
+      for_each_array(expect_identical, float_moments(first), float_moments(again));
       expect_identical("gradient norms", first.statistics.gradient_norm,
                        again.statistics.gradient_norm);
       expect_identical("visits", first.statistics.visits, again.statistics.visits);
@@ -308,7 +307,7 @@ TEST_F(CudaStep, SelectingTheVisibleRowsChangesNothing) {
 
 TEST_F(CudaStep, SteadyStepsNeitherWaitNorAllocate) {
   const std::vector<View> views = some_views(200, 150, 5);
-  for (const MomentForm form : kMomentForms) {
+  for (const MomentStorage form : kMomentStorages) {
     TrainingModel model =
         on_gpu(model_of(random_gaussians(kTypical, 20000, views[0].camera, 7), form));
     RenderSettings settings;

@@ -11,9 +11,10 @@ namespace gs {
 namespace {
 
 struct Parameter {
-  float value = 0.0f, m = 0.0f, v = 0.0f;
+  float value = 0.0f;
+  FloatMoments moments{};
   void update(float gradient, int t, float learning_rate) {
-    adam_update(value, m, v, gradient, adam_step(t, learning_rate));
+    adam_update(value, moments, gradient, adam_step(t, learning_rate));
   }
 };
 

@@ -3,7 +3,7 @@
 // bit.
 #pragma once
 
-#include "gs_train/decoded_moments.h"
+#include "gs_train/opened_moments.h"
 #include "gs_train/training_model.h"
 #include "tests/support/same_bits.h"
 #include "tests/support/scenes.h"
@@ -21,17 +21,22 @@ inline bool same_bits(const PoseState& a, const PoseState& b) {
   for_each_pose_array([&](const char*, const auto& x, const auto& y) { same &= x == y; }, a, b);
   return same;
 }
-inline bool same_bits(const MomentCodes& a, const MomentCodes& b) {
-  bool same = true;
-  for_each_array([&](const char*, const auto& x, const auto& y) { same &= same_bits(x, y); }, a, b);
+inline bool same_bits(const StoredMoments& a, const StoredMoments& b) {
+  bool same = a.index() == b.index();
+  std::visit(
+      [&]<class Moments>(const Moments& of_a) {
+        if (!same) return;
+        for_each_array([&](const char*, const auto& x, const auto& y) { same &= same_bits(x, y); },
+                       of_a, std::get<Moments>(b));
+      },
+      a);
   return same;
 }
 /// Compares parameters and moments, but not the statistics.
 inline bool same_bits(const TrainingModel& a, const TrainingModel& b) {
   return same_bits(a.photometric, b.photometric) && same_bits(a.poses, b.poses) &&
-         same_bits(a.gaussians, b.gaussians) && same_bits(a.first_moment, b.first_moment) &&
-         same_bits(a.second_moment, b.second_moment) && a.moment_form == b.moment_form &&
-         same_bits(a.codes, b.codes) && a.adam_steps == b.adam_steps;
+         same_bits(a.gaussians, b.gaussians) && same_bits(a.moments, b.moments) &&
+         a.adam_steps == b.adam_steps;
 }
 
 /// The arrays of rows that differ, by name and with the first row that does; empty if there are
@@ -67,13 +72,14 @@ inline Gaussians random_gradients(std::size_t count, std::uint64_t seed, float z
   return gradients;
 }
 
-inline constexpr MomentForm kMomentForms[] = {MomentForm::floats, MomentForm::tiny};
+inline constexpr MomentStorage kMomentStorages[] = {MomentStorage::floats, MomentStorage::halves};
 
-/// A model of these Gaussians with zero moments of this form, and zero statistics.
-inline TrainingModel model_of(const Gaussians& gaussians, MomentForm form = MomentForm::floats) {
+/// A model of these Gaussians with moments and statistics of zero.
+inline TrainingModel model_of(const Gaussians& gaussians,
+                              MomentStorage storage = MomentStorage::floats) {
   TrainingModel model;
   model.gaussians = copy_of(gaussians);
-  model.moment_form = form;
+  model.store_moments_as(storage);
   clear_history(model);
   return model;
 }
@@ -86,21 +92,32 @@ void number_rows(const Buffer<T>& rows, float first) {
     numbers[i] = first + float(i / (sizeof(T) / sizeof(float)));
 }
 
-/// Fills codes with first, first + 1, ... over their rows, or what is left of these in their bits.
-template <class T>
-void number_codes(const Buffer<CodedRow<T>>& rows, std::uint32_t first) {
-  const Span<TinyCode> codes = codes_of(rows);
-  for (std::size_t i = 0; i < codes.size; ++i)
-    codes[i].bits = std::uint16_t(first + i / (sizeof(T) / sizeof(float)));
+/// Moments that tell a number: zero for 0.
+template <class Stored>
+Stored numbered(std::uint32_t number) {
+  if constexpr (std::is_same_v<Stored, FloatMoments>)
+    return {float(number), 2 * float(number)};
+  else
+    return {std::uint16_t(number)};
 }
-/// The same for all codes of a model; the codes of each quantity begin `next` after those before.
-inline void number_codes(TrainingModel& model, std::uint32_t first, std::uint32_t next = 0) {
-  for_each_array(
-      [&](const char*, const auto& array) {
-        number_codes(array, first);
-        first += next;
+/// Fills moments with those of first, first + 1, ... over their rows, each number of a row the same.
+template <class Stored, class T>
+void number_moments(const Buffer<MomentRow<Stored, T>>& rows, std::uint32_t first) {
+  for (MomentRow<Stored, T>& row : rows)
+    std::fill(std::begin(row.number), std::end(row.number), numbered<Stored>(first++));
+}
+/// The same for all moments of a model; those of each quantity begin `next` after those before.
+inline void number_moments(TrainingModel& model, std::uint32_t first, std::uint32_t next = 0) {
+  std::visit(
+      [&](const auto& moments) {
+        for_each_array(
+            [&](const char*, const auto& rows) {
+              number_moments(rows, first);
+              first += next;
+            },
+            moments);
       },
-      model.codes);
+      model.moments);
 }
 
 /// True where each number of row i is `value`.
@@ -111,17 +128,51 @@ bool row_is(const Buffer<T>& rows, std::size_t i, float value) {
   return std::all_of(numbers.begin() + i * width, numbers.begin() + (i + 1) * width,
                      [&](float number) { return number == value; });
 }
-/// True where each code of row i is `value`.
-template <class T>
-bool codes_are(const Buffer<CodedRow<T>>& rows, std::size_t i, std::uint32_t value) {
-  return std::all_of(std::begin(rows[i].number), std::end(rows[i].number),
-                     [&](TinyCode code) { return code.bits == value; });
+/// True where all moments of row i are numbered(value).
+template <class Stored, class T>
+bool moments_are(const Buffer<MomentRow<Stored, T>>& rows, std::size_t i, std::uint32_t value) {
+  const Stored expected = numbered<Stored>(value);
+  return std::all_of(
+      std::begin(rows[i].number), std::end(rows[i].number),
+      [&](const Stored& moments) { return std::memcmp(&moments, &expected, sizeof moments) == 0; });
 }
-inline bool codes_are(const TrainingModel& model, std::size_t i, std::uint32_t value) {
+inline bool moments_are(const TrainingModel& model, std::size_t i, std::uint32_t value) {
   bool same = true;
-  for_each_array([&](const char*, const auto& array) { same &= codes_are(array, i, value); },
-                 model.codes);
+  std::visit(
+      [&](const auto& moments) {
+        for_each_array([&](const char*, const auto& rows) { same &= moments_are(rows, i, value); },
+                       moments);
+      },
+      model.moments);
   return same;
+}
+/// One of the moments of the numbers of photos, downloaded.
+inline std::vector<float> each_of(const std::vector<FloatMoments>& pairs,
+                                  float FloatMoments::*moment) {
+  std::vector<float> values;
+  for (const FloatMoments& pair : pairs) values.push_back(pair.*moment);
+  return values;
+}
+inline const std::vector<FloatMoments>& moments_on_host(const PoseState& state) {
+  return state.moments;
+}
+inline std::vector<FloatMoments> moments_on_host(const PhotometricState& state) {
+  return state.moments.download();
+}
+template <class State>
+std::vector<float> first_moments(const State& state) {
+  return each_of(moments_on_host(state), &FloatMoments::first);
+}
+template <class State>
+std::vector<float> second_moments(const State& state) {
+  return each_of(moments_on_host(state), &FloatMoments::second);
+}
+/// The moments of a model that has FloatMoments.
+inline AdamMoments<FloatMoments>& float_moments(TrainingModel& model) {
+  return std::get<AdamMoments<FloatMoments>>(model.moments);
+}
+inline const AdamMoments<FloatMoments>& float_moments(const TrainingModel& model) {
+  return std::get<AdamMoments<FloatMoments>>(model.moments);
 }
 
 }  // namespace gs

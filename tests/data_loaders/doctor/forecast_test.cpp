@@ -51,7 +51,7 @@ TEST(Forecast, CountsTheBytesOfMomentsAsCodes) {
   const SceneSize scene = {0, 0, 1.0, 30000};
   const ForecastDevice gpu{true, std::size_t(80) << 30};
   EXPECT_THAT(forecast(config, scene, gpu).text, HasSubstr("training takes about 8.5 GiB"));
-  config.optimizer.moments = MomentForm::tiny;
+  config.optimizer.moments = MomentStorage::halves;
   EXPECT_THAT(forecast(config, scene, gpu).text, HasSubstr("training takes about 5.2 GiB"));
 }
 

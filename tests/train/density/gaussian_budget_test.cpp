@@ -34,7 +34,7 @@ TEST(GaussiansFor, CountsTheNumbersOfTimeAndTheSumsOfBatches) {
 // 354 bytes of moments less, and half of that again, since arrays grow by halves.
 TEST(GaussiansFor, CountsTheBytesOfMomentsAsCodes) {
   RoomForGaussians room{10 * kGib, 0, 100'000};
-  room.moments = MomentForm::tiny;
+  room.moments = MomentStorage::halves;
   const double free = 0.85 * double(10 * kGib);
   EXPECT_EQ(gaussians_for(room), std::int64_t((free + 354e5) / (2048 - 531)));
   room.has_time = true;

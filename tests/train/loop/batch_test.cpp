@@ -52,7 +52,7 @@ TEST_F(BatchStep, TakesTheMeanOfTheGradientsAndTheSumOfTheStatistics) {
           ASSERT_NEAR(mean[i], (x[i] + y[i] + z[i]) / 3, 1e-6f * size) << name << " " << i;
         }
       },
-      batch.first_moment, a.first_moment, b.first_moment, c.first_moment);
+      opened(batch).first, opened(a).first, opened(b).first, opened(c).first);
   for (std::size_t i = 0; i < batch.count(); ++i) {
     EXPECT_EQ(batch.statistics.visits[i],
               a.statistics.visits[i] + b.statistics.visits[i] + c.statistics.visits[i]);

@@ -110,8 +110,8 @@ TEST_F(PhotometricRun, TakesTheMeanGradientOfABatch) {
   EXPECT_TRUE(same_bits(after({3, 3}), after({3})));
   const TrainingModel a = after({1}), b = after({4}), both = after({1, 4});
   for (std::size_t i = 0; i < both.photometric.shape.size(); ++i)
-    EXPECT_NEAR(both.photometric.first_moment[i],
-                (a.photometric.first_moment[i] + b.photometric.first_moment[i]) / 2, 1e-7);
+    EXPECT_NEAR(both.photometric.moments[i].first,
+                (a.photometric.moments[i].first + b.photometric.moments[i].first) / 2, 1e-7);
 }
 
 TEST_F(PhotometricRun, RestsWhereItsRateIsZeroAndElseLeavesOtherRunsAsTheyAre) {

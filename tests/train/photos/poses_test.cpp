@@ -93,8 +93,8 @@ TEST(Poses, TheirPullIsTheGradientOfItsPenalty) {
   // The first moment of the first update is a tenth of the gradient.
   for (std::size_t i = 0; i < before.size(); ++i) {
     const double sigma = i % 6 < 3 ? 0.5 * 3.14159265 / 180 : 0.01;
-    EXPECT_NEAR(10 * model.poses.first_moment[i], 1e-4 / 8 * before[i] / (sigma * sigma),
-                1e-4 * std::abs(10 * model.poses.first_moment[i]));
+    const float first = model.poses.moments[i].first;
+    EXPECT_NEAR(10 * first, 1e-4 / 8 * before[i] / (sigma * sigma), 1e-4 * std::abs(10 * first));
   }
 }
 

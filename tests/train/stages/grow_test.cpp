@@ -41,10 +41,7 @@ TrainingModel random_model(std::size_t count, std::uint64_t seed, bool has_time 
     rows.log_time_scale[i] = draws.uniform(-2, 0);
   }
   TrainingModel model = model_of(rows);
-  float first = 0.5f;
-  const auto number = [&](const char*, const auto& array) { number_rows(array, first += 1); };
-  for_each_array(number, model.first_moment);
-  for_each_array(number, model.second_moment);
+  number_moments(model, 1, 1);
   begin_sums(model);
   for (std::size_t i = 0; i < count; ++i) {
     model.statistics.visits[i] = float(draws.below(9));
@@ -81,10 +78,10 @@ RefineReport grow_by(TrainingModel& model, const GrowthRules& rules, int step = 
 TEST(Grow, ClearsTheMomentsThatItsRuleNames) {
   TrainingModel model = random_model(3, 2);
   make_scalar_row_ops()->lower_opacity(model, {OpacityPolicy::halve, 0.01f, MomentClearing::none});
-  EXPECT_FALSE(row_is(model.first_moment.logit_opacity, 1, 0));
+  EXPECT_FALSE(moments_are(float_moments(model).logit_opacity, 1, 0));
   make_scalar_row_ops()->lower_opacity(model, {OpacityPolicy::halve, 0.01f, MomentClearing::all});
-  EXPECT_TRUE(row_is(model.second_moment.logit_opacity, 1, 0));
-  EXPECT_TRUE(row_is(model.first_moment.sh_rest, 2, 0));
+  EXPECT_TRUE(moments_are(float_moments(model).logit_opacity, 1, 0));
+  EXPECT_TRUE(moments_are(float_moments(model).sh_rest, 2, 0));
 }
 
 // ---- who grows ---------------------------------------------------------------------------------
@@ -206,7 +203,7 @@ TEST(Grow, MayKeepTheParentAsItIsBesideOneChild) {
   GrowthRules rules = by_error(0, GrowthSelection::top_k);
   rules.split.keeps_parent = true;
   TrainingModel model = one_large();
-  number_rows(model.first_moment.mean, 7);
+  number_moments(model, 7);
   const Gaussians before = copy_of(model.gaussians);
   const RefineReport report = grow_by(model, rules);
   EXPECT_EQ(report.split, 1u);
@@ -217,8 +214,8 @@ TEST(Grow, MayKeepTheParentAsItIsBesideOneChild) {
   EXPECT_EQ(model.gaussians.logit_opacity[0], before.logit_opacity[0]);
   EXPECT_NE(model.gaussians.mean[1], before.mean[0]);
   EXPECT_NEAR(std::exp(model.gaussians.log_scale[1].y), 0.8f / 1.6f, 1e-6f);
-  EXPECT_TRUE(row_is(model.first_moment.mean, 0, 7));
-  EXPECT_TRUE(row_is(model.first_moment.mean, 1, 0));
+  EXPECT_TRUE(moments_are(model, 0, 7));
+  EXPECT_TRUE(moments_are(model, 1, 0));
 }
 
 TEST(Grow, SharesTheOpacityBetweenAnOriginalAndItsCopy) {

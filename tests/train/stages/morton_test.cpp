@@ -15,14 +15,13 @@
 namespace gs {
 namespace {
 
-/// A model whose every array tells the number of its row: 1000 a + row in array a.
+/// A model whose every array tells the number of its row: 1000 a + row in array a, and row + 1 in moments.
 TrainingModel numbered_model(std::size_t count) {
   TrainingModel model = model_of(Gaussians(count, host_memory()));
   float first = 0;
   const auto number = [&](const char*, const auto& array) { number_rows(array, first += 1000); };
   for_each_array(number, model.gaussians);
-  for_each_array(number, model.first_moment);
-  for_each_array(number, model.second_moment);
+  number_moments(model, 1);
   number("", model.statistics.visits);
   number("", model.statistics.gradient_norm);
   return model;
@@ -38,8 +37,8 @@ void expect_rows(const TrainingModel& model, const std::vector<std::uint32_t>& s
       EXPECT_TRUE(row_is(array, i, first + float(source[i]))) << name << " " << i;
   };
   for_each_array(expect, model.gaussians);
-  for_each_array(expect, model.first_moment);
-  for_each_array(expect, model.second_moment);
+  for (std::size_t i = 0; i < source.size(); ++i)
+    EXPECT_TRUE(moments_are(model, i, source[i] + 1)) << i;
   expect("visits", model.statistics.visits);
   expect("gradient_norm", model.statistics.gradient_norm);
 }

@@ -29,8 +29,7 @@ TrainingModel model_with(const std::vector<float>& opacities) {
   }
   TrainingModel model = model_of(gaussians);
   const auto number = [](const char*, const auto& array) { number_rows(array, 1); };
-  for_each_array(number, model.first_moment);
-  for_each_array(number, model.second_moment);
+  number_moments(model, 1);
   number("visits", model.statistics.visits);
   number("gradient_norm", model.statistics.gradient_norm);
   return model;
@@ -46,14 +45,6 @@ std::vector<int> origins(const TrainingModel& model) {
   std::vector<int> result;
   for (const ShRest& row : model.gaussians.sh_rest) result.push_back(int(row.coefficient[4].x));
   return result;
-}
-
-bool moments_are(const TrainingModel& model, std::size_t i, float value) {
-  bool same = true;
-  const auto check = [&](const char*, const auto& array) { same &= row_is(array, i, value); };
-  for_each_array(check, model.first_moment);
-  for_each_array(check, model.second_moment);
-  return same;
 }
 
 double opacity(const TrainingModel& model, std::size_t i) {

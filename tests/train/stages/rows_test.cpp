@@ -40,9 +40,7 @@ TrainingModel model_with(const std::vector<Row>& rows) {
     gaussians.sh_rest[i].coefficient[4] = Vec3f(float(i));
   }
   TrainingModel model = model_of(gaussians);
-  const auto number = [](const char*, const auto& array) { number_rows(array, 1); };
-  for_each_array(number, model.first_moment);
-  for_each_array(number, model.second_moment);
+  number_moments(model, 1);
   for (std::size_t i = 0; i < rows.size(); ++i) {
     model.statistics.visits[i] = 4;
     model.statistics.gradient_norm[i] = 4 * rows[i].gradient;
@@ -59,14 +57,6 @@ std::vector<int> origins(const TrainingModel& model) {
   std::vector<int> result;
   for (const ShRest& row : model.gaussians.sh_rest) result.push_back(int(row.coefficient[4].x));
   return result;
-}
-
-bool moments_are(const TrainingModel& model, std::size_t i, float value) {
-  bool same = true;
-  const auto check = [&](const char*, const auto& array) { same &= row_is(array, i, value); };
-  for_each_array(check, model.first_moment);
-  for_each_array(check, model.second_moment);
-  return same;
 }
 
 TEST(Refine, KeepsSurvivorsInOrderThenClonesThenHalves) {
@@ -259,12 +249,12 @@ TEST(ResetOpacity, LowersWhatIsAboveAndLeavesWhatIsBelow) {
 TEST(ResetOpacity, ClearsTheMomentsOfTheOpacitiesAndNoOthers) {
   TrainingModel model = model_with({kStays, kStays});
   make_scalar_row_ops()->reset_opacity(model, 0.01f);
-  for (const Gaussians* moment : {&model.first_moment, &model.second_moment})
-    for (std::size_t i = 0; i < 2; ++i) {
-      EXPECT_EQ(moment->logit_opacity[i], 0.0f);
-      EXPECT_TRUE(row_is(moment->mean, i, float(i + 1)));
-      EXPECT_TRUE(row_is(moment->sh_rest, i, float(i + 1)));
-    }
+  const auto& moments = float_moments(model);
+  for (std::uint32_t i = 0; i < 2; ++i) {
+    EXPECT_TRUE(moments_are(moments.logit_opacity, i, 0));
+    EXPECT_TRUE(moments_are(moments.mean, i, i + 1));
+    EXPECT_TRUE(moments_are(moments.sh_rest, i, i + 1));
+  }
 }
 
 TEST(PruneShare, RemovesTheFaintestWholeAndInOrder) {
@@ -275,18 +265,15 @@ TEST(PruneShare, RemovesTheFaintestWholeAndInOrder) {
                                     {kSmall, 0, 0.9f}});
   EXPECT_EQ(make_scalar_row_ops()->prune_share(model, PruneOrder::opacity, 0.5), 2u);
   ASSERT_EQ(model.count(), 3u);
-  for (const auto& [i, origin] : {std::pair{0, 0}, {1, 2}, {2, 4}}) {
-    EXPECT_TRUE(row_is(model.first_moment.mean, std::size_t(i), float(origin + 1)));
-    EXPECT_TRUE(row_is(model.second_moment.sh_rest, std::size_t(i), float(origin + 1)));
-  }
+  for (std::uint32_t i = 0; i < 3; ++i) EXPECT_TRUE(moments_are(model, i, 2 * i + 1)) << i;
 }
 
 TEST(PruneShare, TakesTheFirstOfEqualRowsAndBrokenOnesBeforeAll) {
   TrainingModel model = model_with({kStays, kStays, kStays, kStays});
   model.gaussians.logit_opacity[2] = std::numeric_limits<float>::quiet_NaN();
   EXPECT_EQ(make_scalar_row_ops()->prune_share(model, PruneOrder::opacity, 0.5), 2u);
-  EXPECT_TRUE(row_is(model.first_moment.mean, 0, 2));
-  EXPECT_TRUE(row_is(model.first_moment.mean, 1, 4));
+  EXPECT_TRUE(moments_are(model, 0, 2));
+  EXPECT_TRUE(moments_are(model, 1, 4));
 }
 
 TEST(PruneShare, BySensitivityTakesTheSumOfSquares) {

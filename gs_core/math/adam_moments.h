@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// Stage 8: both of Adam's moments of one number in 16 bits: v as a small float, and m in steps that
-// depend on the size of v.
+// Stage 8: both of Adam's moments of one number are one value, FloatMoments or HalfMoments.
+// opened() reads either, and store() writes it. Both have no constructor, so that they can lie in a
+// GPU's shared memory; FloatMoments{} and HalfMoments{} are zero.
 #pragma once
 
 #include <cstring>
@@ -9,7 +10,18 @@
 
 namespace gs {
 
-/// Both moments of one number: the sign of m, 6 bits of its size, and 9 bits of v.
+/// m and v of one number, beside each other, so that a thread reads both at once.
+struct alignas(8) FloatMoments {
+  float first, second;
+
+  static constexpr bool kIsRounded = false;
+  bool operator==(const FloatMoments&) const = default;
+};
+GS_HD FloatMoments opened(const FloatMoments& moments) { return moments; }
+/// `random` has no effect: nothing is rounded.
+GS_HD void store(FloatMoments& to, const FloatMoments& moments, std::uint32_t) { to = moments; }
+
+/// Both moments of one number in 16 bits: the sign of m, 6 bits of its size, and 9 bits of v.
 ///
 ///   v = 0 for the code 0, else (1 + (c mod 4) / 4) 2^(floor(c / 4) - 100)        c = 1 .. 511
 ///   |m| = n d,  d = 2^(floor(c / 8) - 56)                                        k = 0 .. 63
@@ -19,9 +31,10 @@ namespace gs {
 /// sqrt(v) lies in [64 d, 120 d). Up to |m| = 16 d its steps are d, and from there on 1/16 to 1/8
 /// of |m|. The largest |m| is 960 d, between 8 and 15 sqrt(v).
 /// All of it is arithmetic of integers, so that every processor has the same bits.
-struct TinyCode {
-  std::uint16_t bits = 0;
+struct HalfMoments {
+  std::uint16_t bits;
 
+  static constexpr bool kIsRounded = true;
   static constexpr int kBitsOfV = 9, kBitsOfM = 6;
   static constexpr std::uint32_t kMostV = (1u << kBitsOfV) - 1, kMostM = (1u << kBitsOfM) - 1;
   static constexpr std::uint32_t kSignOfM = 0x8000;
@@ -37,11 +50,18 @@ struct TinyCode {
     return (code_of_v >> 3) + kExponentOfFinest;
   }
 
-  /// The code of m and v >= 0, each rounded at random (moment_code.h), m in the steps that go with
-  /// the code of v. A v between 0 and the smallest code becomes that one, so that no m is left
-  /// without a v; what is above the largest code of either becomes that. m is dropped where v is
-  /// zero: it is below 1e-21 there. What NaN becomes is undefined.
-  static GS_HD TinyCode of(float m, float v, std::uint32_t random) {
+  /// The code of m and v >= 0, each rounded by `random`, uniform in 32 bits, to one of its two
+  /// neighbors among the codes:
+  ///
+  ///   to the one away from zero with the probability (|x| - low) / (high - low)
+  ///
+  /// so that the mean over `random` is x itself. A decay by less than half a step of the codes
+  /// therefore goes on, on average, instead of being stuck.
+  ///                                           stochastic rounding: Gupta et al. 2015, Eq. 1
+  /// The steps of m go with the code of v. A v between 0 and the smallest code becomes that one, so
+  /// that no m is left without a v. A value above the largest code becomes that one. m is dropped
+  /// where v is zero: it is below 1e-21 there. The code of NaN is undefined.
+  static GS_HD HalfMoments of(float m, float v, std::uint32_t random) {
     std::uint32_t bits_of_m, bits_of_v;
     memcpy(&bits_of_m, &m, sizeof m);
     memcpy(&bits_of_v, &v, sizeof v);
@@ -83,27 +103,25 @@ struct TinyCode {
   }
 };
 
-GS_HD float first_moment(TinyCode code) {
-  const std::uint32_t exponent = TinyCode::exponent_of_steps(code.bits & TinyCode::kMostV);
-  const std::uint32_t k = code.bits >> TinyCode::kBitsOfV & TinyCode::kMostM;
+GS_HD FloatMoments opened(HalfMoments code) {
+  const std::uint32_t code_of_v = code.bits & HalfMoments::kMostV;
+  const std::uint32_t k = code.bits >> HalfMoments::kBitsOfV & HalfMoments::kMostM;
   // Below 8 steps: what is left of 8 + k steps without 8, which is exact.
-  const bool is_small = k < TinyCode::kNumbersInOctave;
-  const std::uint32_t base = exponent << 23;
-  const std::uint32_t bits =
-      base + ((is_small ? k : k - TinyCode::kNumbersInOctave) << TinyCode::kDroppedBitsOfM);
-  float size, less;
-  memcpy(&size, &bits, sizeof size);
+  const bool is_small = k < HalfMoments::kNumbersInOctave;
+  const std::uint32_t base = HalfMoments::exponent_of_steps(code_of_v) << 23;
+  const std::uint32_t bits_of_m =
+      base + ((is_small ? k : k - HalfMoments::kNumbersInOctave) << HalfMoments::kDroppedBitsOfM);
+  const std::uint32_t bits_of_v =
+      code_of_v ? (code_of_v + HalfMoments::kLeastV) << HalfMoments::kDroppedBitsOfV : 0;
+  float size, less, v;
+  memcpy(&size, &bits_of_m, sizeof size);
   memcpy(&less, &base, sizeof less);
+  memcpy(&v, &bits_of_v, sizeof v);
   if (is_small) size -= less;
-  return code.bits & TinyCode::kSignOfM ? -size : size;
+  return {code.bits & HalfMoments::kSignOfM ? -size : size, v};
 }
-GS_HD float second_moment(TinyCode code) {
-  const std::uint32_t code_of_v = code.bits & TinyCode::kMostV;
-  const std::uint32_t bits =
-      code_of_v ? (code_of_v + TinyCode::kLeastV) << TinyCode::kDroppedBitsOfV : 0;
-  float v;
-  memcpy(&v, &bits, sizeof v);
-  return v;
+GS_HD void store(HalfMoments& to, const FloatMoments& moments, std::uint32_t random) {
+  to = HalfMoments::of(moments.first, moments.second, random);
 }
 
 }  // namespace gs
