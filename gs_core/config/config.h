@@ -111,7 +111,7 @@ struct OptimizerConfig {
   float log_time_scale_lr = 5e-3f;
   int cooldown_from = 24000;     // all rates fall from this step on, ...
   float cooldown_share = 0.03f;  // ... to this share of themselves at the last one; 1: they do not
-  MomentStorage moments = MomentStorage::floats;
+  MomentStorage moments = MomentStorage::halves;
 };
 
 inline constexpr int kMostBatch = 8;            // photos of one update
