@@ -206,7 +206,7 @@ TEST_F(CudaRows, GrowsTheSameRowsUpToTheCap) {
 
 TEST_F(CudaRows, LetsRowsOfEqualGradientsGrowInRowOrder) {
   AdaptiveRules rules = kRules;
-  for (const float gradient : {2.0f, 0.0f}) {
+  for (const float gradient : {2.0f, 1.0f}) {
     TrainingModel model = random_model(1000, 7);
     for (std::size_t i = 0; i < model.count(); ++i)
       model.statistics.gradient_norm[i] = gradient * std::max(model.statistics.visits[i], 1.0f);
@@ -251,6 +251,8 @@ TEST_F(CudaRows, GrowsBeyondWhatItsArraysHold) {
     // Both start with the same bits, so that differences in last bits do not add up.
     device.gaussians.mean.upload(host.gaussians.mean.download());
     device.gaussians.log_scale.upload(host.gaussians.log_scale.download());
+    for (TrainingModel* const model : {&host, &device})
+      model->statistics.gradient_norm.upload(std::vector<float>(host.count(), 1.0f));
     const Gaussians before = copy_of(host.gaussians);
     const RefineReport expected = cpu().rows().grow(host, rules, 6, round);
     expect_same_report(gpu().rows().grow(device, rules, 6, round), expected);

@@ -110,6 +110,7 @@ inline Config of_known_gaussians(Config config) {
 inline TrainingState state_of_truth(const PosedScene& posed, const Config& config) {
   TrainingState state;
   std::vector<ScenePoint> points;
+  state.model.store_moments_as(config.optimizer.moments);
   state.model.gaussians = posed_truth(points);
   clear_history(state.model);
   const std::size_t photos = posed.truth.size();

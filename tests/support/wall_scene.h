@@ -94,6 +94,7 @@ inline Config gains_run(int steps) {
 /// The wall in gray, to start from: colors and gains are to be found.
 inline TrainingState gray_wall(const Config& config) {
   TrainingState state;
+  state.model.store_moments_as(config.optimizer.moments);
   state.model.gaussians = wall();
   state.model.gaussians.sh0.fill_zero();
   clear_history(state.model);

@@ -218,11 +218,12 @@ TEST(UpdatePhotometric, MovesPhotosThatAreNotDrawnAsAdamSays) {
   const auto model = make_photometric_model(kGains);
   TrainingModel training = begun(small_scene());
   PhotometricState& state = training.photometric;
-  float value = 0, m = 0, v = 0;
+  float value = 0;
+  FloatMoments moments;
   for (int t = 1; t <= 50; ++t) {
     std::vector<double> gradient(state.shape.size(), 0.0);
     if (t == 1) gradient[state.shape.photo_begin(3)] = 0.5;
-    adam_update(value, m, v, t == 1 ? 0.5f : 0.0f, adam_step(t, 2e-3f));
+    adam_update(value, moments, t == 1 ? 0.5f : 0.0f, adam_step(t, 2e-3f));
     update_photometric(state, *model, 2e-3f, {}, gradient);
   }
   EXPECT_LT(value, -0.01f);  // five times the rate of one step
