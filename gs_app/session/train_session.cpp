@@ -100,6 +100,7 @@ SessionEnd TrainSession::run() {
   check_output();
   if (!is_finished()) lpips_ = make_lpips(config_.eval);  // early, before hours of training
   hooks_.use_threads(config_.train.threads);
+  if (is_finished()) request_.place.reset();  // the others have nothing to do
   make_backend();
   log_info("training on {} with {} threads", backend_->name(), thread_count());
   get_scene();
@@ -201,6 +202,10 @@ void TrainSession::clear_folder_for_photos() {
 void TrainSession::make_backend() {
   const TrainConfig& train = config_.train;
   const ProcessPlace* const place = request_.place ? &*request_.place : nullptr;
+  if (place && config_.photometric.model == kAutoPhotometricModel)
+    throw UsageError(
+        "photometric.model = auto may come out differently in each process; name a model where "
+        "several train");
   backend_ = make_training_backend(train, place, config_.model.output);
   const int gpus = train.ranks * (place ? place->count : 1);
   if (const int most = std::min(gpus, kMostBatch); train.batch < most)
