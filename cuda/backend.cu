@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The CUDA backend, of one GPU or of several of one process. Its step is a fused sequence of
+// The CUDA backend, of one GPU or of several of one process, which may be one of several. Its step is a fused sequence of
 // launches (enqueue()). The host neither waits nor reads anything back (pending_steps.h).
 //
 //   each GPU           projects its rows for all photos, into the buffers of the GPU that draws each
@@ -11,17 +11,23 @@
 // sum is that of one GPU: with RenderSettings::deterministic the model has the same bytes for any
 // number of GPUs. What is learned of photos is on the first GPU. A GPU that is alone trains the
 // model itself, and nothing is dealt.
+//
+// Several processes have the whole model each, and draw the photos of a batch in turn. They share the
+// gradients of the splats (gpus/processes.cuh), and then update their models alike.
 #include "cuda/backend.h"
 
+#include <functional>
 #include <optional>
 #include <utility>
 
 #include "cuda/device/clock.cuh"
 #include "cuda/device/no_gpu.h"
 #include "cuda/gpus/gpu.cuh"
+#include "cuda/gpus/processes.cuh"
 #include "cuda/train/pending_steps.h"
 #include "gs_core/math/density.h"
 #include "gs_core/training_memory.h"
+#include "gs_core/version.h"
 #include "gs_train/named_row.h"
 
 namespace gs::cuda {
@@ -63,15 +69,37 @@ bool is_dealt(const TrainingModel& model) {
   return model.statistics.visits.size() != model.count();
 }
 
+// FNV-1a of the names and the bytes of the cameras.
+std::uint64_t hash_of_cameras(const std::vector<View>& views) {
+  std::uint64_t hash = 14695981039346656037u;
+  const auto add = [&](const void* data, std::size_t bytes) {
+    for (std::size_t i = 0; i < bytes; ++i)
+      hash = (hash ^ static_cast<const unsigned char*>(data)[i]) * 1099511628211u;
+  };
+  for (const View& view : views) {
+    add(view.name.data(), view.name.size());
+    add(&view.camera, sizeof view.camera);
+    add(&view.exposure, sizeof view.exposure);
+  }
+  return hash;
+}
+
 class CudaBackend final : private Gpus, private StepLauncher, public Backend {
  public:
-  CudaBackend(const std::vector<int>& devices, std::size_t chunk_rows)
+  CudaBackend(const std::vector<int>& devices, std::size_t chunk_rows, const Process& process)
       : Gpus(devices), Backend(first().memory), chunk_rows_(chunk_rows),
-        optimizer_(make_optimizer(first().context)), photometric_(first().context, first().memory),
+        others_(process.count > 1 ? std::make_unique<Processes>(process, static_cast<Gpus&>(*this))
+                                  : nullptr),
+        optimizer_(make_optimizer(first().context)),
+        photometric_(first().context, first().memory, process.count > 1),
         poses_(first().context, first().memory),
         rows_(make_row_ops(first().context, first().memory, first().pass.splats,
                            first().pass.pixel_rects, [this] { release_step(); })) {
     for_each([this](Gpu& gpu) { gpu.use(*loss_row_); });
+    // Their models are the same to the last bit, and no process tells the others of its own.
+    if (others_)
+      others_->check_same(std::hash<std::string>()(first().context.device_name() + kVersion),
+                          "GPUs or another version of gemsplat");
   }
   ~CudaBackend() override { streams().wait(); }
 
@@ -79,7 +107,8 @@ class CudaBackend final : private Gpus, private StepLauncher, public Backend {
   std::string name() const override {
     const std::string name =
         "cuda:" + std::to_string(first().device()) + " (" + first().context.device_name() + ")";
-    return are_several() ? name + " and others (" + std::to_string(count()) + " GPUs)" : name;
+    const std::size_t all = processes() * count();
+    return all > 1 ? name + " and others (" + std::to_string(all) + " GPUs)" : name;
   }
   Memory& memory() override { return first().memory; }
   Renderer& renderer() override { return first().renderer; }
@@ -93,7 +122,7 @@ class CudaBackend final : private Gpus, private StepLauncher, public Backend {
   }
   Loss& loss() override {
     finish_pending();
-    return *drawer_of(last_photo_).loss;
+    return *last_drawer_->loss;
   }
   void use_photometric(std::shared_ptr<const PhotometricModel> photometric) override {
     finish_pending();
@@ -101,6 +130,7 @@ class CudaBackend final : private Gpus, private StepLauncher, public Backend {
     photometric_.use(photometric.get(), name());
   }
   bool makes_refined_cameras() const override { return true; }
+  bool is_shared() const override { return others_ != nullptr; }
   RowOps& rows() override {
     finish_pending();
     if (shards_are_in_use_ && is_dealt(*model_)) gather(*model_);
@@ -115,6 +145,7 @@ class CudaBackend final : private Gpus, private StepLauncher, public Backend {
       gpu.depth_maps.forget();
     });
     steps_.forecast().forget();
+    if (others_) others_->check_same(hash_of_cameras(views), "photos or cameras");
   }
   void prefetch_decode(const View& view) override {
     if (!first().photos.is_resident(view)) prefetch_photo(view);
@@ -135,7 +166,6 @@ class CudaBackend final : private Gpus, private StepLauncher, public Backend {
     model.adam_steps += update.rule.steps;
     if (photometric.is_due) model.photometric.adam_steps += photometric.rule.steps;
     if (poses.is_due) model.poses.adam_steps += update.photo_rule.steps;
-    last_photo_ = batch.size - 1;
   }
 
   // On the whole model, by the first GPU.
@@ -177,6 +207,9 @@ class CudaBackend final : private Gpus, private StepLauncher, public Backend {
     gather_if_dealt(model);
     bring_poses_back();
     first().context.synchronize();
+    if (!others_) return;
+    streams().synchronize();
+    others_->rest();
   }
   void set_profiling(bool on) override { first().context.set_profiling(on); }
   std::vector<StageTime> stage_times() override { return first().context.stage_times(); }
@@ -249,9 +282,15 @@ class CudaBackend final : private Gpus, private StepLauncher, public Backend {
     });
   }
 
-  // The GPU of photo i of a batch, and which of the photos that it draws that is.
-  Gpu& drawer_of(std::size_t i) { return (*this)[i % count()]; }
-  std::size_t turn_of(std::size_t i) const { return i / count(); }
+  // Photo i of a batch belongs to process i mod processes. Its GPU, and where it comes among the
+  // photos of that GPU, are the same in all processes: those that do not draw it keep its arrays.
+  std::size_t processes() const { return others_ ? others_->count() : 1; }
+  bool draws(std::size_t i) const { return !others_ || others_->draws(i); }
+  Gpu& drawer_of(std::size_t i) { return (*this)[gpu_of(i)]; }
+  std::size_t gpu_of(std::size_t i) const { return i / processes() % count(); }
+  std::size_t turn_of(std::size_t i) const {
+    return i / (processes() * count()) * processes() + i % processes();
+  }
   // The rows that a GPU trains.
   TrainingModel& rows_of(Gpu& gpu) { return are_several() ? gpu.shard : *model_; }
 
@@ -264,8 +303,13 @@ class CudaBackend final : private Gpus, private StepLauncher, public Backend {
     for_each(
         [&](Gpu& gpu) { preprocess(gpu.context, rows_of(gpu).gaussians.span(), all, gpu.place); });
     meet();
-    for (std::size_t i = 0; i < photos.size(); ++i) draw(step, i, photos[i]);
+    for (std::size_t i = 0; i < photos.size(); ++i)
+      if (draws(i))
+        draw(step, i, photos[i]);
+      else
+        steps_.reports().settle(step.number_of(i));
     meet();
+    if (others_) share(step, photos);
     for_each([&](Gpu& gpu) { update_rows(step, gpu, all); });
     if (step.poses.is_due) meet();
     update_what_is_learned_of_photos(step);
@@ -295,7 +339,7 @@ class CudaBackend final : private Gpus, private StepLauncher, public Backend {
       photos.push_back(gpu.photo_buffers.rows(turn_of(i), reduced(photo.camera(), photo.reduction),
                                               settings, pose, model_->count(), gpu.renderer,
                                               gpu.pass));
-      if (i > 0 && turn_of(i) == 0) gpu.photos.prefetch_next(*photo.view);
+      if (i > 0 && i < processes() * count() && draws(i)) gpu.photos.prefetch_next(*photo.view);
     }
     return photos;
   }
@@ -303,6 +347,7 @@ class CudaBackend final : private Gpus, private StepLauncher, public Backend {
   // Photo i of a step, from stage 2 to dL/d(splat).
   void draw(const PendingStep& step, std::size_t i, const PhotoRows& rows) {
     Gpu& gpu = drawer_of(i);
+    last_drawer_ = &gpu;
     const OnDevice here(gpu.device());
     prefetch_after(step, i, gpu);
     const TrainingPhoto& photo = step.batch[i];
@@ -318,9 +363,13 @@ class CudaBackend final : private Gpus, private StepLauncher, public Backend {
       loss_settings.photo_on_device = &*on_device;
     }
     gpu.photo_buffers.select(turn_of(i), rows, model_->count(), gpu.renderer, gpu.pass);
-    gpu.renderer.finish_projected(settings, gpu.pass,
-                                  steps_.forecast().capacity_for(photo, model_->count()),
-                                  steps_.reports().of_step(number), number);
+    StepReport* const report = steps_.reports().of_step(number);
+    if (others_)  // these do not learn of a step that has to be repeated
+      gpu.renderer.finish_counted(settings, gpu.pass, report, number);
+    else
+      gpu.renderer.finish_projected(settings, gpu.pass,
+                                    steps_.forecast().capacity_for(photo, model_->count()), report,
+                                    number);
     gpu.loss->forward_backward(gpu.pass, *photo.view, loss_settings, gpu.dL_dimage);
     blend_backward(gpu.context, settings, gpu.dL_dimage.span(), gpu.renderer.workspace(), gpu.pass);
     if (settings.with_depths) add_depth_gradient(gpu, photo, loss_settings, settings);
@@ -328,10 +377,10 @@ class CudaBackend final : private Gpus, private StepLauncher, public Backend {
 
   // Starts to copy the photo that a GPU draws after photo i of a step, so that it arrives meanwhile.
   void prefetch_after(const PendingStep& step, std::size_t i, Gpu& gpu) {
-    const std::size_t after = i + count();
+    const std::size_t after = i + processes() * count();
     if (after < step.batch.size())
       gpu.photos.prefetch_next(*step.batch[after].view);
-    else if (next_ && &gpu == &first())
+    else if (next_ && i % (processes() * count()) == 0)
       gpu.photos.prefetch_next(*std::exchange(next_, nullptr));
   }
 
@@ -347,6 +396,34 @@ class CudaBackend final : private Gpus, private StepLauncher, public Backend {
         gpu.context, settings,
         {map.values.data(), gpu.photos.last().mask, view.camera.width, photo.reduction, map.kind},
         loss_settings.depth_weight, gpu.renderer.workspace(), gpu.pass);
+  }
+
+  // Gives all processes what stage 6 has left of each photo: of all rows, so that no host has to know
+  // how many are visible.
+  void share(const PendingStep& step, const std::vector<PhotoRows>& photos) {
+    const StageScope scope(first().context, "share");
+    std::vector<Processes::Piece> pieces;
+    for (std::size_t i = 0; i < photos.size(); ++i) {
+      const PhotoRows& photo = photos[i];
+      const RenderSettings& settings = photo.settings;
+      const std::size_t from = i % processes();
+      const auto add = [&](auto* rows) {
+        pieces.push_back({from, gpu_of(i), rows, model_->count() * sizeof *rows});
+      };
+      add(photo.gradients);
+      if (settings.fragment_statistic != FragmentStatistic::none &&
+          !sums_among_gradients(settings)) {
+        if (settings.deterministic)
+          add(photo.fixed_fragment_sums);
+        else
+          add(photo.fragment_sums);
+      }
+      const Span<double> look =
+          photometric_.row_of(model_->photometric, step.photometric, i, photos.size());
+      if (!look.empty()) pieces.push_back({from, 0, look.data, look.size * sizeof(double)});
+    }
+    others_->share(pieces);
+    meet();
   }
 
   // Stages 7 and 8 for the rows of a GPU. Where a photo did not fit, nothing changes.
@@ -412,6 +489,7 @@ class CudaBackend final : private Gpus, private StepLauncher, public Backend {
   void finish_pending() { steps_.finish(); }
 
   const std::size_t chunk_rows_;
+  const std::unique_ptr<Processes> others_;  // null: this process is alone
   const LossRow* loss_row_ = kLosses;
   std::unique_ptr<Optimizer> optimizer_;
   PhotometricStage photometric_;
@@ -421,8 +499,8 @@ class CudaBackend final : private Gpus, private StepLauncher, public Backend {
   std::unique_ptr<RowOps> rows_;
   PendingSteps steps_{*this};
   TrainingModel* model_ = nullptr;
-  std::size_t last_photo_ = 0;  // of the last step
-  const View* next_ = nullptr;  // with which the next step begins, until its photo is prefetched
+  Gpu* last_drawer_ = &first();  // of the last photo that this process has drawn
+  const View* next_ = nullptr;   // with which the next step begins, until its photo is prefetched
 };
 
 }  // namespace
@@ -444,9 +522,10 @@ std::string why_no_gpu() {
   return text_of(no_gpu);
 }
 
-std::unique_ptr<Backend> make_backend(const std::vector<int>& devices, std::size_t chunk_rows) {
+std::unique_ptr<Backend> make_backend(const std::vector<int>& devices, std::size_t chunk_rows,
+                                      const Process& process) {
   GS_CHECK(!devices.empty());
-  return std::make_unique<CudaBackend>(devices, chunk_rows);
+  return std::make_unique<CudaBackend>(devices, chunk_rows, process);
 }
 
 }  // namespace gs::cuda

@@ -66,6 +66,9 @@ class Backend {
   /// True where step() makes the cameras of training photos from model.poses itself. Else the
   /// caller gives them with the photos (TrainingPhoto::refined), as they are after the last step.
   virtual bool makes_refined_cameras() const { return false; }
+  /// True where other processes take the same steps of the same model. Then this one cannot go back
+  /// or take other steps than they do.
+  virtual bool is_shared() const { return false; }
   virtual Optimizer& optimizer() = 0;
   /// What changes rows between steps. Ask for it anew after a step: on a GPU this waits for steps
   /// that may have to be repeated.

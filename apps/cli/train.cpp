@@ -41,6 +41,17 @@ Config settings_of(const TrainCommand& command, const Config& start = {}) {
   return config;
 }
 
+// Of one of several processes. As with --gpus, a new run takes as many photos for an update as there
+// are GPUs, if no other batch is asked for.
+Config settings_of(const TrainCommand& command, const std::optional<ProcessPlace>& place,
+                   const Config& start) {
+  Config config = settings_of(command, start);
+  const bool is_new = start.model.output.empty();
+  if (place && is_new && config.train.batch <= config.train.ranks)
+    config.train.batch = std::min(config.train.ranks * place->count, kMostBatch);
+  return config;
+}
+
 void add_viewer_options(CLI::App& verb, ViewerOptions& options) {
   const char* const group = "Viewer";
   verb.add_flag("--viewer", options.is_wanted, "show the run in a browser while it trains")
@@ -129,9 +140,12 @@ void print_summary(const Results& results, const RunFolder& folder) {
       ExitCode::interrupted);
 }
 
-TrainRequest request_of(const TrainCommand& command) {
+TrainRequest request_of(const TrainCommand& command, const std::optional<ProcessPlace>& place) {
   TrainRequest request;
-  request.settings = [&command](const Config& start) { return settings_of(command, start); };
+  request.settings = [&command, place](const Config& start) {
+    return settings_of(command, place, start);
+  };
+  request.place = place;
   request.resume = command.resume;
   request.added_steps = command.added_steps;
   request.force = command.force;
@@ -140,12 +154,23 @@ TrainRequest request_of(const TrainCommand& command) {
   return request;
 }
 
+// Process 0 talks for all. Signals, which srun and mpirun send to all, are for it: the others go on
+// with it as long as it takes steps.
+void follow(const TrainCommand& command, const ProcessPlace& place) {
+  setup_log(Verbosity::quiet);
+  const SignalCount passed_over;
+  SessionHooks hooks;
+  TrainSession(request_of(command, place), hooks).run();
+}
+
 void train(const TrainCommand& command) {
+  const std::optional<ProcessPlace> place = process_place();
+  if (place && place->rank > 0 && !command.print_config) return follow(command, *place);
   setup_log(command.verbosity());
   if (command.viewer.is_wanted) check_can_view();
   std::optional<TrainViewer> viewer;
   TerminalHooks hooks(command, viewer);
-  TrainSession session(request_of(command), hooks);
+  TrainSession session(request_of(command, place), hooks);
   const struct EndViewer {  // before the session, whose scene it shows
     std::optional<TrainViewer>& viewer;
     ~EndViewer() { viewer.reset(); }

@@ -35,6 +35,14 @@ void CudaRenderer::finish_projected(const RenderSettings& settings, RenderPass& 
   finish(settings, pass, {capacity, workspace_.halted.data(), report, step});
 }
 
+void CudaRenderer::finish_counted(const RenderSettings& settings, RenderPass& pass,
+                                  StepReport* report, std::uint32_t step) {
+  pass.background = settings.background;
+  order_by_depth(context_, settings, workspace_, pass, pass.tile_counts.size());
+  const std::uint32_t instances = count_instances(settings, pass);
+  sort_and_blend(settings, pass, {std::max(instances, 1u), workspace_.halted.data(), report, step});
+}
+
 void CudaRenderer::forward(const GaussiansSpan& gaussians, const Camera& camera,
                            const RenderSettings& settings, RenderPass& pass) {
   draw_frame(gaussians.mean.size, camera, settings, pass,

@@ -35,6 +35,9 @@ class CudaRenderer final : public Renderer {
   /// `capacity` instances, without waiting; see create_instances().
   void finish_projected(const RenderSettings& settings, RenderPass& pass, std::uint32_t capacity,
                         StepReport* report, std::uint32_t step);
+  /// The same for as many instances as there are. Waits for the device.
+  void finish_counted(const RenderSettings& settings, RenderPass& pass, StepReport* report,
+                      std::uint32_t step);
   /// Reserves dL/d(splat) of so many Gaussians. New entries are zero.
   void reserve_gradients(std::size_t count, const RenderSettings& settings);
   /// Sets the gradients back to zero after a step that failed.

@@ -36,6 +36,8 @@ class Reports {
 
   StepReport* of_step(std::uint32_t step) { return reports_ + step % count_; }
   void clear(std::uint32_t step) { *of_step(step) = {}; }
+  /// Where no kernel writes it: the step has fitted.
+  void settle(std::uint32_t step) { *of_step(step) = {0, 0, 0, step}; }
   /// Returns true and fills `report` once the step's report has arrived.
   bool read(std::uint32_t step, StepReport& report) {
     const volatile StepReport* const from = of_step(step);

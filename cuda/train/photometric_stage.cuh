@@ -23,9 +23,10 @@ struct PhotometricUpdate {
 /// same bits wherever photos are drawn.
 class PhotometricStage {
  public:
-  /// `context` and `memory` are those of the GPU that has the model.
-  PhotometricStage(Context& context, Memory& memory)
-      : context_(context), gradient_(memory), rows_(memory) {}
+  /// `context` and `memory` are those of the GPU that has the model. `others_draw`: other processes
+  /// draw photos, and share their rows.
+  PhotometricStage(Context& context, Memory& memory, bool others_draw)
+      : context_(context), others_draw_(others_draw), gradient_(memory), rows_(memory) {}
 
   /// From now on; null: without a model. Throws UsageError where `device`, a name, has no kernels
   /// for it.
@@ -38,6 +39,12 @@ class PhotometricStage {
   /// Photo i of a batch of `photos`.
   PhotoOnDevice photo(const PhotometricState& state, const PhotometricUpdate& update,
                       const TrainingPhoto& photo, std::size_t i, std::size_t photos) const;
+  /// The row of photo i of a batch; empty where the step has no update, or no rows.
+  Span<double> row_of(const PhotometricState& state, const PhotometricUpdate& update, std::size_t i,
+                      std::size_t photos) const {
+    if (!update.is_due || !has_rows(photos)) return {};
+    return {rows_.data() + i * state.shape.photo_size, state.shape.photo_size};
+  }
   /// After all photos of a batch.
   void update(PhotometricState& state, const PhotometricUpdate& update,
               Span<const TrainingPhoto> batch, const std::uint32_t* halted);
@@ -54,9 +61,10 @@ class PhotometricStage {
   }
 
  private:
-  static bool has_rows(std::size_t photos) { return photos > 1; }
+  bool has_rows(std::size_t photos) const { return photos > 1 || others_draw_; }
 
   Context& context_;
+  const bool others_draw_;
   bool is_on_ = false;
   Buffer<double> gradient_;  // (state.shape.size()) zero between steps
   Buffer<double> rows_;      // (photos of a batch, shape.photo_size) the same

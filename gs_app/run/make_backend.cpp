@@ -14,11 +14,16 @@
 namespace gs {
 namespace {
 
+namespace fs = std::filesystem;
+
 #ifdef GS_HAVE_CUDA
 // The backend of `count` GPUs from `first` on.
-std::unique_ptr<Backend> make_cuda_backend(int first, int count) {
+std::unique_ptr<Backend> make_cuda_backend(int first, int count,
+                                           const ProcessPlace* place = nullptr,
+                                           const fs::path& output = {}) {
   const int visible = cuda_device_count();
   if (visible == 0) throw Error(why_no_gpu() + ", or use --device cpu");
+  if (place) first = first_gpu_of(*place, first, count, visible);
   if (first >= visible)
     throw Error("there is no GPU cuda:" + std::to_string(first) + ": the driver reports " +
                 std::to_string(visible) + "; check nvidia-smi, or use --device cpu");
@@ -29,10 +34,17 @@ std::unique_ptr<Backend> make_cuda_backend(int first, int count) {
                      " GPUs; set train.ranks=" + std::to_string(visible - first));
   std::vector<int> devices;
   for (int i = 0; i < count; ++i) devices.push_back(first + i);
-  return cuda::make_backend(devices);
+  if (!place) return cuda::make_backend(devices);
+  const std::string folder = output.string();
+  return cuda::make_backend(
+      devices, cuda::kChunkRows,
+      {place->rank, place->count, folder + ".processes-" + place->job,
+       "; if there is a checkpoint in " + folder + "/checkpoints, --resume " + folder +
+           " goes on from it, with any number of processes and GPUs"});
 }
 #else
-std::unique_ptr<Backend> make_cuda_backend(int, int) {
+std::unique_ptr<Backend> make_cuda_backend(int, int, const ProcessPlace* = nullptr,
+                                           const fs::path& = {}) {
   throw Error(
       "this build has no CUDA; configure again with nvcc on the PATH (-DGS_REQUIRE_CUDA=ON says "
       "what is missing), or use --device cpu");
@@ -98,8 +110,13 @@ void take_gpus(const std::string& gpus, bool is_new, TrainConfig& train) {
   if (is_new && train.batch == 1) train.batch = std::min(count, kMostBatch);
 }
 
-std::unique_ptr<Backend> make_training_backend(const TrainConfig& train) {
-  if (!is_cpu(train.device)) return make_cuda_backend(cuda_index(train.device), train.ranks);
+std::unique_ptr<Backend> make_training_backend(const TrainConfig& train, const ProcessPlace* place,
+                                               const fs::path& output) {
+  if (!is_cpu(train.device))
+    return make_cuda_backend(cuda_index(train.device), train.ranks, place, output);
+  if (place)
+    throw UsageError(
+        "several processes train on GPUs only, and this run is on the CPU; start one process");
   if (train.ranks > 1)
     throw UsageError("train.ranks is " + std::to_string(train.ranks) +
                      ", which counts GPUs, and this run is on the CPU; set train.ranks=1");

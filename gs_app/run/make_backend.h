@@ -2,10 +2,12 @@
 // From the name of a device to its backend.
 #pragma once
 
+#include <filesystem>
 #include <memory>
 #include <optional>
 #include <string>
 
+#include "gs_app/run/process_place.h"
 #include "gs_train/backend.h"
 
 namespace gs {
@@ -16,8 +18,11 @@ namespace gs {
 std::unique_ptr<Backend> make_backend(const std::string& device);
 
 /// The backend for a run: make_backend(train.device), or that of several GPUs (train.ranks) from
-/// train.device on. Throws UsageError where there are fewer.
-std::unique_ptr<Backend> make_training_backend(const TrainConfig& train);
+/// train.device on. Throws UsageError where there are fewer. `place`: this is one of several processes
+/// that train on GPUs and meet beside the run's folder `output`; waits for the others.
+std::unique_ptr<Backend> make_training_backend(const TrainConfig& train,
+                                               const ProcessPlace* place = nullptr,
+                                               const std::filesystem::path& output = {});
 
 /// Whether a device, as make_backend() takes it, is the CPU.
 bool is_cpu(const std::string& device);

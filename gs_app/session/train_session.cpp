@@ -86,6 +86,7 @@ TrainSession::TrainSession(TrainRequest request, SessionHooks& hooks)
 TrainSession::~TrainSession() = default;
 
 SessionEnd TrainSession::run() {
+  if (request_.place && request_.place->rank > 0) return follow();
   lock_folder();
   for (const std::string& name : request_.exports)
     check_holds(format_named(name), config_.model.dynamic, "--export " + name);
@@ -99,6 +100,7 @@ SessionEnd TrainSession::run() {
   check_output();
   if (!is_finished()) lpips_ = make_lpips(config_.eval);  // early, before hours of training
   hooks_.use_threads(config_.train.threads);
+  if (is_finished()) request_.place.reset();  // the others have nothing to do
   make_backend();
   log_info("training on {} with {} threads", backend_->name(), thread_count());
   get_scene();
@@ -125,6 +127,21 @@ SessionEnd TrainSession::run() {
   if (!is_stopped) finish();
   observers_->lost.say_again();
   return is_stopped ? SessionEnd::stopped : SessionEnd::finished;
+}
+
+// Another process than 0: it takes the same steps of the same run, and writes nothing.
+SessionEnd TrainSession::follow() {
+  choose_run();
+  if (is_finished()) return SessionEnd::nothing_left;
+  hooks_.use_threads(config_.train.threads);
+  make_backend();
+  get_scene();
+  if (resumed_)
+    make_resumed_trainer();
+  else
+    make_new_trainer();
+  trainer_->run();
+  return SessionEnd::finished;
 }
 
 // ---- before the first step ---------------------------------------------------------------------
@@ -184,17 +201,23 @@ void TrainSession::clear_folder_for_photos() {
 // A photo is drawn by one GPU.
 void TrainSession::make_backend() {
   const TrainConfig& train = config_.train;
-  backend_ = make_training_backend(train);
-  if (const int most = std::min(train.ranks, kMostBatch); train.batch < most)
+  const ProcessPlace* const place = request_.place ? &*request_.place : nullptr;
+  if (place && config_.photometric.model == kAutoPhotometricModel)
+    throw UsageError(
+        "photometric.model = auto may come out differently in each process; name a model where "
+        "several train");
+  backend_ = make_training_backend(train, place, config_.model.output);
+  const int gpus = train.ranks * (place ? place->count : 1);
+  if (const int most = std::min(gpus, kMostBatch); train.batch < most)
     log_warning(
         "train.batch is {}, so that {} of {} GPUs wait while photos are drawn; a new run with "
         "--set train.batch={} keeps all of them busy",
-        train.batch, train.ranks - train.batch, train.ranks, most);
+        train.batch, gpus - train.batch, gpus, most);
 }
 
 void TrainSession::get_scene() {
   scene_ = request_.scene;
-  if (!scene_ && !resumed_)
+  if (!scene_ && !resumed_ && folder_)
     has_made_scene_ = reconstruct_bare_photos(
         config_, *folder_, [&] { clear_folder_for_photos(); }, hooks_);
   describe_scene();

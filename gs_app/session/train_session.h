@@ -13,6 +13,7 @@
 #include "gs_app/checkpoints/resume.h"
 #include "gs_app/observers/profile_observer.h"
 #include "gs_app/observers/train_observers.h"
+#include "gs_app/run/process_place.h"
 #include "gs_app/run/results.h"
 #include "gs_app/run/run_folder.h"
 #include "gs_app/session/session_hooks.h"
@@ -38,6 +39,9 @@ struct TrainRequest {
   bool shows_progress = true;             // the progress line of the steps, on standard error
   bool stops_on_signal = true;   // SIGINT and SIGTERM end the run early, with its state saved
   const Scene* scene = nullptr;  // null: load dataset.source. Outlives the session.
+  // One of several processes that run the same session (docs/gpus.md#processes). Process 0 writes the
+  // run's folder, and the others write nothing.
+  std::optional<ProcessPlace> place = {};
 };
 
 /// How run() ended.
@@ -71,6 +75,8 @@ class TrainSession {
 
  private:
   struct Observers;
+
+  SessionEnd follow();
 
   // Before the first step.
   void choose_run();

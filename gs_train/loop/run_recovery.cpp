@@ -88,6 +88,7 @@ void RunRecovery::guarded_or_skipped(const std::string& what, const std::functio
 
 // Runs the work. If memory runs out, releases memory and runs it again. Returns whether that fitted.
 bool RunRecovery::fits(const std::string& what, const std::function<void()>& f) {
+  if (run_.backend.is_shared()) return f(), true;  // the others would go another way
   if (fits_into_memory(f, memory_error_)) return true;
   release_memory(what);
   return fits_into_memory(f, memory_error_);
@@ -140,6 +141,11 @@ void RunRecovery::check_is_not_empty() {
 }
 
 void RunRecovery::roll_back() {
+  if (run_.backend.is_shared())
+    throw Error(
+        fmt::format("step {}: {}, and a run of several processes does not go back; resume it "
+                    "with one process",
+                    run_.step, breakdown_));
   const std::size_t view = guard_.instead_of(sampler_of(run_).view_of(run_.step));
   const std::string event = guard_.note_breakdown(run_.step, breakdown_, blames_view_, view,
                                                   run_.scene.train_views[view].name);

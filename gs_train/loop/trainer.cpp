@@ -114,6 +114,10 @@ Trainer::Trainer(const Scene& scene, const Config& config, Backend& backend, Tra
   run_.settings.sh_degree = 0;  // raised by the schedule
   std::int64_t& cap = run_.config.density.max_gaussians;
   const bool is_auto = cap == kAutoCount;
+  if (is_auto && backend.is_shared())
+    throw UsageError(
+        "density.max_gaussians = auto goes by the memory of one GPU; give a number where several "
+        "processes train");
   if (is_auto) cap = affordable_gaussians(scene, run_.model, backend.memory(), run_.config);
   run_.density = make_density_control(run_.config, run_.schedule, scene.extent);
   run_.density->set_region(region_of(run_.config.density, scene.world_offset));

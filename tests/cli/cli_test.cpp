@@ -52,6 +52,24 @@ TEST_F(Program, PrintsTheResolvedConfigWithoutAScene) {
               AllOf(HasSubstr("[density]"), HasSubstr("every = 77"), HasSubstr("resolution = 4")));
 }
 
+TEST_F(Program, SeveralGpusAreAskedForByOneFlag) {
+  const Outcome shown = run("train --gpus 3 --print-config");
+  EXPECT_THAT(shown.out, AllOf(HasSubstr("ranks = 3"), HasSubstr("batch = 3"),
+                               HasSubstr("device = \"cuda\"")));
+}
+
+TEST_F(Program, SeveralProcessesOnTheCpuAreRefusedAndABatchScriptIsOne) {
+  write_scene(path("scene"));
+  const std::string train = "train " + text("scene") + " -o " + text("run") + kTrain;
+  for (const std::string rank : {"0", "1"}) {
+    const Outcome refused = run(train, "SLURM_PROCID=" + rank + " SLURM_STEP_NUM_TASKS=2 ");
+    EXPECT_EQ(refused.code, 2);
+    EXPECT_THAT(refused.err, HasSubstr("several processes train on GPUs only"));
+  }
+  const Outcome script = run(train, "SLURM_PROCID=0 SLURM_NTASKS=4 SLURM_JOB_ID=17 ");
+  EXPECT_EQ(script.code, 0) << script.err;
+}
+
 TEST_F(Program, FlagsWinOverSetWhichWinsOverFiles) {
   write_bytes(path("a.toml"), "[train]\nseed = 1\niterations = 1\nlog_every = 1\n");
   write_bytes(path("b.toml"), "[train]\nlog_every = 2\n");

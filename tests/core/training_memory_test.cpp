@@ -108,9 +108,9 @@ TEST(TrainingMemory, PhotosWithDepthMapsKeepTheirForcesApart) {
 
 TEST(TrainingMemory, TakesTheBytesOfMomentsFromTheConfig) {
   Config config;
-  EXPECT_EQ(training_size(config, {}, 1).moment_bytes, 8);
-  config.optimizer.moments = MomentStorage::halves;
   EXPECT_EQ(training_size(config, {}, 1).moment_bytes, 2);
+  config.optimizer.moments = MomentStorage::floats;
+  EXPECT_EQ(training_size(config, {}, 1).moment_bytes, 8);
 }
 
 TEST(TrainingMemory, ARunHasItsFirstGaussiansForCertainAndACapThatItRisesTo) {

@@ -89,6 +89,7 @@ inline Config posed_run(int steps) {
   config.model.sh_degree = 0;
   config.density.until_step = config.density.reset_opacity_until = 0;
   config.optimizer.sh0_lr = 0.01f;
+  config.optimizer.moments = MomentStorage::floats;  // drawn photos are matched beyond half moments
   return config;
 }
 inline Config refining_run(int steps) {

@@ -115,7 +115,7 @@ TEST(InitialModel, IsUprightAndHasTheOpacityOfTheConfig) {
 
 TEST(InitialModel, StartsWithZeroMomentsAndStatistics) {
   const TrainingModel model = initial_model(scene_with(random_points(10, 5)), {}, host_memory());
-  EXPECT_TRUE(same_bits(model, model_of(model.gaussians)));
+  EXPECT_TRUE(same_bits(model, model_of(model.gaussians, model.moment_storage())));
   EXPECT_EQ(model.statistics.visits.download(), std::vector<float>(10));
   EXPECT_EQ(model.statistics.gradient_norm.download(), std::vector<float>(10));
 }

@@ -284,6 +284,7 @@ Measured trained_on_corner(DepthKind kind, float weight, std::uint64_t seed) {
   Config config = short_run();
   config.train.iterations = 300;
   config.train.seed = seed;
+  config.optimizer.moments = MomentStorage::floats;  // beyond 45 dB half moments are too coarse
   config.model.sh_degree = 0;
   config.optimizer.position_lr_initial = 3e-3f;
   config.density.until_step = 0;
