@@ -300,20 +300,20 @@ TEST_F(Resume, SettingsThatARunKeepsAreNamedWhereTheyDiffer) {
   EXPECT_THAT(added.err, HasSubstr("finish it"));
 }
 
-TEST_F(Resume, MomentsAsCodesGoOnAsTheyAre) {
-  const std::string setting = "--set optimizer.moments=tiny ", out = "out_tiny";
-  ASSERT_EQ(run(command("whole_tiny", setting)).code, 0);
-  const auto expected = contents_of(path("whole_tiny"));
+TEST_F(Resume, HalfMomentsGoOnAsTheyAre) {
+  const std::string setting = "--set optimizer.moments=half ", out = "out_half";
+  ASSERT_EQ(run(command("whole_half", setting)).code, 0);
+  const auto expected = contents_of(path("whole_half"));
   ASSERT_EQ(run_and_signal(command(out, setting), checkpoint(path(out), 12), SIGKILL).code,
             -SIGKILL);
   const Outcome floats = run(command(out, "--resume auto --set optimizer.moments=float"));
   EXPECT_EQ(floats.code, 2);
-  EXPECT_THAT(floats.err, AllOf(HasSubstr("optimizer.moments = \"tiny\" (now \"float\")"),
+  EXPECT_THAT(floats.err, AllOf(HasSubstr("optimizer.moments = \"half\" (now \"float\")"),
                                 HasSubstr("start a new run in another folder")));
   const Outcome resumed = run(command(out, setting + "--resume auto"));
   ASSERT_EQ(resumed.code, 0) << resumed.err;
   EXPECT_EQ(contents_of(path(out)), expected);
-  const Outcome from = run(command("from_tiny", setting + "--from " + text(out)));
+  const Outcome from = run(command("from_half", setting + "--from " + text(out)));
   EXPECT_EQ(from.code, 0) << from.err;
 }
 

@@ -94,7 +94,7 @@ TEST_F(CudaGpus, ScoresRegularizersAndNoiseHaveTheBytesOfOneGpu) {
   expect_bytes_of_one_gpu(start, views, {}, density);
 }
 
-TEST_F(CudaGpus, MomentsAsCodesHaveTheBytesOfOneGpu) {
+TEST_F(CudaGpus, HalfMomentsHaveTheBytesOfOneGpu) {
   const std::vector<View> views = some_views(131, 77, 3);
   expect_bytes_of_one_gpu(
       model_of(random_gaussians(kTypical, 3000, views[0].camera, 5), MomentStorage::halves), views,

@@ -32,7 +32,7 @@ TEST(GaussiansFor, CountsTheNumbersOfTimeAndTheSumsOfBatches) {
 }
 
 // 354 bytes of moments less, and half of that again, since arrays grow by halves.
-TEST(GaussiansFor, CountsTheBytesOfMomentsAsCodes) {
+TEST(GaussiansFor, CountsTheBytesOfHalfMoments) {
   RoomForGaussians room{10 * kGib, 0, 100'000};
   room.moments = MomentStorage::halves;
   const double free = 0.85 * double(10 * kGib);
