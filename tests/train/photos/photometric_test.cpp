@@ -219,7 +219,7 @@ TEST(UpdatePhotometric, MovesPhotosThatAreNotDrawnAsAdamSays) {
   TrainingModel training = begun(small_scene());
   PhotometricState& state = training.photometric;
   float value = 0;
-  FloatMoments moments;
+  FloatMoments moments{};
   for (int t = 1; t <= 50; ++t) {
     std::vector<double> gradient(state.shape.size(), 0.0);
     if (t == 1) gradient[state.shape.photo_begin(3)] = 0.5;
