@@ -222,7 +222,7 @@ void read_split_moments(CheckedReader& file, std::size_t count,
                         AdamMoments<FloatMoments>& moments) {
   for (const auto& [group, moment] : kSplitMoments)
     for_each_array(
-        [&](const std::string& name, auto& array) {
+        [&, group = group, moment = moment](const std::string& name, auto& array) {
           constexpr std::size_t kInRow = sizeof(*array.data()) / sizeof(FloatMoments);
           const std::vector<float> values = file.values<float>(group + ("." + name));
           if (values.size() / kInRow != count || values.size() % kInRow) file.damaged();
