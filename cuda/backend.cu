@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// The CUDA backend, of one GPU or of several of one process, which may be one of several. Its step is a fused sequence of
-// launches (enqueue()). The host neither waits nor reads anything back (pending_steps.h).
+// The CUDA backend, of one GPU or of several of one process, which may be one of several. Its step
+// is a fused sequence of launches (enqueue()). The host neither waits nor reads anything back
+// (pending_steps.h).
 //
 //   each GPU           projects its rows for all photos, into the buffers of the GPU that draws each
 //   the photo's GPU    sorts, blends, compares, blends backward, one of its photos after another
@@ -16,8 +17,8 @@
 // gradients of the splats (gpus/processes.cuh), and then update their models alike.
 #include "cuda/backend.h"
 
-#include <functional>
 #include <optional>
+#include <string_view>
 #include <utility>
 
 #include "cuda/device/clock.cuh"
@@ -25,6 +26,7 @@
 #include "cuda/gpus/gpu.cuh"
 #include "cuda/gpus/processes.cuh"
 #include "cuda/train/pending_steps.h"
+#include "gs_core/io/fnv1a.h"
 #include "gs_core/math/density.h"
 #include "gs_core/training_memory.h"
 #include "gs_core/version.h"
@@ -69,19 +71,25 @@ bool is_dealt(const TrainingModel& model) {
   return model.statistics.visits.size() != model.count();
 }
 
-// FNV-1a of the names and the bytes of the cameras.
-std::uint64_t hash_of_cameras(const std::vector<View>& views) {
-  std::uint64_t hash = 14695981039346656037u;
-  const auto add = [&](const void* data, std::size_t bytes) {
-    for (std::size_t i = 0; i < bytes; ++i)
-      hash = (hash ^ static_cast<const unsigned char*>(data)[i]) * 1099511628211u;
-  };
+template <class T>
+std::string_view bytes_of(const T& value) {
+  return {reinterpret_cast<const char*>(&value), sizeof value};
+}
+
+// Of names, cameras and exposures.
+std::uint64_t hash_of(const std::vector<View>& views) {
+  Fnv1a hash;
   for (const View& view : views) {
-    add(view.name.data(), view.name.size());
-    add(&view.camera, sizeof view.camera);
-    add(&view.exposure, sizeof view.exposure);
+    hash.add(view.name);
+    hash.add(bytes_of(view.camera));
+    hash.add(bytes_of(view.exposure));
   }
-  return hash;
+  return hash.value();
+}
+std::uint64_t hash_of(std::string_view text) {
+  Fnv1a hash;
+  hash.add(text);
+  return hash.value();
 }
 
 class CudaBackend final : private Gpus, private StepLauncher, public Backend {
@@ -98,7 +106,7 @@ class CudaBackend final : private Gpus, private StepLauncher, public Backend {
     for_each([this](Gpu& gpu) { gpu.use(*loss_row_); });
     // Their models are the same to the last bit, and no process tells the others of its own.
     if (others_)
-      others_->check_same(std::hash<std::string>()(first().context.device_name() + kVersion),
+      others_->check_same(hash_of(first().context.device_name() + kVersion),
                           "GPUs or another version of gemsplat");
   }
   ~CudaBackend() override { streams().wait(); }
@@ -145,7 +153,7 @@ class CudaBackend final : private Gpus, private StepLauncher, public Backend {
       gpu.depth_maps.forget();
     });
     steps_.forecast().forget();
-    if (others_) others_->check_same(hash_of_cameras(views), "photos or cameras");
+    if (others_) others_->check_same(hash_of(views), "photos or cameras");
   }
   void prefetch_decode(const View& view) override {
     if (!first().photos.is_resident(view)) prefetch_photo(view);

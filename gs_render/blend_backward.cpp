@@ -60,20 +60,16 @@ struct LaneSums {
   float count[kStatisticLanes] = {}, first[kStatisticLanes] = {};
   float second[kStatisticLanes] = {};
 
-  static float sum(const float (&lanes)[kLanes]) {
-    return ((lanes[0] + lanes[4]) + (lanes[2] + lanes[6])) +
-           ((lanes[1] + lanes[5]) + (lanes[3] + lanes[7]));
-  }
   SplatGradient total() const {
-    return {{sum(mean_x), sum(mean_y)},
-            {sum(conic_xx), sum(conic_xy), sum(conic_yy)},
-            sum(opacity),
-            {sum(red), sum(green), sum(blue)}};
+    return {{sum_of_lanes(mean_x), sum_of_lanes(mean_y)},
+            {sum_of_lanes(conic_xx), sum_of_lanes(conic_xy), sum_of_lanes(conic_yy)},
+            sum_of_lanes(opacity),
+            {sum_of_lanes(red), sum_of_lanes(green), sum_of_lanes(blue)}};
   }
-  Vec2f absolute_total() const { return {sum(absolute_x), sum(absolute_y)}; }
+  Vec2f absolute_total() const { return {sum_of_lanes(absolute_x), sum_of_lanes(absolute_y)}; }
   // `scale` is that of the forces, from the gradients of the mean loss to those of its sum.
   FragmentSums fragment_total(float scale) const {
-    return {sum(count), scale * sum(first), scale * scale * sum(second)};
+    return {sum_of_lanes(count), scale * sum_of_lanes(first), scale * scale * sum_of_lanes(second)};
   }
 };
 

@@ -35,11 +35,9 @@ struct TilePixels {
 struct LaneSums {
   float count[kLanes] = {}, weighted[kLanes] = {}, value[kLanes] = {};
 
-  static float sum(const float (&lanes)[kLanes]) {
-    return ((lanes[0] + lanes[4]) + (lanes[2] + lanes[6])) +
-           ((lanes[1] + lanes[5]) + (lanes[3] + lanes[7]));
+  FragmentSums total() const {
+    return {sum_of_lanes(count), sum_of_lanes(weighted), sum_of_lanes(value)};
   }
-  FragmentSums total() const { return {sum(count), sum(weighted), sum(value)}; }
 };
 
 template <BlendRule rule>

@@ -33,6 +33,12 @@ struct Tile {
   }
 };
 
+/// The sum of one number per lane, always added up in the same order.
+inline float sum_of_lanes(const float (&lanes)[kLanes]) {
+  return ((lanes[0] + lanes[4]) + (lanes[2] + lanes[6])) +
+         ((lanes[1] + lanes[5]) + (lanes[3] + lanes[7]));
+}
+
 /// Calls visit(first, dx, dy) for each group of kLanes pixels of the tile that intersects the
 /// splat's rectangle. `first` is the group's first pixel in the tile, (dx, dy) its offset from the
 /// splat's mean.

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// A hash for names and files that is written down: in results.json (scene_hash) and
-// reconstruct.json. Its values must never change. For checksums of much data, checked_file.h has
+// A hash for names and files that is written down, in results.json (scene_hash) and
+// reconstruct.json, and that processes of one run compare. Its values must never change. For checksums of much data, checked_file.h has
 // XXH3.
 #pragma once
 

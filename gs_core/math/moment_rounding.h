@@ -8,7 +8,7 @@
 namespace gs {
 
 /// The random numbers of one update. They depend on seed, t and the row of the whole model alone,
-/// so that every backend, any number of ranks and a resumed run round alike.
+/// so that every backend, any number of GPUs and a resumed run round alike.
 struct MomentRounding {
   std::uint64_t seed = 0;
   int t = 0;  // TrainingModel::adam_steps after the update

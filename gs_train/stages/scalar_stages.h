@@ -2,7 +2,6 @@
 // The scalar training stages, one file each. The scalar backend combines them.
 #pragma once
 
-#include <functional>
 #include <memory>
 
 #include "gs_train/backend.h"
@@ -22,11 +21,6 @@ void find_pixel_values(const View& view, const PixelRule& rule, const RenderPass
 
 std::unique_ptr<Optimizer> make_scalar_optimizer();  // 8  adam.cpp
 std::unique_ptr<RowOps> make_scalar_row_ops();       // 9  rows.cpp, 10 morton.cpp
-
-/// 8  adam.cpp, behind Optimizer::step(). row_of_model(i) is the place of row i in the whole model,
-/// of which `model` may have a part; moments that are codes are rounded by it.
-void update_by_adam(TrainingModel& model, const Gaussians& gradients, const Update& update,
-                    const std::function<std::size_t(std::size_t)>& row_of_model);
 
 /// 8  photometric.cpp: one update of all photos, in host memory. `gradient` is that of
 /// the data, in the order of the state; the model's penalties are added to it.
