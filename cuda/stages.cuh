@@ -7,16 +7,16 @@
 #include <functional>
 #include <memory>
 
-#include "cuda/density/fragment_sums.cuh"
 #include "cuda/device/context.cuh"
 #include "cuda/device/fixed_sums.cuh"
 #include "cuda/gpus/shard.h"
+#include "cuda/gradients/fragment_sums.cuh"
+#include "cuda/photo_terms/poses.cuh"
 #include "cuda/render/refined_camera.cuh"
-#include "cuda/train/photos.cuh"
-#include "cuda/train/poses.cuh"
-#include "gs_core/math/adam.h"
-#include "gs_core/math/moment_rounding.h"
-#include "gs_core/math/view_splat.h"
+#include "cuda/step/photos.cuh"
+#include "gs_core/math/update/adam.h"
+#include "gs_core/math/update/moment_rounding.h"
+#include "gs_core/math/view/view_splat.h"
 #include "gs_train/backend.h"
 
 namespace gs::cuda {

@@ -4,7 +4,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "gs_core/math/activations.h"
+#include "gs_core/math/render/activations.h"
 #include "gs_core/threads/parallel.h"
 
 namespace gs {

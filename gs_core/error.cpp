@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "gs_core/error.h"
 
-#include "gs_core/foreign_text.h"
+#include "gs_core/system/text/foreign_text.h"
 
 namespace gs {
 

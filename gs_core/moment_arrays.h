@@ -6,8 +6,8 @@
 #include <variant>
 
 #include "gs_core/gaussians.h"
-#include "gs_core/math/adam_moments.h"
-#include "gs_core/math/moment_storage.h"
+#include "gs_core/math/update/adam_moments.h"
+#include "gs_core/math/update/moment_storage.h"
 
 namespace gs {
 

@@ -14,7 +14,7 @@
 #include "gs_core/camera.h"
 #include "gs_core/image.h"
 #include "gs_core/math/constants.h"
-#include "gs_core/math/depth_kind.h"
+#include "gs_core/math/loss/depth_kind.h"
 
 namespace gs {
 

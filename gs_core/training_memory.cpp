@@ -3,10 +3,10 @@
 
 #include <algorithm>
 
-#include "gs_core/bytes.h"
 #include "gs_core/density/growth_method.h"
 #include "gs_core/gaussians.h"
-#include "gs_core/math/splat.h"
+#include "gs_core/math/render/splat.h"
+#include "gs_core/system/bytes.h"
 
 namespace gs {
 namespace {

@@ -7,8 +7,8 @@
 
 #include "gs_core/buffer.h"
 #include "gs_core/error.h"
-#include "gs_core/math/blend.h"
-#include "gs_core/math/splat.h"
+#include "gs_core/math/render/blend.h"
+#include "gs_core/math/render/splat.h"
 
 namespace gs {
 

@@ -8,9 +8,9 @@
 
 #include "gs_core/camera.h"
 #include "gs_core/gaussians.h"
-#include "gs_core/math/growth.h"
-#include "gs_core/math/pose.h"
-#include "gs_core/math/spacetime_splat.h"
+#include "gs_core/math/density/growth.h"
+#include "gs_core/math/pose/pose.h"
+#include "gs_core/math/spacetime/spacetime_splat.h"
 #include "gs_render/render_pass.h"
 
 namespace gs {

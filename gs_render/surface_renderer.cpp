@@ -4,7 +4,7 @@
 #include <cmath>
 
 #include "gs_core/geometry/vectors.h"
-#include "gs_core/math/projection.h"
+#include "gs_core/math/render/projection.h"
 #include "gs_core/threads/parallel.h"
 
 namespace gs {

@@ -4,7 +4,7 @@
 #include <spdlog/fmt/fmt.h>
 
 #include "gs_core/error.h"
-#include "gs_core/math/area_filter.h"
+#include "gs_core/math/loss/area_filter.h"
 #include "gs_train/poses/poses.h"
 #include "gs_train/reduced_view.h"
 

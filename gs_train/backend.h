@@ -8,7 +8,7 @@
 #include <string>
 #include <vector>
 
-#include "gs_core/math/pixel_rule.h"
+#include "gs_core/math/density/pixel_rule.h"
 #include "gs_render/renderer.h"
 #include "gs_render/stage_clock.h"
 #include "gs_train/loss.h"

@@ -2,8 +2,8 @@
 // The optimizer's contract.
 #pragma once
 
-#include "gs_core/math/adam.h"
-#include "gs_core/math/mcmc.h"
+#include "gs_core/math/density/mcmc.h"
+#include "gs_core/math/update/adam.h"
 #include "gs_core/random.h"
 #include "gs_train/training_model.h"
 

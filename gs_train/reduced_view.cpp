@@ -2,7 +2,7 @@
 #include "gs_train/reduced_view.h"
 
 #include "gs_core/error.h"
-#include "gs_core/math/area_filter.h"
+#include "gs_core/math/loss/area_filter.h"
 #include "gs_core/threads/parallel.h"
 #include "gs_render/stage_clock.h"
 

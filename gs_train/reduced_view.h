@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The view of a step that trains on a reduced photo. Its GPU twin is in cuda/train/photos.cu.
+// The view of a step that trains on a reduced photo. Its GPU twin is in cuda/step/photos.cu.
 #pragma once
 
 #include "gs_core/scene.h"

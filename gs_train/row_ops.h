@@ -6,8 +6,8 @@
 #include <vector>
 
 #include "gs_core/camera.h"
-#include "gs_core/math/density.h"
-#include "gs_core/math/growth.h"
+#include "gs_core/math/density/density.h"
+#include "gs_core/math/density/growth.h"
 #include "gs_core/random.h"
 #include "gs_train/optimizer.h"
 

@@ -1,15 +1,15 @@
 // SPDX-License-Identifier: Apache-2.0
 // Stage 9 for row i of the Gaussians, as both backends apply it: who is pruned, what splitting
-// makes, who is drawn. The formulas are in gs_core/math/density.h, mcmc.h and spacetime_density.h.
+// makes, who is drawn. The formulas are in gs_core/math/density/density.h, mcmc.h and spacetime_density.h.
 #pragma once
 
 #include "gs_core/gaussians.h"
-#include "gs_core/math/filter_3d.h"
-#include "gs_core/math/growth.h"
-#include "gs_core/math/mcmc.h"
-#include "gs_core/math/race.h"
-#include "gs_core/math/spacetime_density.h"
-#include "gs_core/math/spacetime_regularizer.h"
+#include "gs_core/math/density/growth.h"
+#include "gs_core/math/density/mcmc.h"
+#include "gs_core/math/density/race.h"
+#include "gs_core/math/density/spacetime_density.h"
+#include "gs_core/math/density/spacetime_regularizer.h"
+#include "gs_core/math/render/filter_3d.h"
 #include "gs_train/optimizer.h"
 
 namespace gs {

@@ -7,7 +7,7 @@
 
 #include "gs_core/error.h"
 #include "gs_core/gaussians.h"
-#include "gs_core/math/growth.h"
+#include "gs_core/math/density/growth.h"
 #include "gs_core/moment_arrays.h"
 #include "gs_train/photometric/photometric_state.h"
 #include "gs_train/poses/pose_state.h"

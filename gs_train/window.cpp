@@ -2,7 +2,7 @@
 #include "gs_train/window.h"
 
 #include "gs_core/error.h"
-#include "gs_core/math/ssim.h"
+#include "gs_core/math/loss/ssim.h"
 #include "gs_core/threads/parallel.h"
 
 namespace gs {

@@ -9,6 +9,7 @@ cd "$(dirname "$0")/.."
 [[ ${1:-} != -* ]] || { sed -n '4,5s/^# //p' "$0"; exit 2; }
 library=${1:-$(find build -path 'build/*/cuda/libgs_cuda.a' -printf '%T@ %p\n' 2>/dev/null | sort -rn | sed -n '1s/^[^ ]* //p')}
 fields=gs_core/config/config_fields.h
+folders=(gs_core gs_render gs_train cuda gs_model gs_eval)  # and what has moved out of the first four
 
 show() { printf '%7d  %s\n' "$1" "$2"; }
 
@@ -20,8 +21,8 @@ kernels() { nm "$library" 2>/dev/null | sed -n 's/^.* [bBuV] _ZGVZ.*__device_stu
 
 show "$(grep -c '^  field("' $fields)" settings
 show "$(grep -c '^  field("density\.' $fields)" "of these in [density]"
-for folder in gs_core gs_render gs_train cuda; do show "$(lines_of $folder)" "lines in $folder"; done
-show "$(lines_of gs_core gs_render gs_train cuda)" "lines in these four"
+for folder in "${folders[@]}"; do show "$(lines_of $folder)" "lines in $folder"; done
+show "$(lines_of "${folders[@]}")" "lines in all of these"
 if [[ -n $library ]]; then
   names=$(kernels)
   own=$(grep '^ZN2gs' <<<"$names" || true)

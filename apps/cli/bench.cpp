@@ -19,9 +19,9 @@
 #include "gs_app/run/results.h"
 #include "gs_app/run/run_folder.h"
 #include "gs_core/error.h"
-#include "gs_core/io/output_lock.h"
-#include "gs_core/io/output_names.h"
 #include "gs_core/math/constants.h"
+#include "gs_core/system/files/output_lock.h"
+#include "gs_core/system/files/output_names.h"
 #include "gs_core/threads/parallel.h"
 #include "gs_render/render_settings.h"
 

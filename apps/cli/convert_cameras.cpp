@@ -13,7 +13,7 @@
 #include "data_loaders/counted.h"
 #include "data_loaders/scene/find_scene.h"
 #include "gs_core/error.h"
-#include "gs_core/io/output_lock.h"
+#include "gs_core/system/files/output_lock.h"
 
 namespace gs {
 namespace {

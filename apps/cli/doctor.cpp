@@ -15,7 +15,7 @@
 #include "gs_app/run/progress_bar.h"
 #include "gs_app/session/load_run_scene.h"
 #include "gs_core/error.h"
-#include "gs_core/foreign_text.h"
+#include "gs_core/system/text/foreign_text.h"
 #include "gs_core/threads/parallel.h"
 
 namespace gs {

@@ -22,8 +22,8 @@
 #include "gs_app/run/make_backend.h"
 #include "gs_app/run/text.h"
 #include "gs_core/error.h"
-#include "gs_core/io/output_lock.h"
-#include "gs_core/io/output_names.h"
+#include "gs_core/system/files/output_lock.h"
+#include "gs_core/system/files/output_names.h"
 #include "gs_core/threads/parallel.h"
 #include "gs_render/render_settings.h"
 

@@ -16,10 +16,10 @@
 #include "gs_app/run/results.h"
 #include "gs_app/run/text.h"
 #include "gs_core/error.h"
-#include "gs_core/io/output_lock.h"
+#include "gs_core/system/files/output_lock.h"
 #include "gs_core/threads/parallel.h"
-#include "gs_train/metrics/depth_error.h"
-#include "gs_train/metrics/lpips.h"
+#include "gs_eval/depth_error.h"
+#include "gs_eval/lpips/lpips.h"
 
 namespace gs {
 namespace {

@@ -21,8 +21,8 @@
 #include "gs_app/run/progress_bar.h"
 #include "gs_app/view/page/model_page.h"
 #include "gs_core/error.h"
-#include "gs_core/io/output_lock.h"
-#include "gs_core/io/output_names.h"
+#include "gs_core/system/files/output_lock.h"
+#include "gs_core/system/files/output_names.h"
 #include "gs_core/threads/parallel.h"
 
 namespace gs {

@@ -13,10 +13,10 @@
 #include "data_loaders/scene/scene_model.h"
 #include "gs_app/export/export_model.h"
 #include "gs_core/error.h"
-#include "gs_core/foreign_text.h"
-#include "gs_core/io/atomic_file.h"
-#include "gs_core/io/output_lock.h"
-#include "gs_core/io/parse_number.h"
+#include "gs_core/system/files/atomic_file.h"
+#include "gs_core/system/files/output_lock.h"
+#include "gs_core/system/text/foreign_text.h"
+#include "gs_core/system/text/parse_number.h"
 
 namespace gs {
 namespace {

@@ -14,7 +14,7 @@
 #include "gs_app/run/open_model.h"
 #include "gs_app/run/provenance.h"
 #include "gs_core/error.h"
-#include "gs_core/log.h"
+#include "gs_core/system/log.h"
 #include "gs_core/version.h"
 
 namespace gs {

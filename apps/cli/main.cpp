@@ -20,11 +20,11 @@
 #include "data_loaders/photos/photo_names.h"
 #include "gs_app/run/provenance.h"
 #include "gs_app/run/text.h"
-#include "gs_core/config/nearest_word.h"
+#include "gs_core/config/text/nearest_word.h"
 #include "gs_core/error.h"
-#include "gs_core/log.h"
-#include "gs_core/plain_message.h"
-#include "gs_core/processes/signals.h"
+#include "gs_core/system/log.h"
+#include "gs_core/system/processes/signals.h"
+#include "gs_core/system/text/plain_message.h"
 
 namespace gs {
 namespace {

@@ -11,7 +11,7 @@
 #include "gs_app/blocks/merge_blocks.h"
 #include "gs_app/export/export_model.h"
 #include "gs_app/run/text.h"
-#include "gs_core/log.h"
+#include "gs_core/system/log.h"
 
 namespace gs {
 namespace {

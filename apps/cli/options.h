@@ -10,7 +10,7 @@
 
 #include "gs_app/view/http/http_server.h"
 #include "gs_core/config/config.h"
-#include "gs_core/log.h"
+#include "gs_core/system/log.h"
 
 namespace CLI {
 class App;

@@ -16,7 +16,7 @@
 #include "gs_app/run/make_backend.h"
 #include "gs_app/run/text.h"
 #include "gs_core/error.h"
-#include "gs_core/io/output_lock.h"
+#include "gs_core/system/files/output_lock.h"
 #include "gs_core/threads/parallel.h"
 
 namespace gs {

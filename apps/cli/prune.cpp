@@ -21,12 +21,12 @@
 #include "gs_app/run/open_model.h"
 #include "gs_app/run/results.h"
 #include "gs_app/run/text.h"
-#include "gs_core/edit/select.h"
 #include "gs_core/error.h"
-#include "gs_core/math/activations.h"
+#include "gs_core/math/render/activations.h"
 #include "gs_core/threads/parallel.h"
+#include "gs_eval/metrics.h"
+#include "gs_model/edit/select.h"
 #include "gs_train/density/floaters.h"
-#include "gs_train/metrics.h"
 
 namespace gs {
 namespace {

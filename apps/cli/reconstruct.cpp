@@ -14,7 +14,7 @@
 #include "data_loaders/scene/find_scene.h"
 #include "data_loaders/scene/scene_model.h"
 #include "gs_core/error.h"
-#include "gs_core/log.h"
+#include "gs_core/system/log.h"
 
 namespace gs {
 namespace {

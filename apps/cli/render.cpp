@@ -21,8 +21,8 @@
 #include "gs_app/run/progress_bar.h"
 #include "gs_app/run/provenance.h"
 #include "gs_core/error.h"
-#include "gs_core/io/move_aside.h"
-#include "gs_core/processes/signals.h"
+#include "gs_core/system/files/move_aside.h"
+#include "gs_core/system/processes/signals.h"
 #include "gs_core/threads/parallel.h"
 #include "gs_core/version.h"
 

@@ -7,8 +7,8 @@
 
 #include "apps/cli/verbs.h"
 #include "gs_app/report/report_folder.h"
-#include "gs_core/io/output_lock.h"
-#include "gs_core/log.h"
+#include "gs_core/system/files/output_lock.h"
+#include "gs_core/system/log.h"
 
 namespace gs {
 namespace {

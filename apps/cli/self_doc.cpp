@@ -15,7 +15,7 @@
 #include "apps/cli/manual/man_page.h"
 #include "apps/cli/verbs.h"
 #include "gs_core/error.h"
-#include "gs_core/io/atomic_file.h"
+#include "gs_core/system/files/atomic_file.h"
 
 namespace gs {
 namespace {

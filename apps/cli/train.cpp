@@ -19,8 +19,8 @@
 #include "gs_app/session/train_session.h"
 #include "gs_app/view/train_viewer.h"
 #include "gs_core/error.h"
-#include "gs_core/processes/process.h"
-#include "gs_core/processes/signals.h"
+#include "gs_core/system/processes/process.h"
+#include "gs_core/system/processes/signals.h"
 
 namespace gs {
 namespace {

@@ -12,7 +12,7 @@
 #include "data_loaders/scene/undistort_scene.h"
 #include "gs_app/run/progress_bar.h"
 #include "gs_core/error.h"
-#include "gs_core/io/output_lock.h"
+#include "gs_core/system/files/output_lock.h"
 #include "gs_core/threads/parallel.h"
 
 namespace gs {

@@ -10,8 +10,8 @@
 #include "gs_app/run/text.h"
 #include "gs_app/view/file_view.h"
 #include "gs_core/error.h"
-#include "gs_core/processes/process.h"
-#include "gs_core/processes/signals.h"
+#include "gs_core/system/processes/process.h"
+#include "gs_core/system/processes/signals.h"
 #include "gs_core/threads/parallel.h"
 
 namespace gs {

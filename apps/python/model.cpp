@@ -13,8 +13,8 @@
 #include "apps/python/outputs.h"
 #include "gs_app/run/open_model.h"
 #include "gs_core/error.h"
-#include "gs_core/math/activations.h"
 #include "gs_core/math/constants.h"
+#include "gs_core/math/render/activations.h"
 
 namespace gs::python {
 namespace {

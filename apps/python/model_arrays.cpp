@@ -8,9 +8,9 @@
 #include "apps/python/arrays.h"
 #include "apps/python/model.h"
 #include "gs_core/error.h"
-#include "gs_core/math/activations.h"
 #include "gs_core/math/constants.h"
-#include "gs_core/math/rotation.h"
+#include "gs_core/math/render/activations.h"
+#include "gs_core/math/render/rotation.h"
 
 namespace gs::python {
 namespace {

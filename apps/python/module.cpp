@@ -15,7 +15,7 @@
 #include "data_loaders/formats/formats.h"
 #include "gs_app/run/make_backend.h"
 #include "gs_core/error.h"
-#include "gs_core/log.h"
+#include "gs_core/system/log.h"
 #include "gs_core/threads/parallel.h"
 #include "gs_core/version.h"
 

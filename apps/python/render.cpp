@@ -13,9 +13,9 @@
 #include "apps/python/settings.h"
 #include "data_loaders/cameras/camera_file.h"
 #include "gs_core/error.h"
+#include "gs_eval/lpips/lpips.h"
+#include "gs_eval/metrics.h"
 #include "gs_render/surface_renderer.h"
-#include "gs_train/metrics.h"
-#include "gs_train/metrics/lpips.h"
 
 namespace gs::python {
 namespace {

@@ -6,7 +6,7 @@
 
 #include <string_view>
 
-#include "gs_core/config/config_text.h"
+#include "gs_core/config/text/config_text.h"
 #include "gs_core/error.h"
 
 namespace py = pybind11;

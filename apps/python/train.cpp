@@ -15,9 +15,10 @@
 #include "gs_app/run/make_backend.h"
 #include "gs_app/session/train_session.h"
 #include "gs_core/error.h"
+#include "gs_eval/evaluate_run.h"
+#include "gs_eval/lpips/lpips.h"
+#include "gs_eval/metrics.h"
 #include "gs_train/loop/trainer.h"
-#include "gs_train/metrics.h"
-#include "gs_train/metrics/lpips.h"
 
 namespace py = pybind11;
 

@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 // In a score pass of density control: sums of the values of the pixels over the fragments of each
-// Gaussian, twin of gs_render/blend_values.cpp. subtile.cuh describes the work of a warp. Sums are in
+// Gaussian, twin of gs_render/stages/blend_values.cpp. subtile.cuh describes the work of a warp. Sums are in
 // fixed point, so that they do not depend on the order of additions.
-#include "cuda/density/fragment_sums.cuh"
-#include "cuda/render/subtile.cuh"
+#include "cuda/gradients/fragment_sums.cuh"
+#include "cuda/render/blend/subtile.cuh"
 #include "cuda/stages.cuh"
 
 namespace gs::cuda {

@@ -3,7 +3,7 @@
 // row; all threads of a warp read the same camera at a time.
 #include "cuda/density/filter_3d.cuh"
 
-#include "gs_core/math/filter_3d.h"
+#include "gs_core/math/render/filter_3d.h"
 
 namespace gs::cuda {
 namespace {

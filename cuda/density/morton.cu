@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Stage 10: order the rows along the Morton curve, so that neighbors in space are neighbors in
 // memory.   Faster-GS
-#include "gs_core/math/morton.h"
+#include "gs_core/math/density/morton.h"
 
 #include <thrust/iterator/transform_iterator.h>
 

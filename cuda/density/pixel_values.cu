@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
 // In a score pass of density control: the values of the pixels of a photo, twin of
 // gs_train/stages/pixel_values.cpp.
+#include "cuda/photo_terms/photometric.cuh"
 #include "cuda/stages.cuh"
-#include "cuda/train/photometric.cuh"
 #include "gs_core/image.h"
-#include "gs_core/math/photo_weight.h"
+#include "gs_core/math/loss/photo_weight.h"
 
 namespace gs::cuda {
 namespace {

@@ -7,9 +7,9 @@
 #include <vector>
 
 #include "cuda/gpus/shard.h"
+#include "cuda/photo_terms/depth.cuh"
 #include "cuda/render/renderer.cuh"
-#include "cuda/train/depth.cuh"
-#include "cuda/train/photo_rows.cuh"
+#include "cuda/step/photo_rows.cuh"
 #include "gs_train/training_model.h"
 
 namespace gs::cuda {

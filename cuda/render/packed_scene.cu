@@ -5,7 +5,7 @@
 
 #include "cuda/render/preprocess.cuh"
 #include "cuda/render/sh_rows.cuh"
-#include "gs_core/math/packed_sh.h"
+#include "gs_core/math/view/packed_sh.h"
 
 namespace gs::cuda {
 namespace {

@@ -6,7 +6,7 @@
 #pragma once
 
 #include "cuda/stages.cuh"
-#include "gs_core/math/view_box.h"
+#include "gs_core/math/view/view_box.h"
 
 namespace gs::cuda {
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Stage 1: one splat per Gaussian; see gs_core/math/splat.h for the formulas, and spacetime_splat.h
+// Stage 1: one splat per Gaussian; see gs_core/math/render/splat.h for the formulas, and spacetime_splat.h
 // for those of Gaussians in space and time. A thread projects one Gaussian. The threads of a warp
 // read the parameters of their 32 Gaussians together, in whole cache lines. They also share the
 // tile rows of the 32 splats evenly when they count tiles.
@@ -9,7 +9,7 @@
 #include "cuda/render/preprocess.cuh"
 #include "cuda/render/refined_camera.cuh"
 #include "cuda/render/sh_rows.cuh"
-#include "gs_core/math/spacetime_splat.h"
+#include "gs_core/math/spacetime/spacetime_splat.h"
 
 namespace gs::cuda {
 namespace {

@@ -7,7 +7,7 @@
 
 #include "cuda/render/row_spans.cuh"
 #include "cuda/stages.cuh"
-#include "gs_core/math/depth_key.h"
+#include "gs_core/math/render/depth_key.h"
 
 namespace gs::cuda {
 

@@ -6,7 +6,7 @@
 #pragma once
 
 #include "cuda/device/warp.cuh"
-#include "gs_core/math/view_splat.h"
+#include "gs_core/math/view/view_splat.h"
 
 namespace gs::cuda {
 

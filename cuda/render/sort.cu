@@ -8,8 +8,8 @@
 #include <cub/device/device_partition.cuh>
 #include <cub/device/device_scan.cuh>
 
+#include "cuda/render/blend/length_classes.cuh"
 #include "cuda/render/instance_room.cuh"
-#include "cuda/render/length_classes.cuh"
 
 namespace gs::cuda {
 namespace {

@@ -8,9 +8,9 @@
 #include "data_loaders/colmap/world_offset.h"
 #include "data_loaders/photos/photo_names.h"
 #include "gs_core/geometry/vectors.h"
-#include "gs_core/io/atomic_file.h"
-#include "gs_core/io/byte_reader.h"
-#include "gs_core/io/read_json.h"
+#include "gs_core/system/byte_reader.h"
+#include "gs_core/system/files/atomic_file.h"
+#include "gs_core/system/text/read_json.h"
 
 namespace gs {
 namespace {

@@ -14,8 +14,8 @@
 #include "data_loaders/scene/find_scene.h"
 #include "data_loaders/transforms/transforms_json.h"
 #include "gs_core/error.h"
-#include "gs_core/io/byte_reader.h"
-#include "gs_core/math/rotation.h"
+#include "gs_core/math/render/rotation.h"
+#include "gs_core/system/byte_reader.h"
 
 namespace gs {
 namespace {

@@ -20,7 +20,7 @@
 #include <cstring>
 
 #include "data_loaders/colmap/colmap_files.h"
-#include "gs_core/io/byte_reader.h"
+#include "gs_core/system/byte_reader.h"
 
 namespace gs::colmap {
 namespace {

@@ -12,9 +12,9 @@
 #include <cstring>
 
 #include "data_loaders/colmap/colmap_files.h"
-#include "gs_core/access.h"
 #include "gs_core/error.h"
-#include "gs_core/log.h"
+#include "gs_core/system/files/access.h"
+#include "gs_core/system/log.h"
 
 namespace gs {
 namespace {

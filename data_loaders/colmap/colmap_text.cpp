@@ -17,8 +17,8 @@
 #include <cmath>
 
 #include "data_loaders/colmap/colmap_files.h"
-#include "gs_core/foreign_text.h"
-#include "gs_core/io/byte_reader.h"
+#include "gs_core/system/byte_reader.h"
+#include "gs_core/system/text/foreign_text.h"
 
 namespace gs::colmap {
 namespace {

@@ -4,9 +4,9 @@
 #include <unordered_map>
 
 #include "data_loaders/colmap/colmap_files.h"
-#include "gs_core/io/atomic_file.h"
-#include "gs_core/math/quaternion.h"
-#include "gs_core/math/rotation.h"
+#include "gs_core/math/render/quaternion.h"
+#include "gs_core/math/render/rotation.h"
+#include "gs_core/system/files/atomic_file.h"
 
 namespace gs {
 namespace {

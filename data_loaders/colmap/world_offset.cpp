@@ -8,8 +8,8 @@
 
 #include "gs_core/geometry/outliers.h"
 #include "gs_core/geometry/vectors.h"
-#include "gs_core/io/atomic_file.h"
-#include "gs_core/math/rotation.h"
+#include "gs_core/math/render/rotation.h"
+#include "gs_core/system/files/atomic_file.h"
 
 namespace gs {
 namespace {

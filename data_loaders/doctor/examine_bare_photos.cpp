@@ -11,7 +11,7 @@
 #include "data_loaders/reconstruct/foreign_cameras.h"
 #include "data_loaders/reconstruct/photo_folder.h"
 #include "gs_core/error.h"
-#include "gs_core/processes/subprocess.h"
+#include "gs_core/system/processes/subprocess.h"
 #include "gs_core/threads/parallel.h"
 
 namespace gs {

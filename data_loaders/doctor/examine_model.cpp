@@ -11,7 +11,7 @@
 #include "gs_core/error.h"
 #include "gs_core/geometry/scene_frame.h"
 #include "gs_core/geometry/scene_sight.h"
-#include "gs_core/math/rotation.h"
+#include "gs_core/math/render/rotation.h"
 
 namespace gs {
 namespace {

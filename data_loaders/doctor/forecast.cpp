@@ -7,10 +7,10 @@
 #include <cmath>
 #include <utility>
 
-#include "gs_core/bytes.h"
 #include "gs_core/config/scene_settings.h"
-#include "gs_core/io/host_ram.h"
 #include "gs_core/memory.h"
+#include "gs_core/system/bytes.h"
+#include "gs_core/system/host_ram.h"
 #include "gs_core/training_memory.h"
 
 namespace gs {
@@ -56,7 +56,7 @@ std::string cap_advice(double fitting) {
 /// Bytes that photos may take in the memory of the GPU, or of the host.
 double room_for_photos(const Config& config, bool on_gpu) {
   return on_gpu ? double(config.train.photo_gib) * kBytesPerGib
-                : double(photo_ram_bytes(config.dataset));
+                : double(photo_ram_bytes(double(config.dataset.photo_ram_gib)));
 }
 
 /// What training takes of a GPU's memory for so many Gaussians.

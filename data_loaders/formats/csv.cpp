@@ -9,8 +9,8 @@
 
 #include "data_loaders/colmap/world_offset.h"
 #include "data_loaders/formats/ply/ply_layout.h"
-#include "gs_core/io/atomic_file.h"
-#include "gs_core/io/parse_number.h"
+#include "gs_core/system/files/atomic_file.h"
+#include "gs_core/system/text/parse_number.h"
 
 namespace gs {
 namespace {

@@ -23,7 +23,7 @@
 #include "data_loaders/formats/spz/spz.h"
 #include "gs_core/bake_filter.h"
 #include "gs_core/error.h"
-#include "gs_core/io/byte_reader.h"
+#include "gs_core/system/byte_reader.h"
 
 namespace gs {
 namespace {

@@ -9,7 +9,7 @@
 #include "data_loaders/formats/coding/half.h"
 #include "data_loaders/formats/coding/little_endian.h"
 #include "data_loaders/formats/coding/quantize.h"
-#include "gs_core/io/byte_reader.h"
+#include "gs_core/system/byte_reader.h"
 
 namespace gs {
 namespace {

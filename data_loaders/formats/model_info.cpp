@@ -15,7 +15,7 @@
 #include "data_loaders/formats/ply/mip_filter.h"
 #include "data_loaders/formats/ply/ply.h"
 #include "data_loaders/formats/ply/ply_file.h"
-#include "gs_core/math/spacetime.h"
+#include "gs_core/math/spacetime/spacetime.h"
 
 namespace gs {
 namespace {

@@ -5,8 +5,8 @@
 #include <cmath>
 
 #include "gs_core/geometry/symmetric_eigen.h"
-#include "gs_core/math/quaternion.h"
-#include "gs_core/math/spacetime_splat.h"
+#include "gs_core/math/render/quaternion.h"
+#include "gs_core/math/spacetime/spacetime_splat.h"
 #include "gs_core/threads/parallel.h"
 
 namespace gs {

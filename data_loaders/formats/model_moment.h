@@ -3,7 +3,7 @@
 #pragma once
 
 #include "gs_core/gaussians.h"
-#include "gs_core/math/spacetime_splat.h"
+#include "gs_core/math/spacetime/spacetime_splat.h"
 
 namespace gs {
 

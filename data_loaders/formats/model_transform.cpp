@@ -7,10 +7,10 @@
 #include <numbers>
 
 #include "gs_core/error.h"
-#include "gs_core/math/quaternion.h"
-#include "gs_core/math/rotation.h"
-#include "gs_core/math/sh.h"
-#include "gs_core/math/spacetime.h"
+#include "gs_core/math/render/quaternion.h"
+#include "gs_core/math/render/rotation.h"
+#include "gs_core/math/render/sh.h"
+#include "gs_core/math/spacetime/spacetime.h"
 #include "gs_core/threads/parallel.h"
 
 namespace gs {

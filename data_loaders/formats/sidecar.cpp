@@ -5,13 +5,13 @@
 #include <new>
 #include <nlohmann/json.hpp>
 
-#include "gs_core/access.h"
 #include "gs_core/error.h"
 #include "gs_core/geometry/vectors.h"
-#include "gs_core/io/atomic_file.h"
-#include "gs_core/io/read_json.h"
-#include "gs_core/log.h"
-#include "gs_core/plain_message.h"
+#include "gs_core/system/files/access.h"
+#include "gs_core/system/files/atomic_file.h"
+#include "gs_core/system/log.h"
+#include "gs_core/system/text/plain_message.h"
+#include "gs_core/system/text/read_json.h"
 
 namespace gs {
 namespace {

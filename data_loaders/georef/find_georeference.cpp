@@ -9,7 +9,7 @@
 #include "gs_core/error.h"
 #include "gs_core/geodesy/utm.h"
 #include "gs_core/geometry/outliers.h"
-#include "gs_core/math/rotation.h"
+#include "gs_core/math/render/rotation.h"
 
 namespace gs {
 namespace {

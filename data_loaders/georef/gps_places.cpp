@@ -8,10 +8,10 @@
 #include <string_view>
 
 #include "data_loaders/photos/photos.h"
-#include "gs_core/foreign_text.h"
-#include "gs_core/io/byte_reader.h"
-#include "gs_core/io/parse_number.h"
-#include "gs_core/text_file.h"
+#include "gs_core/system/byte_reader.h"
+#include "gs_core/system/files/text_file.h"
+#include "gs_core/system/text/foreign_text.h"
+#include "gs_core/system/text/parse_number.h"
 
 namespace gs {
 namespace {

@@ -7,7 +7,7 @@
 #include <string>
 #include <string_view>
 
-#include "gs_core/io/byte_reader.h"
+#include "gs_core/system/byte_reader.h"
 
 namespace gs {
 namespace {

@@ -7,9 +7,9 @@
 
 #include "data_loaders/photos/photo_codec.h"
 #include "data_loaders/photos/picture_header.h"
-#include "gs_core/access.h"
 #include "gs_core/error.h"
-#include "gs_core/plain_message.h"
+#include "gs_core/system/files/access.h"
+#include "gs_core/system/text/plain_message.h"
 
 namespace gs {
 namespace {

@@ -10,8 +10,8 @@
 #include "data_loaders/photos/exr.h"
 #include "data_loaders/photos/photo_codec.h"
 #include "gs_core/error.h"
-#include "gs_core/io/atomic_file.h"
-#include "gs_core/io/byte_reader.h"
+#include "gs_core/system/byte_reader.h"
+#include "gs_core/system/files/atomic_file.h"
 
 namespace gs {
 

@@ -5,7 +5,7 @@
 
 #include "data_loaders/photos/photo_codec.h"
 #include "data_loaders/photos/photo_names.h"
-#include "gs_core/io/atomic_file.h"
+#include "gs_core/system/files/atomic_file.h"
 
 namespace gs {
 namespace {

@@ -5,7 +5,7 @@
 #include <string_view>
 
 #include "data_loaders/photos/exif_tags.h"
-#include "gs_core/io/byte_reader.h"
+#include "gs_core/system/byte_reader.h"
 
 namespace gs {
 namespace {

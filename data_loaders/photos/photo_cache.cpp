@@ -13,8 +13,8 @@
 #include <memory>
 
 #include "gs_core/error.h"
-#include "gs_core/io/atomic_file.h"
-#include "gs_core/log.h"
+#include "gs_core/system/files/atomic_file.h"
+#include "gs_core/system/log.h"
 
 #ifdef GS_HAVE_PHOTO_CACHE
 #include <xxhash.h>

@@ -12,7 +12,7 @@
 #include "data_loaders/photos/photo_codec.h"
 #include "data_loaders/photos/picture_header.h"
 #include "gs_core/error.h"
-#include "gs_core/log.h"
+#include "gs_core/system/log.h"
 
 namespace gs {
 namespace {

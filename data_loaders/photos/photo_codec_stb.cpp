@@ -21,7 +21,7 @@
 #include "data_loaders/photos/photo_codec.h"
 #include "data_loaders/photos/stb_bytes.h"
 #include "gs_core/error.h"
-#include "gs_core/io/byte_reader.h"
+#include "gs_core/system/byte_reader.h"
 
 namespace gs {
 namespace {

@@ -5,7 +5,7 @@
 #include <array>
 #include <string_view>
 
-#include "gs_core/access.h"
+#include "gs_core/system/files/access.h"
 
 namespace gs {
 namespace {

@@ -11,10 +11,10 @@
 
 #include "data_loaders/photos/photo_codec.h"
 #include "data_loaders/photos/picture_header.h"
-#include "gs_core/access.h"
 #include "gs_core/error.h"
-#include "gs_core/io/atomic_file.h"
-#include "gs_core/plain_message.h"
+#include "gs_core/system/files/access.h"
+#include "gs_core/system/files/atomic_file.h"
+#include "gs_core/system/text/plain_message.h"
 #include "gs_core/threads/parallel.h"
 
 namespace gs {

@@ -7,8 +7,8 @@
 #include <map>
 
 #include "data_loaders/reconstruct/colmap_log.h"
-#include "gs_core/io/atomic_file.h"
-#include "gs_core/processes/subprocess.h"
+#include "gs_core/system/files/atomic_file.h"
+#include "gs_core/system/processes/subprocess.h"
 
 namespace gs {
 namespace {

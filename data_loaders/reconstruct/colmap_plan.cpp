@@ -8,9 +8,9 @@
 #include <utility>
 
 #include "gs_core/error.h"
-#include "gs_core/io/fnv1a.h"
-#include "gs_core/io/move_aside.h"
-#include "gs_core/processes/subprocess.h"
+#include "gs_core/system/files/move_aside.h"
+#include "gs_core/system/fnv1a.h"
+#include "gs_core/system/processes/subprocess.h"
 
 namespace gs {
 namespace {

@@ -9,7 +9,7 @@
 
 #include "data_loaders/colmap/colmap_model.h"
 #include "data_loaders/reconstruct/colmap_log.h"
-#include "gs_core/foreign_text.h"
+#include "gs_core/system/text/foreign_text.h"
 
 namespace gs {
 namespace {

@@ -9,7 +9,7 @@
 #include "data_loaders/photos/photo_names.h"
 #include "data_loaders/reconstruct/photo_walk.h"
 #include "gs_core/error.h"
-#include "gs_core/io/byte_reader.h"
+#include "gs_core/system/byte_reader.h"
 
 namespace gs {
 namespace {

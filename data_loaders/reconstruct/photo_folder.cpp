@@ -15,9 +15,9 @@
 #include "data_loaders/photos/photo_names.h"
 #include "data_loaders/reconstruct/photo_walk.h"
 #include "data_loaders/video/film_frames.h"
-#include "gs_core/access.h"
 #include "gs_core/error.h"
-#include "gs_core/log.h"
+#include "gs_core/system/files/access.h"
+#include "gs_core/system/log.h"
 
 namespace gs {
 namespace {

@@ -7,8 +7,8 @@
 #include <string>
 
 #include "data_loaders/photos/photo_names.h"
-#include "gs_core/access.h"
-#include "gs_core/log.h"
+#include "gs_core/system/files/access.h"
+#include "gs_core/system/log.h"
 
 namespace gs {
 namespace {

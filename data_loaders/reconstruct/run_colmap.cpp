@@ -19,8 +19,8 @@
 #include "data_loaders/reconstruct/scene_state.h"
 #include "data_loaders/reconstruct/take_pictures.h"
 #include "gs_core/error.h"
-#include "gs_core/log.h"
-#include "gs_core/processes/subprocess.h"
+#include "gs_core/system/log.h"
+#include "gs_core/system/processes/subprocess.h"
 
 namespace gs {
 namespace {

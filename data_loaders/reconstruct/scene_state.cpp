@@ -8,12 +8,12 @@
 #include <algorithm>
 
 #include "data_loaders/colmap/colmap_model.h"
-#include "gs_core/access.h"
 #include "gs_core/error.h"
-#include "gs_core/io/atomic_file.h"
-#include "gs_core/io/move_aside.h"
-#include "gs_core/io/read_json.h"
-#include "gs_core/log.h"
+#include "gs_core/system/files/access.h"
+#include "gs_core/system/files/atomic_file.h"
+#include "gs_core/system/files/move_aside.h"
+#include "gs_core/system/log.h"
+#include "gs_core/system/text/read_json.h"
 
 namespace gs {
 namespace {

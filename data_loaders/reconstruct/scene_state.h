@@ -9,8 +9,8 @@
 #include <string>
 
 #include "data_loaders/reconstruct/colmap_plan.h"
-#include "gs_core/io/output_lock.h"
-#include "gs_core/io/owned_files.h"
+#include "gs_core/system/files/output_lock.h"
+#include "gs_core/system/files/owned_files.h"
 
 namespace gs {
 

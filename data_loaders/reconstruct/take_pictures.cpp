@@ -11,9 +11,9 @@
 #include "data_loaders/counted.h"
 #include "data_loaders/photos/orientation.h"
 #include "data_loaders/video/video_frames.h"
-#include "gs_core/access.h"
 #include "gs_core/error.h"
-#include "gs_core/log.h"
+#include "gs_core/system/files/access.h"
+#include "gs_core/system/log.h"
 #include "gs_core/threads/parallel.h"
 
 namespace gs {

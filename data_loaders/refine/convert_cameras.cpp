@@ -7,8 +7,8 @@
 
 #include "data_loaders/refine/refine_exposure.h"
 #include "gs_core/error.h"
-#include "gs_core/io/atomic_file.h"
-#include "gs_core/io/output_lock.h"
+#include "gs_core/system/files/atomic_file.h"
+#include "gs_core/system/files/output_lock.h"
 
 namespace gs {
 namespace {

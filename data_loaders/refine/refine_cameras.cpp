@@ -14,7 +14,7 @@
 #include "data_loaders/refine/refine_problem.h"
 #include "data_loaders/refine/refine_residuals.h"
 #include "data_loaders/refine/rigid_motion.h"
-#include "gs_core/log.h"
+#include "gs_core/system/log.h"
 #include "gs_core/threads/parallel.h"
 
 namespace gs {

@@ -7,8 +7,8 @@
 #include <vector>
 
 #include "gs_core/geometry/vectors.h"
-#include "gs_core/math/quaternion.h"
-#include "gs_core/math/rotation.h"
+#include "gs_core/math/render/quaternion.h"
+#include "gs_core/math/render/rotation.h"
 #include "gs_core/types.h"
 
 namespace gs::rigid {

@@ -3,7 +3,7 @@
 
 #include <algorithm>
 
-#include "gs_core/log.h"
+#include "gs_core/system/log.h"
 #include "gs_core/threads/parallel.h"
 
 namespace gs {

@@ -9,8 +9,8 @@
 #include "data_loaders/lenses/resample.h"
 #include "data_loaders/photos/photo_codec.h"
 #include "data_loaders/video/video_frames.h"
-#include "gs_core/bytes.h"
-#include "gs_core/log.h"
+#include "gs_core/system/bytes.h"
+#include "gs_core/system/log.h"
 
 namespace gs {
 namespace {

@@ -12,7 +12,7 @@
 #include "data_loaders/photos/photo_names.h"
 #include "data_loaders/transforms/transforms_json.h"
 #include "gs_core/error.h"
-#include "gs_core/log.h"
+#include "gs_core/system/log.h"
 
 namespace gs {
 namespace {

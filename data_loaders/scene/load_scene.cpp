@@ -16,7 +16,7 @@
 #include "data_loaders/scene/scene_plan.h"
 #include "data_loaders/scene/view_picture.h"
 #include "gs_core/error.h"
-#include "gs_core/log.h"
+#include "gs_core/system/log.h"
 
 namespace gs {
 namespace {

@@ -14,10 +14,10 @@
 #include "data_loaders/scene/depth/depth_map.h"
 #include "data_loaders/scene/view_picture.h"
 #include "data_loaders/video/film_frames.h"
-#include "gs_core/bytes.h"
 #include "gs_core/error.h"
-#include "gs_core/io/host_ram.h"
-#include "gs_core/log.h"
+#include "gs_core/system/bytes.h"
+#include "gs_core/system/host_ram.h"
+#include "gs_core/system/log.h"
 #include "gs_core/threads/parallel.h"
 
 namespace gs {
@@ -221,7 +221,7 @@ std::vector<View> make_views(const DatasetConfig& dataset, std::vector<ViewPlan>
     return lazy_views(std::move(plans), std::move(costs), budget, kept);
   }
   report_reduced_photos(plans, dataset.resolution);
-  std::size_t budget = photo_ram_bytes(dataset);
+  std::size_t budget = photo_ram_bytes(double(dataset.photo_ram_gib));
   const bool all_fit = fit_into_ram(costs, budget);
   const std::shared_ptr<CachedPictures> cache = cache_for(dataset, plans, all_fit);
   if (cache)

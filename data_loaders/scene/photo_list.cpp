@@ -8,9 +8,9 @@
 
 #include "data_loaders/photos/photo_names.h"
 #include "gs_core/error.h"
-#include "gs_core/foreign_text.h"
-#include "gs_core/io/atomic_file.h"
-#include "gs_core/text_file.h"
+#include "gs_core/system/files/atomic_file.h"
+#include "gs_core/system/files/text_file.h"
+#include "gs_core/system/text/foreign_text.h"
 
 namespace gs {
 namespace {

@@ -14,8 +14,8 @@
 #include "data_loaders/photos/photo_names.h"
 #include "data_loaders/video/film_frames.h"
 #include "gs_core/error.h"
-#include "gs_core/log.h"
-#include "gs_core/math/rotation.h"
+#include "gs_core/math/render/rotation.h"
+#include "gs_core/system/log.h"
 #include "gs_core/threads/parallel.h"
 
 namespace gs {

@@ -13,7 +13,7 @@
 #include "data_loaders/scene/files_of_photos.h"
 #include "data_loaders/scene/photo_times.h"
 #include "gs_core/error.h"
-#include "gs_core/log.h"
+#include "gs_core/system/log.h"
 
 namespace gs {
 namespace {

@@ -19,8 +19,8 @@
 #include "data_loaders/scene/photo_times.h"
 #include "data_loaders/scene/scene_files.h"
 #include "data_loaders/video/film_frames.h"
-#include "gs_core/access.h"
-#include "gs_core/io/fnv1a.h"
+#include "gs_core/system/files/access.h"
+#include "gs_core/system/fnv1a.h"
 
 namespace gs {
 namespace {

@@ -15,7 +15,7 @@
 #include "data_loaders/scene/photo_times.h"
 #include "data_loaders/transforms/transforms_json.h"
 #include "gs_core/error.h"
-#include "gs_core/log.h"
+#include "gs_core/system/log.h"
 #include "gs_core/threads/parallel.h"
 
 namespace gs {

@@ -2,8 +2,8 @@
 #include "data_loaders/scene/shown_points.h"
 
 #include "data_loaders/refine/tracks.h"
-#include "gs_core/edit/select.h"
 #include "gs_core/threads/parallel.h"
+#include "gs_model/edit/select.h"
 
 namespace gs {
 namespace {

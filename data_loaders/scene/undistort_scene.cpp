@@ -20,9 +20,9 @@
 #include "data_loaders/scene/plan_views.h"
 #include "data_loaders/scene/view_picture.h"
 #include "gs_core/error.h"
-#include "gs_core/io/atomic_file.h"
-#include "gs_core/io/output_lock.h"
-#include "gs_core/log.h"
+#include "gs_core/system/files/atomic_file.h"
+#include "gs_core/system/files/output_lock.h"
+#include "gs_core/system/log.h"
 #include "gs_core/threads/parallel.h"
 
 namespace gs {

@@ -5,8 +5,8 @@
 #include <utility>
 
 #include "data_loaders/photos/photo_names.h"
-#include "gs_core/io/byte_reader.h"
-#include "gs_core/io/read_json.h"
+#include "gs_core/system/byte_reader.h"
+#include "gs_core/system/text/read_json.h"
 
 namespace gs {
 namespace {

@@ -9,8 +9,8 @@
 
 #include "gs_core/error.h"
 #include "gs_core/geometry/vectors.h"
-#include "gs_core/math/quaternion.h"
-#include "gs_core/math/rotation.h"
+#include "gs_core/math/render/quaternion.h"
+#include "gs_core/math/render/rotation.h"
 
 namespace gs {
 namespace {

@@ -15,7 +15,7 @@
 #include "data_loaders/transforms/transforms_frame.h"
 #include "data_loaders/transforms/transforms_points.h"
 #include "gs_core/error.h"
-#include "gs_core/log.h"
+#include "gs_core/system/log.h"
 
 namespace gs {
 namespace {

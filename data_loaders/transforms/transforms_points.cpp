@@ -8,8 +8,8 @@
 
 #include "data_loaders/formats/ply/ply_file.h"
 #include "gs_core/error.h"
-#include "gs_core/io/byte_reader.h"
-#include "gs_core/log.h"
+#include "gs_core/system/byte_reader.h"
+#include "gs_core/system/log.h"
 
 namespace gs {
 namespace {

@@ -6,8 +6,8 @@
 #include "data_loaders/video/film_encoder.h"
 #include "data_loaders/video/video_frames.h"
 #include "gs_core/error.h"
-#include "gs_core/io/atomic_file.h"
-#include "gs_core/log.h"
+#include "gs_core/system/files/atomic_file.h"
+#include "gs_core/system/log.h"
 
 namespace gs {
 

@@ -8,7 +8,7 @@
 #include "data_loaders/photos/photos.h"
 #include "data_loaders/photos/picture_quality.h"
 #include "gs_core/error.h"
-#include "gs_core/log.h"
+#include "gs_core/system/log.h"
 
 #ifdef GS_HAVE_VIDEO
 #include <opencv2/core.hpp>

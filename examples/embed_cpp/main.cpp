@@ -10,8 +10,8 @@
 #include "data_loaders/scene/load_scene.h"
 #include "gs_app/run/make_backend.h"
 #include "gs_core/error.h"
+#include "gs_eval/metrics.h"
 #include "gs_train/loop/trainer.h"
-#include "gs_train/metrics.h"
 
 namespace {
 

@@ -7,10 +7,10 @@
 #include <cmath>
 #include <set>
 
-#include "gs_core/config/region_text.h"
+#include "gs_core/config/text/region_text.h"
 #include "gs_core/error.h"
-#include "gs_core/foreign_text.h"
-#include "gs_core/io/read_json.h"
+#include "gs_core/system/text/foreign_text.h"
+#include "gs_core/system/text/read_json.h"
 
 namespace gs {
 namespace {

@@ -7,7 +7,7 @@
 
 #include "gs_app/edit/merge_models.h"
 #include "gs_core/error.h"
-#include "gs_core/log.h"
+#include "gs_core/system/log.h"
 
 namespace gs {
 namespace {

@@ -7,11 +7,11 @@
 
 #include "data_loaders/scene/photo_list.h"
 #include "gs_app/run/run_folder.h"
-#include "gs_core/config/config_text.h"
-#include "gs_core/config/region_text.h"
+#include "gs_core/config/text/config_text.h"
+#include "gs_core/config/text/region_text.h"
 #include "gs_core/density/growth_method.h"
 #include "gs_core/error.h"
-#include "gs_core/foreign_text.h"
+#include "gs_core/system/text/foreign_text.h"
 
 namespace gs {
 namespace {

@@ -11,11 +11,11 @@
 #include <utility>
 
 #include "gs_core/config/config_limits.h"
-#include "gs_core/config/setting_lines.h"
+#include "gs_core/config/text/setting_lines.h"
 #include "gs_core/error.h"
-#include "gs_core/foreign_text.h"
-#include "gs_core/io/checked_file.h"
-#include "gs_core/io/read_json.h"
+#include "gs_core/system/files/checked_file.h"
+#include "gs_core/system/text/foreign_text.h"
+#include "gs_core/system/text/read_json.h"
 #include "gs_core/version.h"
 
 namespace gs {

@@ -7,10 +7,10 @@
 #include <charconv>
 #include <limits>
 
-#include "gs_core/access.h"
 #include "gs_core/error.h"
-#include "gs_core/io/atomic_file.h"
-#include "gs_core/log.h"
+#include "gs_core/system/files/access.h"
+#include "gs_core/system/files/atomic_file.h"
+#include "gs_core/system/log.h"
 
 namespace gs {
 namespace {

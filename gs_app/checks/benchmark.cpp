@@ -8,11 +8,11 @@
 #include <memory>
 
 #include "gs_app/checks/untrained.h"
-#include "gs_core/bytes.h"
 #include "gs_core/error.h"
-#include "gs_core/log.h"
 #include "gs_core/math/constants.h"
-#include "gs_core/math/view_splat.h"
+#include "gs_core/math/view/view_splat.h"
+#include "gs_core/system/bytes.h"
+#include "gs_core/system/log.h"
 #include "gs_core/training_memory.h"
 #include "gs_train/loss.h"
 

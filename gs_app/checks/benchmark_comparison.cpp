@@ -9,7 +9,7 @@
 
 #include "gs_app/run/text.h"
 #include "gs_core/error.h"
-#include "gs_core/io/read_json.h"
+#include "gs_core/system/text/read_json.h"
 
 namespace gs {
 namespace {

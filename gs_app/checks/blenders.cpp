@@ -5,8 +5,8 @@
 #include <cmath>
 #include <limits>
 
-#include "gs_core/log.h"
-#include "gs_core/math/blend.h"
+#include "gs_core/math/render/blend.h"
+#include "gs_core/system/log.h"
 #include "gs_core/threads/parallel.h"
 
 namespace gs {

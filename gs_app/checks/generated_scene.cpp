@@ -6,9 +6,9 @@
 #include <cstring>
 #include <numbers>
 
-#include "gs_core/math/activations.h"
 #include "gs_core/math/constants.h"
-#include "gs_core/math/spacetime.h"
+#include "gs_core/math/render/activations.h"
+#include "gs_core/math/spacetime/spacetime.h"
 #include "gs_core/random.h"
 #include "gs_core/threads/parallel.h"
 

@@ -7,7 +7,7 @@
 #include <optional>
 #include <string>
 
-#include "gs_core/math/moment_storage.h"
+#include "gs_core/math/update/moment_storage.h"
 
 namespace gs {
 

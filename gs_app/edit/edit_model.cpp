@@ -13,13 +13,13 @@
 #include "gs_app/export/cameras.h"
 #include "gs_app/pictures/pictures.h"
 #include "gs_core/bake_filter.h"
-#include "gs_core/edit/upright.h"
 #include "gs_core/error.h"
 #include "gs_core/geometry/outliers.h"
 #include "gs_core/geometry/scene_frame.h"
 #include "gs_core/geometry/vectors.h"
-#include "gs_core/math/quaternion.h"
-#include "gs_core/math/rotation.h"
+#include "gs_core/math/render/quaternion.h"
+#include "gs_core/math/render/rotation.h"
+#include "gs_model/edit/upright.h"
 
 namespace gs {
 namespace {

@@ -22,7 +22,7 @@
 #include "data_loaders/cameras/camera_file.h"
 #include "data_loaders/formats/model_transform.h"
 #include "gs_app/run/open_model.h"
-#include "gs_core/edit/decimate.h"
+#include "gs_model/edit/decimate.h"
 
 namespace gs {
 

@@ -10,7 +10,7 @@
 #include "gs_app/edit/places/words.h"
 #include "gs_app/run/progress_bar.h"
 #include "gs_core/error.h"
-#include "gs_core/io/parse_number.h"
+#include "gs_core/system/text/parse_number.h"
 
 namespace gs {
 namespace {

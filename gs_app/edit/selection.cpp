@@ -12,10 +12,10 @@
 #include "data_loaders/photos/photo_names.h"
 #include "gs_app/edit/contributions.h"
 #include "gs_app/pictures/pictures.h"
-#include "gs_core/config/nearest_word.h"
+#include "gs_core/config/text/nearest_word.h"
 #include "gs_core/error.h"
-#include "gs_core/math/activations.h"
-#include "gs_core/math/rotation.h"
+#include "gs_core/math/render/activations.h"
+#include "gs_core/math/render/rotation.h"
 
 namespace gs {
 namespace {

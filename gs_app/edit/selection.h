@@ -10,7 +10,7 @@
 #include "gs_app/edit/contributions.h"
 #include "gs_app/edit/edit_model.h"
 #include "gs_app/edit/places/places.h"
-#include "gs_core/edit/select.h"
+#include "gs_model/edit/select.h"
 #include "gs_train/backend.h"
 
 namespace gs {

@@ -8,10 +8,10 @@
 #include <sstream>
 
 #include "gs_app/experiment/experiment_grid.h"
-#include "gs_core/config/nearest_word.h"
-#include "gs_core/config/read_toml.h"
+#include "gs_core/config/text/nearest_word.h"
+#include "gs_core/config/text/read_toml.h"
 #include "gs_core/error.h"
-#include "gs_core/foreign_text.h"
+#include "gs_core/system/text/foreign_text.h"
 
 namespace gs {
 namespace {

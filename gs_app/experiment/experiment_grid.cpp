@@ -5,7 +5,7 @@
 
 #include <cctype>
 
-#include "gs_core/config/read_toml.h"
+#include "gs_core/config/text/read_toml.h"
 #include "gs_core/error.h"
 
 namespace gs {

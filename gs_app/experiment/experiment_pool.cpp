@@ -7,8 +7,8 @@
 #include <thread>
 
 #include "gs_core/error.h"
-#include "gs_core/processes/process.h"
-#include "gs_core/processes/signals.h"
+#include "gs_core/system/processes/process.h"
+#include "gs_core/system/processes/signals.h"
 
 namespace gs {
 namespace {

@@ -6,7 +6,7 @@
 #include <vector>
 
 #include "gs_app/experiment/experiment_run.h"
-#include "gs_core/processes/subprocess.h"
+#include "gs_core/system/processes/subprocess.h"
 
 namespace gs {
 

@@ -6,11 +6,11 @@
 #include <algorithm>
 
 #include "gs_app/run/make_backend.h"
-#include "gs_core/access.h"
 #include "gs_core/config/config_diff.h"
 #include "gs_core/error.h"
-#include "gs_core/io/output_lock.h"
-#include "gs_core/log.h"
+#include "gs_core/system/files/access.h"
+#include "gs_core/system/files/output_lock.h"
+#include "gs_core/system/log.h"
 #include "gs_core/threads/parallel.h"
 
 namespace gs {

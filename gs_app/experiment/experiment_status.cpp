@@ -5,7 +5,7 @@
 
 #include "gs_app/run/csv.h"
 #include "gs_app/run/text.h"
-#include "gs_core/log.h"
+#include "gs_core/system/log.h"
 #include "gs_train/schedule.h"
 
 namespace gs {

@@ -8,7 +8,7 @@
 
 #include "gs_app/run/text.h"
 #include "gs_core/error.h"
-#include "gs_core/processes/subprocess.h"
+#include "gs_core/system/processes/subprocess.h"
 
 namespace gs {
 namespace {

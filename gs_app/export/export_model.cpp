@@ -6,12 +6,12 @@
 #include <algorithm>
 
 #include "data_loaders/colmap/world_offset.h"
-#include "gs_core/config/markdown.h"
+#include "gs_core/config/text/markdown.h"
 #include "gs_core/error.h"
-#include "gs_core/io/atomic_file.h"
-#include "gs_core/io/move_aside.h"
-#include "gs_core/io/output_lock.h"
-#include "gs_core/log.h"
+#include "gs_core/system/files/atomic_file.h"
+#include "gs_core/system/files/move_aside.h"
+#include "gs_core/system/files/output_lock.h"
+#include "gs_core/system/log.h"
 
 namespace gs {
 namespace {

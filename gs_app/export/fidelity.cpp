@@ -4,7 +4,7 @@
 #include <algorithm>
 
 #include "gs_app/pictures/pictures.h"
-#include "gs_train/metrics.h"
+#include "gs_eval/metrics.h"
 
 namespace gs {
 namespace {

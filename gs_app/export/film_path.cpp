@@ -10,10 +10,10 @@
 
 #include "data_loaders/photos/photo_names.h"
 #include "gs_app/pictures/pictures.h"
-#include "gs_core/config/nearest_word.h"
+#include "gs_core/config/text/nearest_word.h"
 #include "gs_core/error.h"
-#include "gs_core/log.h"
-#include "gs_render/camera_path.h"
+#include "gs_core/system/log.h"
+#include "gs_render/paths/camera_path.h"
 
 namespace gs {
 namespace {

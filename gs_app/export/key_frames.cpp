@@ -4,8 +4,8 @@
 #include <spdlog/fmt/fmt.h>
 
 #include "gs_core/error.h"
-#include "gs_core/io/byte_reader.h"
-#include "gs_core/io/read_json.h"
+#include "gs_core/system/byte_reader.h"
+#include "gs_core/system/text/read_json.h"
 
 namespace gs {
 namespace {

@@ -11,8 +11,8 @@
 #include "gs_app/export/export_model.h"
 #include "gs_app/pictures/pictures.h"
 #include "gs_core/error.h"
-#include "gs_core/io/move_aside.h"
-#include "gs_core/log.h"
+#include "gs_core/system/files/move_aside.h"
+#include "gs_core/system/log.h"
 
 namespace gs {
 namespace {

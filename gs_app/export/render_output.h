@@ -9,7 +9,7 @@
 
 #include "data_loaders/video/film_writer.h"
 #include "gs_app/export/view_pictures.h"
-#include "gs_core/io/output_lock.h"
+#include "gs_core/system/files/output_lock.h"
 
 namespace gs {
 

@@ -7,8 +7,8 @@
 #include "gs_app/run/csv.h"
 #include "gs_app/run/run_folder.h"
 #include "gs_core/error.h"
-#include "gs_core/log.h"
-#include "gs_core/plain_message.h"
+#include "gs_core/system/log.h"
+#include "gs_core/system/text/plain_message.h"
 
 namespace gs {
 

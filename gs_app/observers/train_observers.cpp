@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "gs_app/observers/train_observers.h"
+#include "gs_eval/evaluate_run.h"
 
 #include <spdlog/fmt/fmt.h>
 
@@ -11,7 +12,7 @@
 #include "gs_app/run/csv.h"
 #include "gs_app/run/results.h"
 #include "gs_app/run/text.h"
-#include "gs_core/log.h"
+#include "gs_core/system/log.h"
 
 namespace gs {
 namespace {

@@ -11,8 +11,8 @@
 #include "gs_app/observers/lost_writes.h"
 #include "gs_app/run/progress_bar.h"
 #include "gs_app/run/run_folder.h"
+#include "gs_eval/metrics.h"
 #include "gs_train/loop/trainer.h"
-#include "gs_train/metrics.h"
 
 namespace gs {
 

@@ -9,7 +9,7 @@
 #include "gs_app/pictures/color_ramp.h"
 #include "gs_core/error.h"
 #include "gs_core/types.h"
-#include "gs_train/metrics/flip.h"
+#include "gs_eval/flip/flip.h"
 
 namespace gs {
 namespace {

@@ -8,9 +8,9 @@
 #include "gs_app/report/report_curves.h"
 #include "gs_app/report/report_page.h"
 #include "gs_core/error.h"
-#include "gs_core/io/read_json.h"
-#include "gs_core/log.h"
-#include "gs_core/plain_message.h"
+#include "gs_core/system/log.h"
+#include "gs_core/system/text/plain_message.h"
+#include "gs_core/system/text/read_json.h"
 
 namespace gs {
 namespace {

@@ -5,7 +5,7 @@
 #include <cmath>
 #include <numbers>
 
-#include "gs_core/math/activations.h"
+#include "gs_core/math/render/activations.h"
 
 namespace gs {
 namespace {

@@ -10,8 +10,8 @@
 #include "gs_app/run/provenance.h"
 #include "gs_app/run/run_folder.h"
 #include "gs_core/error.h"
-#include "gs_core/io/move_aside.h"
-#include "gs_core/log.h"
+#include "gs_core/system/files/move_aside.h"
+#include "gs_core/system/log.h"
 #include "gs_core/version.h"
 
 namespace gs {

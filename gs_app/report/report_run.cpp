@@ -10,10 +10,10 @@
 #include "gs_app/report/report_views.h"
 #include "gs_core/config/config_diff.h"
 #include "gs_core/error.h"
-#include "gs_core/io/read_json.h"
-#include "gs_core/log.h"
-#include "gs_core/plain_message.h"
-#include "gs_core/text_file.h"
+#include "gs_core/system/files/text_file.h"
+#include "gs_core/system/log.h"
+#include "gs_core/system/text/plain_message.h"
+#include "gs_core/system/text/read_json.h"
 
 namespace gs {
 namespace {

@@ -13,7 +13,7 @@
 #include "gs_app/run/page_text.h"
 #include "gs_app/run/results.h"
 #include "gs_core/error.h"
-#include "gs_core/io/read_json.h"
+#include "gs_core/system/text/read_json.h"
 
 namespace gs {
 namespace {

@@ -7,7 +7,7 @@
 #include <sstream>
 
 #include "gs_core/error.h"
-#include "gs_core/text_file.h"
+#include "gs_core/system/files/text_file.h"
 
 namespace gs {
 

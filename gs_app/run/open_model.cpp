@@ -13,7 +13,7 @@
 #include "data_loaders/scene/load_scene.h"
 #include "gs_app/run/pose_file.h"
 #include "gs_core/error.h"
-#include "gs_core/log.h"
+#include "gs_core/system/log.h"
 #include "gs_render/render_settings.h"
 
 namespace gs {

@@ -7,10 +7,10 @@
 #include <cmath>
 
 #include "gs_core/error.h"
-#include "gs_core/foreign_text.h"
-#include "gs_core/io/atomic_file.h"
-#include "gs_core/io/byte_reader.h"
-#include "gs_core/io/read_json.h"
+#include "gs_core/system/byte_reader.h"
+#include "gs_core/system/files/atomic_file.h"
+#include "gs_core/system/text/foreign_text.h"
+#include "gs_core/system/text/read_json.h"
 
 namespace gs {
 namespace {

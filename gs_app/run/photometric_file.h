@@ -5,7 +5,7 @@
 
 #include <filesystem>
 
-#include "gs_train/photometric/scene_looks.h"
+#include "gs_eval/looks/scene_looks.h"
 
 namespace gs {
 

@@ -10,9 +10,9 @@
 #include <fstream>
 #include <sstream>
 
-#include "gs_core/io/fnv1a.h"
-#include "gs_core/processes/process.h"
-#include "gs_core/text_file.h"
+#include "gs_core/system/files/text_file.h"
+#include "gs_core/system/fnv1a.h"
+#include "gs_core/system/processes/process.h"
 #include "gs_core/version.h"
 
 namespace gs {

@@ -6,8 +6,8 @@
 #include <optional>
 #include <string>
 
+#include "gs_eval/metrics.h"
 #include "gs_train/backend.h"
-#include "gs_train/metrics.h"
 #include "gs_train/poses/poses.h"
 
 namespace gs {

@@ -10,8 +10,8 @@
 #include <vector>
 
 #include "gs_core/config/config.h"
-#include "gs_core/io/output_lock.h"
 #include "gs_core/scene.h"
+#include "gs_core/system/files/output_lock.h"
 
 namespace gs {
 

@@ -3,7 +3,7 @@
 // be saved.
 #pragma once
 
-#include "gs_core/processes/signals.h"
+#include "gs_core/system/processes/signals.h"
 #include "gs_train/loop/trainer.h"
 
 namespace gs {

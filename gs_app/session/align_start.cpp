@@ -8,8 +8,8 @@
 
 #include "data_loaders/photos/photo_names.h"
 #include "gs_core/geometry/vectors.h"
-#include "gs_core/math/quaternion.h"
-#include "gs_core/math/rotation.h"
+#include "gs_core/math/render/quaternion.h"
+#include "gs_core/math/render/rotation.h"
 
 namespace gs {
 namespace {

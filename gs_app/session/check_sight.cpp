@@ -6,7 +6,7 @@
 
 #include "gs_core/error.h"
 #include "gs_core/geometry/scene_sight.h"
-#include "gs_core/log.h"
+#include "gs_core/system/log.h"
 
 namespace gs {
 

@@ -1,4 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
+#include "gs_eval/evaluate_run.h"
 #include "gs_app/session/evaluate_run.h"
 
 #include <algorithm>
@@ -8,7 +9,7 @@
 #include "gs_app/pictures/pictures.h"
 #include "gs_core/threads/parallel.h"
 #include "gs_core/training_memory.h"
-#include "gs_train/metrics/depth_error.h"
+#include "gs_eval/depth_error.h"
 #include "gs_train/poses/poses.h"
 
 namespace gs {

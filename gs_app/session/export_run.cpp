@@ -2,10 +2,10 @@
 #include "gs_app/session/export_run.h"
 
 #include "gs_app/export/export_model.h"
-#include "gs_core/access.h"
 #include "gs_core/error.h"
-#include "gs_core/io/read_json.h"
-#include "gs_core/log.h"
+#include "gs_core/system/files/access.h"
+#include "gs_core/system/log.h"
+#include "gs_core/system/text/read_json.h"
 
 namespace gs {
 namespace {

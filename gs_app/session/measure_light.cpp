@@ -6,7 +6,7 @@
 #include <cmath>
 
 #include "gs_app/run/make_backend.h"
-#include "gs_core/log.h"
+#include "gs_core/system/log.h"
 #include "gs_train/loop/trainer.h"
 #include "gs_train/photometric/gains.h"
 

@@ -9,8 +9,8 @@
 #include "data_loaders/refine/refine_cameras.h"
 #include "data_loaders/scene/scene_model.h"
 #include "gs_app/run/pose_file.h"
-#include "gs_core/log.h"
-#include "gs_core/math/quaternion.h"
+#include "gs_core/math/render/quaternion.h"
+#include "gs_core/system/log.h"
 #include "gs_train/poses/poses.h"
 
 namespace gs {

@@ -13,7 +13,7 @@
 #include "gs_app/run/text.h"
 #include "gs_app/session/align_start.h"
 #include "gs_core/error.h"
-#include "gs_core/log.h"
+#include "gs_core/system/log.h"
 #include "gs_train/loop/view_sampler.h"
 
 namespace gs {

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "gs_app/session/train_session.h"
+#include "gs_eval/evaluate_run.h"
 
 #include <spdlog/fmt/fmt.h>
 
@@ -23,7 +24,7 @@
 #include "gs_app/session/start_model.h"
 #include "gs_core/config/scene_settings.h"
 #include "gs_core/error.h"
-#include "gs_core/log.h"
+#include "gs_core/system/log.h"
 #include "gs_core/threads/parallel.h"
 
 namespace gs {

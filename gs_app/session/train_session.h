@@ -18,11 +18,11 @@
 #include "gs_app/run/run_folder.h"
 #include "gs_app/session/session_hooks.h"
 #include "gs_core/error.h"
-#include "gs_core/io/output_lock.h"
 #include "gs_core/scene.h"
+#include "gs_core/system/files/output_lock.h"
+#include "gs_eval/lpips/lpips.h"
 #include "gs_train/backend.h"
 #include "gs_train/loop/trainer.h"
-#include "gs_train/metrics/lpips.h"
 
 namespace gs {
 

@@ -7,8 +7,8 @@
 #include <numbers>
 #include <vector>
 
-#include "gs_core/edit/select.h"
 #include "gs_core/geometry/vectors.h"
+#include "gs_model/edit/select.h"
 
 namespace gs {
 namespace {

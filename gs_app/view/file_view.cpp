@@ -14,9 +14,9 @@
 #include "gs_app/run/photometric_file.h"
 #include "gs_app/view/eye_inside.h"
 #include "gs_app/view/photo_looks.h"
-#include "gs_core/edit/upright.h"
 #include "gs_core/error.h"
-#include "gs_core/log.h"
+#include "gs_core/system/log.h"
+#include "gs_model/edit/upright.h"
 
 namespace gs {
 namespace {

@@ -6,7 +6,7 @@
 #include <nlohmann/json.hpp>
 #include <string>
 
-#include "gs_train/photometric/scene_looks.h"
+#include "gs_eval/looks/scene_looks.h"
 
 namespace gs {
 

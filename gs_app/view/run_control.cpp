@@ -8,7 +8,7 @@
 
 #include "gs_app/observers/train_observers.h"
 #include "gs_core/error.h"
-#include "gs_core/log.h"
+#include "gs_core/system/log.h"
 
 namespace gs {
 namespace {

@@ -11,8 +11,8 @@
 #include "data_loaders/formats/ply/ply.h"
 #include "data_loaders/formats/ply/ply_file.h"
 #include "gs_app/run/text.h"
-#include "gs_core/io/byte_reader.h"
-#include "gs_core/log.h"
+#include "gs_core/system/byte_reader.h"
+#include "gs_core/system/log.h"
 
 namespace gs {
 namespace {

@@ -10,7 +10,7 @@
 
 #include "data_loaders/formats/formats.h"
 #include "gs_app/run/open_model.h"
-#include "gs_core/io/scratch_folder.h"
+#include "gs_core/system/files/scratch_folder.h"
 
 namespace gs {
 

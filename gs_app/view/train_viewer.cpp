@@ -3,8 +3,8 @@
 
 #include <spdlog/fmt/fmt.h>
 
-#include "gs_core/log.h"
-#include "gs_core/processes/signals.h"
+#include "gs_core/system/log.h"
+#include "gs_core/system/processes/signals.h"
 
 namespace gs {
 

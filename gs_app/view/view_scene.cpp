@@ -6,7 +6,7 @@
 #include "data_loaders/georef/georef_file.h"
 #include "gs_app/view/photo_looks.h"
 #include "gs_core/error.h"
-#include "gs_core/log.h"
+#include "gs_core/system/log.h"
 
 namespace gs {
 namespace {

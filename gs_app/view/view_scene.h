@@ -13,8 +13,8 @@
 #include "gs_core/gaussians.h"
 #include "gs_core/geometry/scene_frame.h"
 #include "gs_core/scene.h"
+#include "gs_eval/looks/scene_looks.h"
 #include "gs_render/render_pass.h"
-#include "gs_train/photometric/scene_looks.h"
 
 namespace gs {
 

@@ -9,10 +9,10 @@
 #include "apps/web/pages.h"
 #include "data_loaders/photos/photos.h"
 #include "gs_core/error.h"
-#include "gs_core/foreign_text.h"
-#include "gs_core/host_name.h"
-#include "gs_core/log.h"
-#include "gs_train/metrics.h"
+#include "gs_core/system/host_name.h"
+#include "gs_core/system/log.h"
+#include "gs_core/system/text/foreign_text.h"
+#include "gs_eval/metrics.h"
 
 namespace gs {
 namespace {

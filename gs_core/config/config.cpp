@@ -11,16 +11,16 @@
 
 #include "gs_core/config/config_fields.h"
 #include "gs_core/config/config_source.h"
-#include "gs_core/config/config_text.h"
-#include "gs_core/config/nearest_word.h"
-#include "gs_core/config/read_toml.h"
-#include "gs_core/config/region_text.h"
-#include "gs_core/config/removed_rules.h"
-#include "gs_core/config/removed_settings.h"
-#include "gs_core/config/setting_lines.h"
+#include "gs_core/config/removed/removed_rules.h"
+#include "gs_core/config/removed/removed_settings.h"
+#include "gs_core/config/text/config_text.h"
+#include "gs_core/config/text/nearest_word.h"
+#include "gs_core/config/text/read_toml.h"
+#include "gs_core/config/text/region_text.h"
+#include "gs_core/config/text/setting_lines.h"
 #include "gs_core/density/growth_method.h"
 #include "gs_core/error.h"
-#include "gs_core/foreign_text.h"
+#include "gs_core/system/text/foreign_text.h"
 
 namespace gs {
 namespace {

@@ -3,7 +3,7 @@
 
 #include <algorithm>
 
-#include "gs_core/config/config_text.h"
+#include "gs_core/config/text/config_text.h"
 
 namespace gs {
 

@@ -6,12 +6,12 @@
 #include <algorithm>
 #include <optional>
 
-#include "gs_core/access.h"
 #include "gs_core/config/config_presets.h"
-#include "gs_core/config/nearest_word.h"
-#include "gs_core/config/read_toml.h"
+#include "gs_core/config/text/nearest_word.h"
+#include "gs_core/config/text/read_toml.h"
 #include "gs_core/error.h"
-#include "gs_core/text_file.h"
+#include "gs_core/system/files/access.h"
+#include "gs_core/system/files/text_file.h"
 
 namespace gs {
 namespace {

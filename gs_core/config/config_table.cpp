@@ -10,11 +10,11 @@
 #include "gs_core/config/config_diff.h"
 #include "gs_core/config/config_fields.h"
 #include "gs_core/config/config_presets.h"
-#include "gs_core/config/config_text.h"
-#include "gs_core/config/markdown.h"
-#include "gs_core/config/nearest_word.h"
+#include "gs_core/config/text/config_text.h"
+#include "gs_core/config/text/markdown.h"
+#include "gs_core/config/text/nearest_word.h"
 #include "gs_core/error.h"
-#include "gs_core/foreign_text.h"
+#include "gs_core/system/text/foreign_text.h"
 
 namespace gs {
 namespace {

@@ -10,10 +10,10 @@
 #include <type_traits>
 
 #include "gs_core/error.h"
-#include "gs_core/math/depth_kind.h"
-#include "gs_core/math/growth.h"
-#include "gs_core/math/moment_storage.h"
-#include "gs_core/math/render_rules.h"
+#include "gs_core/math/density/growth.h"
+#include "gs_core/math/loss/depth_kind.h"
+#include "gs_core/math/render/render_rules.h"
+#include "gs_core/math/update/moment_storage.h"
 
 namespace gs {
 

@@ -6,7 +6,7 @@
 #include <utility>
 
 #include "gs_core/config/config_limits.h"
-#include "gs_core/config/region_text.h"
+#include "gs_core/config/text/region_text.h"
 #include "gs_core/scene.h"
 
 namespace gs {

@@ -7,7 +7,7 @@
 #include <string>
 #include <string_view>
 
-#include "gs_core/math/growth.h"
+#include "gs_core/math/density/growth.h"
 
 namespace gs {
 

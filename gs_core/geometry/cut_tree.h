@@ -7,7 +7,7 @@
 #include <cstddef>
 #include <vector>
 
-#include "gs_core/math/region.h"
+#include "gs_core/math/density/region.h"
 
 namespace gs {
 

@@ -5,7 +5,7 @@
 
 #include <algorithm>
 
-#include "gs_core/math/projection.h"
+#include "gs_core/math/render/projection.h"
 #include "gs_core/threads/parallel.h"
 
 namespace gs {

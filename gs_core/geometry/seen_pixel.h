@@ -4,7 +4,7 @@
 
 #include <optional>
 
-#include "gs_core/math/projection.h"
+#include "gs_core/math/render/projection.h"
 
 namespace gs {
 

@@ -8,7 +8,7 @@
 #include "gs_core/error.h"
 #include "gs_core/geometry/symmetric_eigen.h"
 #include "gs_core/geometry/vectors.h"
-#include "gs_core/math/rotation.h"
+#include "gs_core/math/render/rotation.h"
 #include "gs_core/random.h"
 
 namespace gs {

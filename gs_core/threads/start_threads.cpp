@@ -5,8 +5,8 @@
 #include <exception>
 
 #include "gs_core/error.h"
-#include "gs_core/log.h"
-#include "gs_core/plain_message.h"
+#include "gs_core/system/log.h"
+#include "gs_core/system/text/plain_message.h"
 
 namespace gs {
 namespace {

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "gs_train/density/contribution.h"
 
-#include "gs_core/math/sh.h"
+#include "gs_core/math/render/sh.h"
 #include "gs_core/threads/parallel.h"
 
 namespace gs {

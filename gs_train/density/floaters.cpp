@@ -3,7 +3,7 @@
 
 #include <algorithm>
 
-#include "gs_core/math/activations.h"
+#include "gs_core/math/render/activations.h"
 #include "gs_core/threads/parallel.h"
 
 namespace gs {

@@ -3,8 +3,8 @@
 
 #include <algorithm>
 
-#include "gs_core/bytes.h"
-#include "gs_core/log.h"
+#include "gs_core/system/bytes.h"
+#include "gs_core/system/log.h"
 #include "gs_render/render_pass.h"
 
 namespace gs {

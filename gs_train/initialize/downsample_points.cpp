@@ -4,7 +4,7 @@
 #include <algorithm>
 #include <limits>
 
-#include "gs_core/math/morton.h"
+#include "gs_core/math/density/morton.h"
 
 namespace gs {
 namespace {

@@ -6,7 +6,7 @@
 #include <glm/matrix.hpp>
 
 #include "gs_core/geometry/seen_pixel.h"
-#include "gs_core/math/projection.h"
+#include "gs_core/math/render/projection.h"
 
 namespace gs {
 namespace {

@@ -8,7 +8,7 @@
 #include <new>
 
 #include "gs_core/error.h"
-#include "gs_core/log.h"
+#include "gs_core/system/log.h"
 #include "gs_train/initialize/initialize.h"
 #include "gs_train/loop/view_sampler.h"
 #include "gs_train/photometric/photometric_start.h"

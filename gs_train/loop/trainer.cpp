@@ -6,12 +6,12 @@
 #include <algorithm>
 
 #include "gs_core/bake_filter.h"
-#include "gs_core/bytes.h"
-#include "gs_core/config/region_text.h"
 #include "gs_core/config/scene_settings.h"
+#include "gs_core/config/text/region_text.h"
 #include "gs_core/error.h"
-#include "gs_core/log.h"
-#include "gs_core/math/activations.h"
+#include "gs_core/math/render/activations.h"
+#include "gs_core/system/bytes.h"
+#include "gs_core/system/log.h"
 #include "gs_core/training_memory.h"
 #include "gs_render/render_settings.h"
 #include "gs_train/density/gaussian_budget.h"
@@ -333,23 +333,6 @@ GaussianModel raw_model(Trainer& trainer) { return visible_part(copy_of_result(t
 GaussianModel visible_part(const GaussianModel& model) {
   return {rows_of(model.gaussians, visible_rows(model.gaussians)), model.sh_degree, model.is_ours,
           model.antialiased, model.world_offset};
-}
-
-std::optional<SceneLooks> looks_of(Trainer& trainer) {
-  const PhotometricState& state = trainer.model().photometric;
-  if (state.empty()) return std::nullopt;
-  return looks_of(trainer.config().photometric, state, trainer.scene());
-}
-
-EvaluationOptions evaluation_options(Trainer& trainer, MetricSet metrics) {
-  EvaluationOptions options(metrics);
-  options.is_corrected = trainer.config().eval.color_corrected;
-  const std::optional<SceneLooks> looks = looks_of(trainer);
-  if (!looks) return options;
-  options.appearance_of = appearances(*looks);
-  options.solved_appearance_of = solved_appearances(*looks, trainer.scene());
-  options.is_corrected = true;
-  return options;
 }
 
 GaussianModel trained_model(Trainer& trainer) {

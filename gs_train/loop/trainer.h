@@ -18,7 +18,6 @@
 #include "gs_train/loop/training_run.h"
 #include "gs_train/loop/view_sampler.h"
 #include "gs_train/loss.h"
-#include "gs_train/metrics.h"
 #include "gs_train/schedule.h"
 
 namespace gs {
@@ -131,12 +130,5 @@ GaussianModel raw_model(Trainer& trainer);
 /// seen.
 GaussianModel copied_model(Trainer& trainer);
 GaussianModel visible_part(const GaussianModel& model);
-
-/// The appearances of the scene's photos as they are now; empty without photometric.model. Waits for
-/// the device.
-std::optional<SceneLooks> looks_of(Trainer& trainer);
-/// What to measure of the run's views: with photometric.model, the appearances and pictures with
-/// fitted colors, too.
-EvaluationOptions evaluation_options(Trainer& trainer, MetricSet metrics);
 
 }  // namespace gs

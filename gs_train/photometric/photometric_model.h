@@ -9,7 +9,7 @@
 //   2. It becomes a row of kModels in photometric_model.cpp and a word of kPhotometricWords in
 //      gs_core/config/config_words.h.
 //   3. Settings of its own are members of PhotometricConfig.
-//   4. Its GPU twin is in cuda/train/photometric.cu and ssim.cu, beside gains, and
+//   4. Its GPU twin is in cuda/photo_terms/photometric.cu and ssim.cu, beside gains, and
 //      photometric_stage.cu knows its name. Without a twin, training on a GPU with this model is
 //      refused when the run starts.
 // Adam, the mean of zero, checkpoints, held-out photos, metrics and photometric.json then take it as
@@ -21,7 +21,7 @@
 #include <vector>
 
 #include "gs_core/config/config.h"
-#include "gs_core/math/photometric.h"
+#include "gs_core/math/loss/photometric.h"
 #include "gs_train/photometric/appearance.h"
 #include "gs_train/photometric/photometric_state.h"
 

@@ -6,7 +6,7 @@
 #include <cstdint>
 
 #include "gs_core/buffer.h"
-#include "gs_core/math/adam_moments.h"
+#include "gs_core/math/update/adam_moments.h"
 
 namespace gs {
 

@@ -5,8 +5,8 @@
 #include <cstdint>
 #include <vector>
 
-#include "gs_core/math/adam_moments.h"
-#include "gs_core/math/pose.h"
+#include "gs_core/math/pose/pose.h"
+#include "gs_core/math/update/adam_moments.h"
 
 namespace gs {
 

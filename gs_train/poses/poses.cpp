@@ -9,7 +9,7 @@
 #include <numbers>
 
 #include "gs_core/error.h"
-#include "gs_core/math/projection.h"
+#include "gs_core/math/render/projection.h"
 
 namespace gs {
 namespace {

@@ -6,7 +6,7 @@
 #include <vector>
 
 #include "gs_core/config/config.h"
-#include "gs_core/math/adam.h"
+#include "gs_core/math/update/adam.h"
 #include "gs_core/scene.h"
 #include "gs_train/training_model.h"
 

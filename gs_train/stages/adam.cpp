@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 // Stage 8: Adam over every number of every learned quantity, visible or not.
-#include "gs_core/math/adam.h"
+#include "gs_core/math/update/adam.h"
 
 #include "gs_core/error.h"
-#include "gs_core/math/moment_rounding.h"
+#include "gs_core/math/update/moment_rounding.h"
 #include "gs_core/threads/parallel.h"
 #include "gs_render/stage_clock.h"
 #include "gs_train/stages/scalar_stages.h"

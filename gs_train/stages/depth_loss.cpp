@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Stage 5 for photos with a depth map: scale and shift of the map, the loss, and its gradient
 // (math/depth_loss.h).
-#include "gs_core/math/depth_loss.h"
+#include "gs_core/math/loss/depth_loss.h"
 
 #include <vector>
 

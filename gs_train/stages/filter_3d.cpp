@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Stage 9 with model.filter_3d: each row's 3D filter, from all training cameras (math/filter_3d.h).
-#include "gs_core/math/filter_3d.h"
+#include "gs_core/math/render/filter_3d.h"
 
 #include <algorithm>
 

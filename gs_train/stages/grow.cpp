@@ -5,8 +5,8 @@
 #include <numeric>
 
 #include "gs_core/error.h"
-#include "gs_core/radix_sort.h"
 #include "gs_core/threads/parallel.h"
+#include "gs_core/threads/radix_sort.h"
 #include "gs_train/row_rules.h"
 #include "gs_train/stages/scalar_stages.h"
 

@@ -1,12 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
 // Stage 10: the order of rows along the Morton curve, so that neighbors in space are neighbors in
 // memory.   Faster-GS
-#include "gs_core/math/morton.h"
+#include "gs_core/math/density/morton.h"
 
 #include <numeric>
 
-#include "gs_core/radix_sort.h"
 #include "gs_core/threads/parallel.h"
+#include "gs_core/threads/radix_sort.h"
 #include "gs_train/stages/scalar_stages.h"
 
 namespace gs {

@@ -2,7 +2,7 @@
 // Stage 8 for the numbers of a photometric model: Adam for all photos, also those that the
 // step did not show. Their moments move them on.
 #include "gs_core/error.h"
-#include "gs_core/math/adam.h"
+#include "gs_core/math/update/adam.h"
 #include "gs_render/stage_clock.h"
 #include "gs_train/photometric/photometric_start.h"
 #include "gs_train/stages/scalar_stages.h"

@@ -6,7 +6,7 @@
 
 #include "gs_core/error.h"
 #include "gs_core/image.h"
-#include "gs_core/math/photo_weight.h"
+#include "gs_core/math/loss/photo_weight.h"
 #include "gs_core/threads/parallel.h"
 #include "gs_render/stage_clock.h"
 #include "gs_train/stages/scalar_stages.h"

@@ -3,7 +3,7 @@
 // model says. The loss and the pixel values of a score pass compare it with the photo.
 #pragma once
 
-#include "gs_core/math/photo_weight.h"
+#include "gs_core/math/loss/photo_weight.h"
 #include "gs_core/scene.h"
 #include "gs_render/render_pass.h"
 #include "gs_train/photometric/appearance.h"

@@ -8,11 +8,11 @@
 //
 // Where a view has a mask or an exposure, X and Y are the two pictures after photo_weight.h. With a
 // photometric model X is the picture as the view's appearance shows it.
-#include "gs_core/math/ssim.h"
+#include "gs_core/math/loss/ssim.h"
 
 #include "gs_core/error.h"
 #include "gs_core/image.h"
-#include "gs_core/math/photo_weight.h"
+#include "gs_core/math/loss/photo_weight.h"
 #include "gs_core/threads/parallel.h"
 #include "gs_render/stage_clock.h"
 #include "gs_train/stages/scalar_stages.h"

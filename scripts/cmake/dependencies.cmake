@@ -86,7 +86,7 @@ gs_report("OpenCV videoio" GS_WITH_OPENCV "${GS_HAVE_VIDEO}" "no frames are take
 set(GS_HAVE_DNN FALSE)
 if(TARGET opencv_dnn)
   set(GS_HAVE_DNN TRUE)
-  list(REMOVE_ITEM OpenCV_LIBS opencv_dnn)  # gs_train alone links it
+  list(REMOVE_ITEM OpenCV_LIBS opencv_dnn)  # gs_eval alone links it
 endif()
 gs_report("OpenCV dnn" GS_WITH_OPENCV "${GS_HAVE_DNN}" "no LPIPS is measured (--lpips)")
 

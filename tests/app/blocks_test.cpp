@@ -13,7 +13,7 @@
 #include "gs_app/blocks/picture_shares.h"
 #include "gs_app/blocks/write_partition.h"
 #include "gs_app/run/run_folder.h"
-#include "gs_core/config/region_text.h"
+#include "gs_core/config/text/region_text.h"
 #include "gs_core/random.h"
 #include "tests/support/error_of.h"
 #include "tests/support/models.h"

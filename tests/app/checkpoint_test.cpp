@@ -13,10 +13,10 @@
 #include <limits>
 
 #include "gs_app/checkpoints/checkpoint_folder.h"
-#include "gs_core/access.h"
 #include "gs_core/error.h"
-#include "gs_core/io/atomic_file.h"
-#include "gs_core/io/checked_file.h"
+#include "gs_core/system/files/access.h"
+#include "gs_core/system/files/atomic_file.h"
+#include "gs_core/system/files/checked_file.h"
 #include "tests/support/counted_memory.h"
 #include "tests/support/error_of.h"
 #include "tests/support/models.h"

@@ -10,7 +10,7 @@
 #include "gs_app/export/tiles/tile_tree.h"
 #include "gs_app/export/tiles/tileset.h"
 #include "gs_core/geometry/vectors.h"
-#include "gs_core/log.h"
+#include "gs_core/system/log.h"
 #include "tests/support/error_of.h"
 #include "tests/support/models.h"
 #include "tests/support/placed_scene.h"

@@ -14,7 +14,7 @@
 #include "data_loaders/georef/georef_file.h"
 #include "gs_app/view/file_view.h"
 #include "gs_core/error.h"
-#include "gs_core/host_name.h"
+#include "gs_core/system/host_name.h"
 #include "tests/support/program.h"
 #include "tests/support/random_model.h"
 

@@ -11,7 +11,7 @@
 
 #include "data_loaders/photos/photo_cache.h"
 #include "data_loaders/video/video_frames.h"
-#include "gs_core/io/output_lock.h"
+#include "gs_core/system/files/output_lock.h"
 #include "tests/support/avi_writer.h"
 #include "tests/support/program.h"
 

@@ -2,7 +2,7 @@
 // LPIPS in train, eval, reports and experiments, with a small network.
 #include <gmock/gmock.h>
 
-#include "gs_train/metrics/feature_network.h"
+#include "gs_eval/lpips/feature_network.h"
 #include "tests/support/lpips_file.h"
 #include "tests/support/program.h"
 

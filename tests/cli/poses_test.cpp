@@ -4,7 +4,7 @@
 
 #include "data_loaders/cameras/camera_file.h"
 #include "data_loaders/colmap/colmap_model.h"
-#include "gs_core/math/rotation.h"
+#include "gs_core/math/render/rotation.h"
 #include "tests/support/program.h"
 
 namespace gs {

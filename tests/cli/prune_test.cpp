@@ -6,7 +6,7 @@
 #include <cmath>
 
 #include "data_loaders/formats/ply/ply.h"
-#include "gs_core/math/activations.h"
+#include "gs_core/math/render/activations.h"
 #include "tests/support/program.h"
 
 namespace gs {

@@ -16,8 +16,8 @@
 #include "data_loaders/formats/ply/ply.h"
 #include "gs_app/view/view_server.h"
 #include "gs_core/error.h"
-#include "gs_core/host_name.h"
-#include "gs_core/processes/process.h"
+#include "gs_core/system/host_name.h"
+#include "gs_core/system/processes/process.h"
 #include "tests/support/program.h"
 #include "tests/support/raw_connection.h"
 

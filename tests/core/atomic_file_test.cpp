@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Temporary files: their names cannot be guessed, and no link under such a name is followed.
-#include "gs_core/io/atomic_file.h"
+#include "gs_core/system/files/atomic_file.h"
 
 #include <gmock/gmock.h>
 #include <unistd.h>

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Merging Gaussians: moments are kept, near and alike ones go first, and nothing depends on
 // threads.
-#include "gs_core/edit/decimate.h"
+#include "gs_model/edit/decimate.h"
 
 #include <gtest/gtest.h>
 
@@ -9,10 +9,10 @@
 
 #include "gs_core/error.h"
 #include "gs_core/geometry/kd_tree.h"
-#include "gs_core/math/activations.h"
 #include "gs_core/math/constants.h"
-#include "gs_core/math/covariance.h"
-#include "gs_core/math/rotation.h"
+#include "gs_core/math/render/activations.h"
+#include "gs_core/math/render/covariance.h"
+#include "gs_core/math/render/rotation.h"
 #include "gs_core/threads/parallel.h"
 #include "tests/support/random_model.h"
 #include "tests/support/same_bits.h"

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "gs_core/foreign_text.h"
+#include "gs_core/system/text/foreign_text.h"
 
 #include <gmock/gmock.h>
 

@@ -8,8 +8,8 @@
 #include <numbers>
 
 #include "gs_core/geometry/scene_frame.h"
-#include "gs_core/math/rotation.h"
-#include "gs_render/camera_path.h"
+#include "gs_core/math/render/rotation.h"
+#include "gs_render/paths/camera_path.h"
 
 namespace gs {
 namespace {

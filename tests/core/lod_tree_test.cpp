@@ -1,16 +1,16 @@
 // SPDX-License-Identifier: Apache-2.0
 // Levels of detail: leaves are boxes of about the same size, levels hold what was merged into them,
 // and nothing depends on threads.
-#include "gs_core/edit/lod/lod_tree.h"
+#include "gs_model/lod/lod_tree.h"
 
 #include <gtest/gtest.h>
 
 #include <algorithm>
 
-#include "gs_core/edit/lod/splat_tree.h"
-#include "gs_core/edit/merge_gaussians.h"
 #include "gs_core/error.h"
 #include "gs_core/threads/parallel.h"
+#include "gs_model/edit/merge_gaussians.h"
+#include "gs_model/lod/splat_tree.h"
 #include "tests/support/random_model.h"
 #include "tests/support/same_bits.h"
 

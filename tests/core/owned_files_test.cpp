@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // What of a folder may be removed: only what we put there, and only as we put it there. And the lock
 // of a folder, which every path to the folder leads to.
-#include "gs_core/io/owned_files.h"
+#include "gs_core/system/files/owned_files.h"
 
 #include <gmock/gmock.h>
 #include <sys/wait.h>
@@ -10,11 +10,11 @@
 #include <memory>
 
 #include "gs_core/error.h"
-#include "gs_core/io/atomic_file.h"
-#include "gs_core/io/move_aside.h"
-#include "gs_core/io/output_lock.h"
-#include "gs_core/io/output_names.h"
-#include "gs_core/io/scratch_folder.h"
+#include "gs_core/system/files/atomic_file.h"
+#include "gs_core/system/files/move_aside.h"
+#include "gs_core/system/files/output_lock.h"
+#include "gs_core/system/files/output_names.h"
+#include "gs_core/system/files/scratch_folder.h"
 #include "tests/support/temp_folder.h"
 
 namespace gs {

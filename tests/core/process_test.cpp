@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Child processes: their exit is reported, their output goes where it should, and they do not
 // outlive the parent.
-#include "gs_core/processes/process.h"
+#include "gs_core/system/processes/process.h"
 
 #include <gmock/gmock.h>
 #include <signal.h>
@@ -12,8 +12,8 @@
 #include <thread>
 
 #include "gs_core/error.h"
-#include "gs_core/processes/signals.h"
-#include "gs_core/processes/subprocess.h"
+#include "gs_core/system/processes/signals.h"
+#include "gs_core/system/processes/subprocess.h"
 #include "tests/support/temp_folder.h"
 
 namespace gs {

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // density.region: half-spaces as text and in the coordinates of a scene.
-#include "gs_core/config/region_text.h"
+#include "gs_core/config/text/region_text.h"
 
 #include <gtest/gtest.h>
 

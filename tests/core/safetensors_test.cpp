@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Arrays in files of the safetensors format, whole and damaged.
-#include "gs_core/io/safetensors.h"
+#include "gs_core/system/safetensors.h"
 
 #include <gmock/gmock.h>
 

@@ -1,14 +1,14 @@
 // SPDX-License-Identifier: Apache-2.0
 // Which Gaussians lie where, how large they are, and which way is up among them.
-#include "gs_core/edit/select.h"
+#include "gs_model/edit/select.h"
 
 #include <gmock/gmock.h>
 
 #include <cmath>
 
-#include "gs_core/edit/polygon.h"
-#include "gs_core/edit/upright.h"
 #include "gs_core/geometry/vectors.h"
+#include "gs_model/edit/polygon.h"
+#include "gs_model/edit/upright.h"
 #include "tests/support/scenes.h"
 
 namespace gs {

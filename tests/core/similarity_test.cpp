@@ -7,7 +7,7 @@
 #include <cmath>
 
 #include "gs_core/geometry/vectors.h"
-#include "gs_core/math/rotation.h"
+#include "gs_core/math/render/rotation.h"
 #include "gs_core/random.h"
 
 namespace gs {

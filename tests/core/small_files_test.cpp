@@ -5,12 +5,12 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
-#include "gs_core/access.h"
 #include "gs_core/config/config.h"
-#include "gs_core/config/read_toml.h"
+#include "gs_core/config/text/read_toml.h"
 #include "gs_core/error.h"
-#include "gs_core/io/read_json.h"
-#include "gs_core/text_file.h"
+#include "gs_core/system/files/access.h"
+#include "gs_core/system/files/text_file.h"
+#include "gs_core/system/text/read_json.h"
 #include "tests/support/temp_folder.h"
 
 namespace gs {

@@ -6,7 +6,7 @@
 #include <cmath>
 #include <string>
 
-#include "gs_core/math/activations.h"
+#include "gs_core/math/render/activations.h"
 #include "gs_train/poses/poses.h"
 #include "tests/cuda/every_model.h"
 #include "tests/support/adaptive.h"

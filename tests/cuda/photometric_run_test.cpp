@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Whole runs on the GPU with photometric models. Their steps are in photometric_test.cpp.
+#include "gs_eval/metrics.h"
 #include "gs_train/loop/trainer.h"
-#include "gs_train/metrics.h"
 #include "tests/support/cuda.h"
 #include "tests/support/gains.h"
 #include "tests/support/scene_run.h"

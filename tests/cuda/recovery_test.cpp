@@ -7,8 +7,8 @@
 #include <limits>
 
 #include "gs_core/error.h"
+#include "gs_eval/metrics.h"
 #include "gs_train/loop/trainer.h"
-#include "gs_train/metrics.h"
 #include "tests/support/cuda.h"
 #include "tests/support/scene_run.h"
 #include "tests/support/small_scene.h"

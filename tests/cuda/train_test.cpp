@@ -3,8 +3,8 @@
 #include <gtest/gtest.h>
 
 #include "data_loaders/scene/load_scene.h"
+#include "gs_eval/metrics.h"
 #include "gs_train/loop/trainer.h"
-#include "gs_train/metrics.h"
 #include "tests/support/adaptive.h"
 #include "tests/support/cuda.h"
 #include "tests/support/scene_run.h"

@@ -4,7 +4,7 @@
 
 #include <cstring>
 
-#include "gs_core/io/checked_file.h"
+#include "gs_core/system/files/checked_file.h"
 #include "tests/fuzz/fuzz_target.h"
 
 namespace gs::fuzz {

@@ -5,7 +5,7 @@
 
 #include <algorithm>
 
-#include "gs_core/log.h"
+#include "gs_core/system/log.h"
 #include "tests/fuzz/fuzz_target.h"
 #include "tests/support/damage.h"
 

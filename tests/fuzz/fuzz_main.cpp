@@ -5,7 +5,7 @@
 #include <cstdlib>
 #include <cstring>
 
-#include "gs_core/log.h"
+#include "gs_core/system/log.h"
 #include "gs_core/threads/parallel.h"
 #include "tests/fuzz/fuzz_target.h"
 #include "tests/support/foreign_leaks.h"

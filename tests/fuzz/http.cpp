@@ -3,7 +3,7 @@
 // are text on its way to a terminal.
 #include "gs_app/view/frame_request.h"
 #include "gs_app/view/http/http_parse.h"
-#include "gs_core/foreign_text.h"
+#include "gs_core/system/text/foreign_text.h"
 #include "tests/fuzz/fuzz_target.h"
 
 namespace gs::fuzz {

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Weights of LPIPS in a safetensors file.
-#include "gs_train/metrics/lpips_weights.h"
+#include "gs_eval/lpips/lpips_weights.h"
 #include "tests/fuzz/fuzz_target.h"
 
 namespace gs::fuzz {

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "gs_core/math/activations.h"
+#include "gs_core/math/render/activations.h"
 
 #include <gtest/gtest.h>
 

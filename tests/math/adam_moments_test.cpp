@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Adam's moments in 16 bits: what is exact, what is right on average, and how far rounding leads.
-#include "gs_core/math/adam_moments.h"
+#include "gs_core/math/update/adam_moments.h"
 
 #include <gtest/gtest.h>
 
@@ -12,8 +12,8 @@
 #include <utility>
 #include <vector>
 
-#include "gs_core/math/adam.h"
-#include "gs_core/math/moment_rounding.h"
+#include "gs_core/math/update/adam.h"
+#include "gs_core/math/update/moment_rounding.h"
 #include "tests/support/scenes.h"
 
 namespace gs {

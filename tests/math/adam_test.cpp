@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "gs_core/math/adam.h"
+#include "gs_core/math/update/adam.h"
 
 #include <gtest/gtest.h>
 

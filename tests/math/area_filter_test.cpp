@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "gs_core/math/area_filter.h"
+#include "gs_core/math/loss/area_filter.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -8,7 +8,7 @@
 #include <cstdlib>
 #include <vector>
 
-#include "gs_core/math/photo_weight.h"
+#include "gs_core/math/loss/photo_weight.h"
 
 namespace gs {
 namespace {

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // One fragment: exponent, alpha, compositing; and the gradient of a whole pixel, front to back.
-#include "gs_core/math/blend.h"
+#include "gs_core/math/render/blend.h"
 
 #include <gtest/gtest.h>
 

@@ -1,12 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "gs_core/math/density.h"
+#include "gs_core/math/density/density.h"
 
 #include <gtest/gtest.h>
 
 #include <cmath>
 #include <limits>
 
-#include "gs_core/math/covariance.h"
+#include "gs_core/math/render/covariance.h"
 #include "gs_core/random.h"
 
 namespace gs {

@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "gs_core/math/filter_3d.h"
+#include "gs_core/math/render/filter_3d.h"
 
 #include <gtest/gtest.h>
 
-#include "gs_core/math/activations.h"
+#include "gs_core/math/render/activations.h"
 #include "tests/support/jet_oracle.h"
 
 namespace gs {

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // The rules of growth, one Gaussian at a time: scores, children, opacities, counts.
-#include "gs_core/math/growth.h"
+#include "gs_core/math/density/growth.h"
 
 #include <gtest/gtest.h>
 

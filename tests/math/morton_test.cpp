@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "gs_core/math/morton.h"
+#include "gs_core/math/density/morton.h"
 
 #include <gtest/gtest.h>
 

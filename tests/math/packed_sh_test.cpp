@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "gs_core/math/packed_sh.h"
+#include "gs_core/math/view/packed_sh.h"
 
 #include <gtest/gtest.h>
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "gs_core/math/photometric.h"
+#include "gs_core/math/loss/photometric.h"
 
 #include <gtest/gtest.h>
 

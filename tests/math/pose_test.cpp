@@ -1,12 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
 // Small motions of cameras, and the gradient of a splat by its camera.
-#include "gs_core/math/pose.h"
+#include "gs_core/math/pose/pose.h"
 
 #include <gtest/gtest.h>
 
 #include "gs_core/geometry/vectors.h"
-#include "gs_core/math/camera_gradient.h"
-#include "gs_core/math/rotation.h"
+#include "gs_core/math/pose/camera_gradient.h"
+#include "gs_core/math/render/rotation.h"
 #include "tests/support/jet_oracle.h"
 
 namespace gs {

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Stage 1 from world space to the image plane: each formula, then the chain of all of them for one
 // Gaussian (splat.h).
-#include "gs_core/math/projection.h"
+#include "gs_core/math/render/projection.h"
 
 #include <gtest/gtest.h>
 
@@ -9,8 +9,8 @@
 #include <limits>
 #include <utility>
 
-#include "gs_core/math/rotation.h"
-#include "gs_core/math/splat.h"
+#include "gs_core/math/render/rotation.h"
+#include "gs_core/math/render/splat.h"
 #include "tests/support/jet_oracle.h"
 
 namespace gs {

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // The draw without replacement: its logarithm against that of long double, and the law of the draw.
-#include "gs_core/math/race.h"
+#include "gs_core/math/density/race.h"
 
 #include <gtest/gtest.h>
 

@@ -1,11 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "gs_core/math/rotation.h"
+#include "gs_core/math/render/rotation.h"
 
 #include <gtest/gtest.h>
 
 #include <limits>
 
-#include "gs_core/math/quaternion.h"
+#include "gs_core/math/render/quaternion.h"
 #include "tests/support/jet_oracle.h"
 
 namespace gs {

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "gs_core/math/spacetime_regularizer.h"
+#include "gs_core/math/density/spacetime_regularizer.h"
 
 #include <gtest/gtest.h>
 

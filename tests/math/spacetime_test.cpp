@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "gs_core/math/spacetime.h"
+#include "gs_core/math/spacetime/spacetime.h"
 
 #include <gtest/gtest.h>
 
-#include "gs_core/math/covariance.h"
-#include "gs_core/math/rotation.h"
+#include "gs_core/math/render/covariance.h"
+#include "gs_core/math/render/rotation.h"
 #include "tests/support/jet_oracle.h"
 
 namespace gs {

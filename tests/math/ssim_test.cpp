@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "gs_core/math/ssim.h"
+#include "gs_core/math/loss/ssim.h"
 
 #include <gtest/gtest.h>
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "gs_core/math/tile_bounds.h"
+#include "gs_core/math/render/tile_bounds.h"
 
 #include <gtest/gtest.h>
 
@@ -11,7 +11,7 @@
 #include <utility>
 #include <vector>
 
-#include "gs_core/math/projection.h"
+#include "gs_core/math/render/projection.h"
 
 namespace gs {
 namespace {

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Ellipsoids project as their Gaussians do, and a box outside of a view hides nothing.
-#include "gs_core/math/view_box.h"
+#include "gs_core/math/view/view_box.h"
 
 #include <gtest/gtest.h>
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "gs_core/math/view_splat.h"
+#include "gs_core/math/view/view_splat.h"
 
 #include <gtest/gtest.h>
 

@@ -9,7 +9,7 @@
 #include <spdlog/fmt/fmt.h>
 
 #include "data_loaders/formats/formats.h"
-#include "gs_core/io/atomic_file.h"
+#include "gs_core/system/files/atomic_file.h"
 
 namespace gs {
 

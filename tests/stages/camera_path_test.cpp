@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Orbits and tours: where they lead for cameras at known positions.
-#include "gs_render/camera_path.h"
+#include "gs_render/paths/camera_path.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -9,7 +9,7 @@
 #include <cmath>
 #include <numbers>
 
-#include "gs_core/math/rotation.h"
+#include "gs_core/math/render/rotation.h"
 #include "tests/support/scenes.h"
 
 namespace gs {

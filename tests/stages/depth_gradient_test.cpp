@@ -6,7 +6,7 @@
 #include <array>
 #include <cmath>
 
-#include "gs_core/math/depth_loss.h"
+#include "gs_core/math/loss/depth_loss.h"
 #include "gs_core/threads/parallel.h"
 #include "gs_render/renderer.h"
 #include "gs_render/stages.h"

@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
-// One batch of a warp of cuda/render/blend_gemm.cu, emulated on the CPU in double: each lane gets the
-// entries that the hardware gives it (cuda/render/gemm_layout.h), composites its own splats, and exchanges
+// One batch of a warp of cuda/render/blend/blend_gemm.cu, emulated on the CPU in double: each lane gets the
+// entries that the hardware gives it (cuda/render/blend/gemm_layout.h), composites its own splats, and exchanges
 // the same values as blend_gemm.cu.
-#include "cuda/render/gemm_layout.h"
+#include "cuda/render/blend/gemm_layout.h"
 
 #include <gtest/gtest.h>
 
@@ -10,7 +10,7 @@
 #include <set>
 #include <vector>
 
-#include "gs_core/math/blend.h"
+#include "gs_core/math/render/blend.h"
 #include "tests/support/scenes.h"
 
 namespace gs::cuda {

@@ -9,7 +9,7 @@
 #include <functional>
 #include <limits>
 
-#include "gs_core/math/ssim.h"
+#include "gs_core/math/loss/ssim.h"
 #include "gs_core/threads/parallel.h"
 #include "gs_render/renderer.h"
 #include "gs_render/stages.h"

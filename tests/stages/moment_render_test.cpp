@@ -3,8 +3,8 @@
 // of the Gaussians in space that they are at that moment.
 #include <gtest/gtest.h>
 
-#include "gs_core/math/spacetime_splat.h"
-#include "gs_core/math/tile_bounds.h"
+#include "gs_core/math/render/tile_bounds.h"
+#include "gs_core/math/spacetime/spacetime_splat.h"
 #include "gs_render/renderer.h"
 #include "gs_render/stages.h"
 #include "tests/support/models.h"

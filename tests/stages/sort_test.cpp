@@ -6,7 +6,7 @@
 #include <random>
 
 #include "gs_core/error.h"
-#include "gs_core/radix_sort.h"
+#include "gs_core/threads/radix_sort.h"
 #include "gs_render/stages.h"
 #include "tests/support/scenes.h"
 

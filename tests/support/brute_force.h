@@ -11,8 +11,8 @@
 #include <vector>
 
 #include "gs_core/gaussians.h"
-#include "gs_core/math/blend.h"
-#include "gs_core/math/spacetime_splat.h"
+#include "gs_core/math/render/blend.h"
+#include "gs_core/math/spacetime/spacetime_splat.h"
 #include "gs_render/render_pass.h"
 
 namespace gs {

@@ -4,7 +4,7 @@
 #include <string>
 #include <string_view>
 
-#include "gs_core/log.h"
+#include "gs_core/system/log.h"
 
 namespace gs {
 

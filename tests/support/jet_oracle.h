@@ -20,7 +20,7 @@
 #include <limits>
 #include <random>
 
-#include "gs_core/math/splat.h"
+#include "gs_core/math/render/splat.h"
 #include "gs_core/types.h"
 
 namespace gs {

@@ -10,7 +10,7 @@
 #include <string>
 #include <vector>
 
-#include "gs_core/io/safetensors.h"
+#include "gs_core/system/safetensors.h"
 #include "tests/support/temp_folder.h"
 
 namespace gs {

@@ -10,7 +10,7 @@
 
 #include <string>
 
-#include "gs_core/processes/process.h"
+#include "gs_core/system/processes/process.h"
 
 namespace gs {
 

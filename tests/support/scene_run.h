@@ -10,8 +10,8 @@
 #include <optional>
 #include <utility>
 
+#include "gs_eval/metrics.h"
 #include "gs_train/loop/trainer.h"
-#include "gs_train/metrics.h"
 #include "gs_train/stages/scalar_stages.h"
 #include "tests/support/models.h"
 

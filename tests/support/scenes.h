@@ -12,9 +12,9 @@
 #include "gs_core/camera.h"
 #include "gs_core/gaussians.h"
 #include "gs_core/image.h"
-#include "gs_core/math/activations.h"
 #include "gs_core/math/constants.h"
-#include "gs_core/math/spacetime.h"
+#include "gs_core/math/render/activations.h"
+#include "gs_core/math/spacetime/spacetime.h"
 #include "gs_core/random.h"
 
 namespace gs {

@@ -8,7 +8,7 @@
 #include <iterator>
 #include <string>
 
-#include "gs_core/io/scratch_folder.h"
+#include "gs_core/system/files/scratch_folder.h"
 
 namespace gs {
 

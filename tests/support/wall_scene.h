@@ -5,7 +5,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "gs_core/math/photometric.h"
+#include "gs_core/math/loss/photometric.h"
 #include "gs_train/checkpoint.h"
 #include "gs_train/loop/view_sampler.h"
 #include "tests/support/adaptive.h"

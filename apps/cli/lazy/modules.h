@@ -19,7 +19,7 @@
 #include "data_loaders/photos/photo_codec.h"
 #include "data_loaders/video/film_encoder.h"
 #include "data_loaders/video/video_frames.h"
-#include "gs_core/log.h"
+#include "gs_core/system/log.h"
 
 namespace gs {
 

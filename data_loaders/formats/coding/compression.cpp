@@ -6,7 +6,7 @@
 #include <algorithm>
 
 #include "gs_core/error.h"
-#include "gs_core/io/byte_reader.h"
+#include "gs_core/system/byte_reader.h"
 
 #ifdef GS_HAVE_ZLIB
 #include <zlib.h>

@@ -4,7 +4,7 @@
 
 #include <spdlog/fmt/fmt.h>
 
-#include "gs_core/io/byte_reader.h"
+#include "gs_core/system/byte_reader.h"
 
 namespace gs {
 

@@ -4,7 +4,7 @@
 #include <bit>
 #include <cmath>
 
-#include "gs_core/log.h"
+#include "gs_core/system/log.h"
 
 namespace gs {
 namespace {

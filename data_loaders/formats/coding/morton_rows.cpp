@@ -5,7 +5,7 @@
 #include <numeric>
 
 #include "data_loaders/formats/coding/finite_rows.h"
-#include "gs_core/math/morton.h"
+#include "gs_core/math/density/morton.h"
 
 namespace gs {
 

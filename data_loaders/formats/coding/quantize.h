@@ -9,8 +9,8 @@
 #include <cstdint>
 #include <limits>
 
-#include "gs_core/math/activations.h"
 #include "gs_core/math/constants.h"
+#include "gs_core/math/render/activations.h"
 #include "gs_core/types.h"
 
 namespace gs {

@@ -7,8 +7,8 @@
 
 #include "data_loaders/formats/coding/little_endian.h"
 #include "data_loaders/formats/glb/glb.h"
-#include "gs_core/io/byte_reader.h"
-#include "gs_core/io/read_json.h"
+#include "gs_core/system/byte_reader.h"
+#include "gs_core/system/text/read_json.h"
 
 namespace gs {
 namespace {

@@ -14,7 +14,7 @@
 #include "data_loaders/formats/glb/glb.h"
 #include "data_loaders/formats/glb/glb_scene.h"
 #include "data_loaders/formats/spz/spz.h"
-#include "gs_core/io/byte_reader.h"
+#include "gs_core/system/byte_reader.h"
 
 namespace gs {
 namespace {

@@ -8,7 +8,7 @@
 #include <optional>
 
 #include "data_loaders/formats/glb/glb.h"
-#include "gs_core/io/byte_reader.h"
+#include "gs_core/system/byte_reader.h"
 
 namespace gs {
 namespace {

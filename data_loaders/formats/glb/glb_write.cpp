@@ -12,7 +12,7 @@
 #include "data_loaders/formats/coding/little_endian.h"
 #include "data_loaders/formats/coding/quantize.h"
 #include "gs_core/error.h"
-#include "gs_core/io/atomic_file.h"
+#include "gs_core/system/files/atomic_file.h"
 #include "gs_core/version.h"
 
 namespace gs {

@@ -9,7 +9,7 @@
 #include "data_loaders/formats/gs4d/gs4d.h"
 #include "data_loaders/formats/gs4d/gs4d_layout.h"
 #include "data_loaders/formats/gs4d/moving_gaussian.h"
-#include "gs_core/io/byte_reader.h"
+#include "gs_core/system/byte_reader.h"
 #include "gs_core/threads/parallel.h"
 
 namespace gs {

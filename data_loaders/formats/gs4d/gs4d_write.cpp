@@ -12,7 +12,7 @@
 #include "data_loaders/formats/gs4d/moving_gaussian.h"
 #include "data_loaders/formats/model_moment.h"
 #include "gs_core/error.h"
-#include "gs_core/io/atomic_file.h"
+#include "gs_core/system/files/atomic_file.h"
 #include "gs_core/threads/parallel.h"
 
 namespace gs {

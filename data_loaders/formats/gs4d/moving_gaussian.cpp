@@ -5,8 +5,8 @@
 #include <cmath>
 
 #include "gs_core/geometry/symmetric_eigen.h"
-#include "gs_core/math/covariance.h"
-#include "gs_core/math/quaternion.h"
+#include "gs_core/math/render/covariance.h"
+#include "gs_core/math/render/quaternion.h"
 
 namespace gs {
 namespace {

@@ -2,7 +2,7 @@
 // A Gaussian in space and time, seen as a 3D Gaussian that moves along a line.
 #pragma once
 
-#include "gs_core/math/spacetime_splat.h"
+#include "gs_core/math/spacetime/spacetime_splat.h"
 
 namespace gs {
 

@@ -29,7 +29,7 @@
 #include <cstdint>
 #include <filesystem>
 
-#include "gs_core/edit/lod/splat_tree.h"
+#include "gs_model/lod/splat_tree.h"
 
 namespace gs {
 

@@ -15,7 +15,7 @@
 #include <filesystem>
 #include <vector>
 
-#include "gs_core/edit/lod/lod_tree.h"
+#include "gs_model/lod/lod_tree.h"
 
 namespace gs {
 

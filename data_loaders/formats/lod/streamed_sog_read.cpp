@@ -6,9 +6,9 @@
 
 #include "data_loaders/formats/lod/streamed_sog.h"
 #include "data_loaders/formats/sog/sog.h"
-#include "gs_core/foreign_text.h"
-#include "gs_core/io/byte_reader.h"
-#include "gs_core/io/read_json.h"
+#include "gs_core/system/byte_reader.h"
+#include "gs_core/system/text/foreign_text.h"
+#include "gs_core/system/text/read_json.h"
 
 namespace gs {
 namespace {

@@ -9,7 +9,7 @@
 #include "data_loaders/formats/coding/morton_rows.h"
 #include "data_loaders/formats/coding/quantize.h"
 #include "data_loaders/formats/ply/ply_layout.h"
-#include "gs_core/io/atomic_file.h"
+#include "gs_core/system/files/atomic_file.h"
 #include "gs_core/threads/parallel.h"
 
 namespace gs {

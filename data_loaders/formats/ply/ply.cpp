@@ -15,7 +15,7 @@
 #include "data_loaders/formats/ply/ply_file.h"
 #include "data_loaders/formats/ply/ply_layout.h"
 #include "gs_core/bake_filter.h"
-#include "gs_core/log.h"
+#include "gs_core/system/log.h"
 
 namespace gs {
 namespace {

@@ -11,7 +11,7 @@
 #include <cstring>
 
 #include "gs_core/error.h"
-#include "gs_core/io/parse_number.h"
+#include "gs_core/system/text/parse_number.h"
 
 namespace gs {
 namespace {

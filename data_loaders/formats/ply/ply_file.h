@@ -7,7 +7,7 @@
 #include <vector>
 
 #include "data_loaders/formats/ply/ply_header.h"
-#include "gs_core/io/byte_reader.h"
+#include "gs_core/system/byte_reader.h"
 
 namespace gs {
 

@@ -8,7 +8,7 @@
 #include <map>
 #include <set>
 
-#include "gs_core/io/byte_reader.h"
+#include "gs_core/system/byte_reader.h"
 
 namespace gs {
 namespace {

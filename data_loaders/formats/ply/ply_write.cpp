@@ -12,7 +12,7 @@
 #include "data_loaders/formats/ply/ply.h"
 #include "data_loaders/formats/ply/ply_layout.h"
 #include "gs_core/error.h"
-#include "gs_core/io/atomic_file.h"
+#include "gs_core/system/files/atomic_file.h"
 #include "gs_core/version.h"
 
 namespace gs {

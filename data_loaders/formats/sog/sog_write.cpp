@@ -12,7 +12,7 @@
 #include "data_loaders/formats/sog/webp.h"
 #include "data_loaders/formats/sog/zip_file.h"
 #include "gs_core/error.h"
-#include "gs_core/io/atomic_file.h"
+#include "gs_core/system/files/atomic_file.h"
 #include "gs_core/threads/parallel.h"
 #include "gs_core/version.h"
 

@@ -4,8 +4,8 @@
 #include <spdlog/fmt/fmt.h>
 
 #include "gs_core/error.h"
-#include "gs_core/foreign_text.h"
-#include "gs_core/io/byte_reader.h"
+#include "gs_core/system/byte_reader.h"
+#include "gs_core/system/text/foreign_text.h"
 
 #ifdef GS_HAVE_WEBP
 #include <webp/decode.h>

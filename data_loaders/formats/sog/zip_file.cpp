@@ -7,8 +7,8 @@
 
 #include "data_loaders/formats/coding/little_endian.h"
 #include "gs_core/error.h"
-#include "gs_core/foreign_text.h"
-#include "gs_core/io/byte_reader.h"
+#include "gs_core/system/byte_reader.h"
+#include "gs_core/system/text/foreign_text.h"
 
 namespace gs {
 namespace {

@@ -11,8 +11,8 @@
 #include "data_loaders/formats/coding/quantize.h"
 #include "data_loaders/formats/spz/spz.h"
 #include "data_loaders/formats/spz/spz_layout.h"
-#include "gs_core/io/byte_reader.h"
-#include "gs_core/log.h"
+#include "gs_core/system/byte_reader.h"
+#include "gs_core/system/log.h"
 #include "gs_core/threads/parallel.h"
 
 namespace gs {

@@ -10,8 +10,8 @@
 #include "data_loaders/formats/spz/spz.h"
 #include "data_loaders/formats/spz/spz_layout.h"
 #include "gs_core/error.h"
-#include "gs_core/io/atomic_file.h"
-#include "gs_core/log.h"
+#include "gs_core/system/files/atomic_file.h"
+#include "gs_core/system/log.h"
 #include "gs_core/threads/parallel.h"
 
 namespace gs {

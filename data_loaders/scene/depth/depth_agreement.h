@@ -4,7 +4,7 @@
 
 #include <cstddef>
 
-#include "gs_core/math/depth_kind.h"
+#include "gs_core/math/loss/depth_kind.h"
 
 namespace gs {
 

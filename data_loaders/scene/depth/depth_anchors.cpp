@@ -4,7 +4,7 @@
 #include <algorithm>
 
 #include "data_loaders/scene/depth/depth_map.h"
-#include "gs_core/math/projection.h"
+#include "gs_core/math/render/projection.h"
 
 namespace gs {
 namespace {

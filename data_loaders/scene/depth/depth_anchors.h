@@ -7,7 +7,7 @@
 
 #include "data_loaders/colmap/colmap_model.h"
 #include "data_loaders/scene/plan_views.h"
-#include "gs_core/math/depth_loss.h"
+#include "gs_core/math/loss/depth_loss.h"
 
 namespace gs {
 

@@ -8,7 +8,7 @@
 #include "data_loaders/photos/photo_names.h"
 #include "data_loaders/scene/files_of_photos.h"
 #include "gs_core/error.h"
-#include "gs_core/log.h"
+#include "gs_core/system/log.h"
 
 namespace gs {
 namespace {

@@ -7,8 +7,8 @@
 
 #include "data_loaders/scene/depth/depth_anchors.h"
 #include "data_loaders/scene/depth/depth_map.h"
-#include "gs_core/math/depth_loss.h"
-#include "gs_core/math/projection.h"
+#include "gs_core/math/loss/depth_loss.h"
+#include "gs_core/math/render/projection.h"
 
 namespace gs {
 namespace {

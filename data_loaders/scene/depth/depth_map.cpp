@@ -9,7 +9,7 @@
 #include "data_loaders/photos/depth_file.h"
 #include "data_loaders/scene/depth/depth_anchors.h"
 #include "gs_core/error.h"
-#include "gs_core/math/depth_loss.h"
+#include "gs_core/math/loss/depth_loss.h"
 #include "gs_core/threads/parallel.h"
 
 namespace gs {

@@ -8,10 +8,10 @@
 #include <vector>
 
 #include "gs_core/error.h"
-#include "gs_core/io/byte_reader.h"
-#include "gs_core/io/parse_number.h"
-#include "gs_core/io/read_json.h"
-#include "gs_core/text_file.h"
+#include "gs_core/system/byte_reader.h"
+#include "gs_core/system/files/text_file.h"
+#include "gs_core/system/text/parse_number.h"
+#include "gs_core/system/text/read_json.h"
 
 namespace gs {
 namespace {

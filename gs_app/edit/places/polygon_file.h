@@ -4,7 +4,7 @@
 
 #include <filesystem>
 
-#include "gs_core/edit/polygon.h"
+#include "gs_model/edit/polygon.h"
 
 namespace gs {
 

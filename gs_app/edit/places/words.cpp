@@ -7,7 +7,7 @@
 #include <cmath>
 
 #include "gs_core/error.h"
-#include "gs_core/io/parse_number.h"
+#include "gs_core/system/text/parse_number.h"
 
 namespace gs {
 namespace {

@@ -6,7 +6,7 @@
 #include <string_view>
 #include <vector>
 
-#include "gs_core/edit/select.h"
+#include "gs_model/edit/select.h"
 
 namespace gs {
 

@@ -7,7 +7,7 @@
 
 #include "gs_app/experiment/tables/table_settings.h"
 #include "gs_app/run/provenance.h"
-#include "gs_core/config/markdown.h"
+#include "gs_core/config/text/markdown.h"
 
 namespace gs {
 namespace {

@@ -6,9 +6,9 @@
 #include <algorithm>
 #include <cmath>
 
-#include "gs_core/access.h"
 #include "gs_core/error.h"
-#include "gs_core/io/read_json.h"
+#include "gs_core/system/files/access.h"
+#include "gs_core/system/text/read_json.h"
 
 namespace gs {
 namespace {

@@ -4,7 +4,7 @@
 #include <string>
 
 #include "gs_core/config/config_diff.h"
-#include "gs_core/config/config_text.h"
+#include "gs_core/config/text/config_text.h"
 
 namespace gs {
 namespace {

@@ -8,12 +8,12 @@
 #include "data_loaders/formats/coding/finite_rows.h"
 #include "data_loaders/formats/lod/rad.h"
 #include "gs_core/bake_filter.h"
-#include "gs_core/config/markdown.h"
+#include "gs_core/config/text/markdown.h"
 #include "gs_core/error.h"
-#include "gs_core/io/atomic_file.h"
-#include "gs_core/io/move_aside.h"
-#include "gs_core/io/output_lock.h"
-#include "gs_core/log.h"
+#include "gs_core/system/files/atomic_file.h"
+#include "gs_core/system/files/move_aside.h"
+#include "gs_core/system/files/output_lock.h"
+#include "gs_core/system/log.h"
 
 namespace gs {
 namespace {

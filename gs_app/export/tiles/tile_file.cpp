@@ -10,7 +10,7 @@
 #include "data_loaders/formats/glb/glb.h"
 #include "data_loaders/formats/spz/spz.h"
 #include "gs_core/error.h"
-#include "gs_core/io/atomic_file.h"
+#include "gs_core/system/files/atomic_file.h"
 #include "gs_core/version.h"
 
 namespace gs {

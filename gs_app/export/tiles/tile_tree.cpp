@@ -5,9 +5,9 @@
 #include <cmath>
 #include <numeric>
 
-#include "gs_core/edit/decimate.h"
 #include "gs_core/error.h"
-#include "gs_core/math/rotation.h"
+#include "gs_core/math/render/rotation.h"
+#include "gs_model/edit/decimate.h"
 
 namespace gs {
 namespace {

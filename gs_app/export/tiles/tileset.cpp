@@ -16,10 +16,10 @@
 #include "gs_core/bake_filter.h"
 #include "gs_core/error.h"
 #include "gs_core/geometry/vectors.h"
-#include "gs_core/io/atomic_file.h"
-#include "gs_core/io/move_aside.h"
-#include "gs_core/io/output_lock.h"
-#include "gs_core/log.h"
+#include "gs_core/system/files/atomic_file.h"
+#include "gs_core/system/files/move_aside.h"
+#include "gs_core/system/files/output_lock.h"
+#include "gs_core/system/log.h"
 #include "gs_core/version.h"
 
 namespace gs {

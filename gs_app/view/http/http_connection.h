@@ -9,7 +9,7 @@
 #include <vector>
 
 #include "gs_app/view/http/http_reply.h"
-#include "gs_core/processes/process.h"
+#include "gs_core/system/processes/process.h"
 
 namespace gs {
 

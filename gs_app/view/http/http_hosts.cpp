@@ -6,7 +6,7 @@
 #include <cctype>
 
 #include "gs_app/view/http/http_server.h"
-#include "gs_core/host_name.h"
+#include "gs_core/system/host_name.h"
 
 namespace gs {
 namespace {

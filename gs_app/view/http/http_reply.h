@@ -10,7 +10,7 @@
 #include <vector>
 
 #include "gs_app/view/http/http_server.h"
-#include "gs_core/processes/process.h"
+#include "gs_core/system/processes/process.h"
 
 namespace gs {
 

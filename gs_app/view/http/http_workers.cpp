@@ -7,8 +7,8 @@
 #include <utility>
 
 #include "gs_core/error.h"
-#include "gs_core/log.h"
-#include "gs_core/plain_message.h"
+#include "gs_core/system/log.h"
+#include "gs_core/system/text/plain_message.h"
 #include "gs_core/threads/low_priority.h"
 #include "gs_core/threads/parallel.h"
 #include "gs_core/threads/start_threads.h"

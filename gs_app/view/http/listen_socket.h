@@ -5,7 +5,7 @@
 #include <string>
 
 #include "gs_app/view/http/http_server.h"
-#include "gs_core/processes/process.h"
+#include "gs_core/system/processes/process.h"
 
 namespace gs {
 

@@ -16,11 +16,11 @@
 #include "gs_app/view/served_model.h"
 #include "gs_app/view/view_server.h"
 #include "gs_core/error.h"
-#include "gs_core/io/atomic_file.h"
-#include "gs_core/io/byte_reader.h"
-#include "gs_core/io/output_lock.h"
-#include "gs_core/io/scratch_folder.h"
-#include "gs_render/camera_path.h"
+#include "gs_core/system/byte_reader.h"
+#include "gs_core/system/files/atomic_file.h"
+#include "gs_core/system/files/output_lock.h"
+#include "gs_core/system/files/scratch_folder.h"
+#include "gs_render/paths/camera_path.h"
 
 namespace gs {
 namespace {

@@ -10,7 +10,7 @@
 
 #include "data_loaders/formats/ply/ply.h"
 #include "gs_core/error.h"
-#include "gs_core/math/rotation.h"
+#include "gs_core/math/render/rotation.h"
 #include "gs_core/random.h"
 #include "tests/support/colmap_writer.h"
 

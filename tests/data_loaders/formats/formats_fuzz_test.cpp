@@ -8,7 +8,7 @@
 #include "data_loaders/formats/formats.h"
 #include "data_loaders/formats/sog/zip_file.h"
 #include "data_loaders/formats/spz/spz_layout.h"
-#include "gs_core/log.h"
+#include "gs_core/system/log.h"
 #include "gs_core/threads/parallel.h"
 #include "tests/support/damage.h"
 #include "tests/support/random_model.h"

@@ -18,7 +18,7 @@
 #include "data_loaders/formats/ply/ply.h"
 #include "data_loaders/formats/sog/zip_file.h"
 #include "data_loaders/formats/spz/spz_layout.h"
-#include "gs_core/log.h"
+#include "gs_core/system/log.h"
 #include "tests/support/error_of.h"
 #include "tests/support/models.h"
 #include "tests/support/random_model.h"

@@ -6,7 +6,7 @@
 #include <gmock/gmock.h>
 
 #include "data_loaders/formats/formats.h"
-#include "gs_core/log.h"
+#include "gs_core/system/log.h"
 #include "tests/support/damage.h"
 #include "tests/support/error_of.h"
 #include "tests/support/ksplat_writer.h"

@@ -5,8 +5,8 @@
 #include <gtest/gtest.h>
 
 #include "data_loaders/formats/coding/frame.h"
-#include "gs_core/math/rotation.h"
-#include "gs_core/math/sh.h"
+#include "gs_core/math/render/rotation.h"
+#include "gs_core/math/render/sh.h"
 #include "tests/support/random_model.h"
 
 namespace gs {

@@ -17,7 +17,7 @@
 #include "data_loaders/formats/formats.h"
 #include "data_loaders/formats/lod/rad_layout.h"
 #include "data_loaders/formats/lod/rad_values.h"
-#include "gs_core/edit/merge_gaussians.h"
+#include "gs_model/edit/merge_gaussians.h"
 #include "tests/support/error_of.h"
 #include "tests/support/random_model.h"
 #include "tests/support/temp_folder.h"

@@ -12,7 +12,7 @@
 #include "data_loaders/formats/formats.h"
 #include "data_loaders/formats/sog/sog.h"
 #include "data_loaders/formats/sog/webp.h"
-#include "gs_core/log.h"
+#include "gs_core/system/log.h"
 #include "gs_core/threads/parallel.h"
 #include "tests/support/damage.h"
 #include "tests/support/error_of.h"

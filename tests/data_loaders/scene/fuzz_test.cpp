@@ -10,7 +10,7 @@
 #include "data_loaders/lenses/undistort.h"
 #include "data_loaders/scene/load_scene.h"
 #include "data_loaders/transforms/transforms_json.h"
-#include "gs_core/log.h"
+#include "gs_core/system/log.h"
 #include "tests/support/colmap_writer.h"
 #include "tests/support/damage.h"
 #include "tests/support/gps_photo.h"

@@ -1,11 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
 // Files and folders that are in the way of new ones are kept under another name.
-#include "gs_core/io/move_aside.h"
+#include "gs_core/system/files/move_aside.h"
 
 #include <gtest/gtest.h>
 
 #include "gs_core/error.h"
-#include "gs_core/io/atomic_file.h"
+#include "gs_core/system/files/atomic_file.h"
 #include "tests/support/temp_folder.h"
 
 namespace gs {

@@ -6,7 +6,7 @@
 
 #include <numeric>
 
-#include "gs_core/math/activations.h"
+#include "gs_core/math/render/activations.h"
 #include "gs_train/density/contribution.h"
 #include "gs_train/loop/trainer.h"
 #include "tests/support/adaptive.h"

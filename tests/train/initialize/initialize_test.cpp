@@ -9,7 +9,7 @@
 #include "gs_core/config/config_diff.h"
 #include "gs_core/config/scene_settings.h"
 #include "gs_core/error.h"
-#include "gs_core/math/projection.h"
+#include "gs_core/math/render/projection.h"
 #include "gs_core/threads/parallel.h"
 #include "tests/support/models.h"
 

@@ -6,10 +6,10 @@
 #include <cmath>
 
 #include "gs_core/error.h"
-#include "gs_core/math/depth_loss.h"
+#include "gs_core/math/loss/depth_loss.h"
 #include "gs_core/threads/parallel.h"
+#include "gs_eval/depth_error.h"
 #include "gs_render/surface_renderer.h"
-#include "gs_train/metrics/depth_error.h"
 #include "gs_train/reduced_view.h"
 #include "tests/support/scene_run.h"
 #include "tests/support/small_scene.h"

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // How many places training on a GPU takes for the instances of a view. No GPU is needed.
-#include "cuda/train/instance_forecast.h"
+#include "cuda/step/instance_forecast.h"
 
 #include <gtest/gtest.h>
 

@@ -10,7 +10,7 @@
 #include "gs_core/config/config_words.h"
 #include "gs_core/error.h"
 #include "gs_core/threads/parallel.h"
-#include "gs_train/metrics.h"
+#include "gs_eval/metrics.h"
 #include "gs_train/stages/scalar_stages.h"
 #include "tests/support/adaptive.h"
 #include "tests/support/models.h"

@@ -1,14 +1,14 @@
 // SPDX-License-Identifier: Apache-2.0
 // LPIPS with small networks: figures known in closed form, figures of lpips_reference.py, and files
 // that do not hold such a network.
-#include "gs_train/metrics/lpips.h"
+#include "gs_eval/lpips/lpips.h"
 
 #include <gmock/gmock.h>
 
 #include <limits>
 
 #include "gs_core/threads/parallel.h"
-#include "gs_train/metrics.h"
+#include "gs_eval/metrics.h"
 #include "tests/support/error_of.h"
 #include "tests/support/lpips_file.h"
 #include "tests/support/scenes.h"

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "gs_train/metrics.h"
+#include "gs_eval/metrics.h"
 
 #include <gtest/gtest.h>
 

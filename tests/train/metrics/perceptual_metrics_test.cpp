@@ -8,8 +8,8 @@
 #include <cmath>
 
 #include "gs_core/threads/parallel.h"
-#include "gs_train/metrics.h"
-#include "gs_train/metrics/flip.h"
+#include "gs_eval/flip/flip.h"
+#include "gs_eval/metrics.h"
 #include "tests/support/scenes.h"
 
 namespace gs {

@@ -9,8 +9,8 @@
 
 #include "gs_core/error.h"
 #include "gs_core/threads/parallel.h"
-#include "gs_train/metrics.h"
-#include "gs_train/metrics/color_correction.h"
+#include "gs_eval/color_correction.h"
+#include "gs_eval/metrics.h"
 #include "gs_train/photometric/photometric_start.h"
 #include "gs_train/stages/scalar_stages.h"
 #include "tests/support/adaptive.h"

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Stage 8: the optimizer over arrays equals adam_update(), number by number.
-#include "gs_core/math/adam.h"
+#include "gs_core/math/update/adam.h"
 
 #include <gtest/gtest.h>
 

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // The 3D filter in training: how it is measured, what row operations do with it, whole runs, and
 // what a camera sees that comes closer than those of the photos.
-#include "gs_core/math/filter_3d.h"
+#include "gs_core/math/render/filter_3d.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

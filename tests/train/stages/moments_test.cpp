@@ -9,7 +9,7 @@
 
 #include "gs_core/config/config_words.h"
 #include "gs_core/error.h"
-#include "gs_core/math/moment_rounding.h"
+#include "gs_core/math/update/moment_rounding.h"
 #include "gs_core/threads/parallel.h"
 #include "gs_train/initialize/initialize.h"
 #include "gs_train/row_rules.h"

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Stage 10: the order along the Morton curve, and the gather that puts rows into an order.
-#include "gs_core/math/morton.h"
+#include "gs_core/math/density/morton.h"
 
 #include <gtest/gtest.h>
 

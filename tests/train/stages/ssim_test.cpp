@@ -6,7 +6,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "gs_core/math/ssim.h"
+#include "gs_core/math/loss/ssim.h"
 #include "gs_train/stages/scalar_stages.h"
 #include "gs_train/window.h"
 #include "tests/support/scenes.h"

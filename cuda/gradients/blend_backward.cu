@@ -1,0 +1,400 @@
+// SPDX-License-Identifier: Apache-2.0
+// Stage 6: the gradients of blending, front to back again. subtile.cuh describes the work of a
+// warp.
+//
+// A lane goes through the listed splats for its pixel and computes two numbers for each: f = dL/dE,
+// the gradient by the exponent, and w = T alpha, the weight. The gradient of a splat follows from
+// sums of these over the pixels:
+//
+//   sum f {1, x, y, x^2, x y, y^2}   for mean, conic and opacity; x, y from the sub-tile's center
+//   sum w dL/d(pixel)                for its color
+//
+// These are two matrix products, [splats x pixels] [pixels x 6] and [splats x pixels] [pixels x 3],
+// on tensor cores for 16 splats at a time. x and y are multiples of 1/2 below 4, so that the first
+// right-hand side is exact in TF32. The left-hand sides are split into two TF32 parts, so that only
+// the sums are rounded.
+//
+// A warp looks at 32 splats of its part of the tile at a time, and lists those that hit its sub-tile
+// until there are the 16 of a product. Its lanes then take two splats in each step of their loop,
+// without a branch: a fragment that is not kept has f = w = 0. f and w of the two lie side by side
+// in shared memory, which is the order in which a lane's registers hold the left-hand side of a
+// product.
+//
+// The score "force" of density control (FragmentSums) costs little more: sum f is one of the moments,
+// and sum f^2 is summed from the registers that the products load.
+#include "cuda/device/mma.cuh"
+#include "cuda/gradients/gradient_sums.cuh"
+#include "cuda/render/blend/subtile.cuh"
+#include "cuda/stages.cuh"
+
+namespace gs::cuda {
+namespace {
+
+constexpr int kBlocks = 6;            // per multiprocessor, as many as registers and memory allow
+constexpr int kProductSplats = 16;    // of one product
+constexpr int kProducts = kWarp / 8;  // of 8 pixels each
+constexpr int kPairStride = 2 * 8;    // floats: two splats at the pixels of a product
+constexpr int kLeftStride = kProductSplats / 2 * kPairStride;  // floats: a left-hand side
+constexpr int kColorStride = kWarp + 8;                        // floats; columns are 8 banks apart
+constexpr int kSecondAt = 16;  // the place of FragmentSums::second among a splat's sums
+
+// Where the left-hand sides of product q begin, f and then w. Those of odd products lie 16 banks
+// apart from those of even ones, because half a warp writes both at a time.
+constexpr int place_of_f(int q) { return q / 2 * kLeftStride + q % 2 * (4 * kLeftStride + 16); }
+constexpr int place_of_w(int q) { return place_of_f(q) + 2 * kLeftStride; }
+
+// Places of the ring of listed splats: for a product that is not full yet, and for the next 32.
+constexpr int kListed = kProductSplats + kWarp;
+
+using Walk = PartWalkOf<Splat, kTileWidth, true, std::uint16_t>;
+static_assert(kSegmentLength <= 65536);  // a walk of 16 bits
+
+constexpr int kColorColumns = 6;  // in use
+
+struct WarpShared {
+  ListedSplat list[kListed];
+  Walk::Ahead ahead;
+  // the left-hand sides: f and w of 16 splats at each pixel; then the sums over the pixels
+  alignas(16) float fragments[place_of_w(kProducts - 1) + kLeftStride];
+  alignas(8) float colors[kColorColumns][kColorStride];  // the right-hand side, by columns
+};
+
+// This lane's part of the right-hand side of the moments, column l / 4: x^a y^b, a + b <= 2. Row t
+// of product q is pixel 8 q + 2 t of the sub-tile, and row t + 4 is the next pixel, so that a lane
+// reads f of two splats at both pixels in 16 consecutive bytes, and w as well.
+struct Monomials {
+  float x[2];        // x^a of the columns 2 t and 2 t + 1
+  float y[2], sign;  // y^b of the first two rows; times `sign`, mirrored, of the last two
+
+  __device__ Monomials() {
+    static_assert(kSubtileWidth == 8 && kSubtileHeight == kProducts && kProducts == 4);
+    const int column = lane_of_thread() / 4, t = lane_of_thread() % 4;
+    const int a = column == 3 ? 2 : column == 1 || column == 4 ? 1 : 0;
+    const int b = column == 5 ? 2 : column == 2 || column == 4 ? 1 : 0;
+    for (int k = 0; k < 2; ++k) {
+      x[k] = power(float(2 * t + k) - 3.5f, a) * (column < 6 ? 1.0f : 0.0f);
+      y[k] = power(float(k) - 1.5f, b);
+    }
+    sign = b == 1 ? -1.0f : 1.0f;
+  }
+  __device__ float y_of_row(int q) const { return q < 2 ? y[q] : sign * y[3 - q]; }
+
+ private:
+  __device__ static float power(float base, int n) {
+    return n == 0 ? 1.0f : n == 1 ? base : base * base;
+  }
+};
+
+// Writes this lane's row of the right-hand side of the colors: red, green and blue of dL/d(pixel),
+// which a product cuts off to TF32, and the rest of each.
+__device__ void write_colors(WarpShared& shared, const Vec3f& dL_dpixel) {
+  const int lane = lane_of_thread();
+  for (int c = 0; c < 3; ++c) {
+    shared.colors[c][lane] = dL_dpixel[c];
+    shared.colors[3 + c][lane] = dL_dpixel[c] - tf32_part(dL_dpixel[c]);
+  }
+}
+
+// dL/d(splat) from the sums over the pixels of one sub-tile. preprocess_backward() masks the colors
+// later.
+__device__ SplatGradientSum splat_gradient(const ListedSplat& splat, const Vec2f& center,
+                                           const float* sums) {
+  const float4 a = *reinterpret_cast<const float4*>(sums);
+  const float4 b = *reinterpret_cast<const float4*>(sums + 4);
+  const float4 c = *reinterpret_cast<const float4*>(sums + 8);
+  const float4 d = *reinterpret_cast<const float4*>(sums + 12);
+  // From moments about the sub-tile's center to moments about the splat's mean.
+  const float f = a.x, mx = splat.mean2d.x - center.x, my = splat.mean2d.y - center.y;
+  const float fx = a.y - mx * f, fy = a.z - my * f;
+  const float fxx = a.w - mx * (a.y + fx), fxy = b.x - mx * a.z - my * fx,
+              fyy = b.y - my * (a.z + fy);
+  const Sym2<float> Q = conic_of(splat.L);
+  return {{Q.xx * fx + Q.xy * fy, Q.xy * fx + Q.yy * fy},  -0.5f * fxx, -0.5f * fxy, -0.5f * fyy,
+          splat.opacity > 0.0f ? f / splat.opacity : 0.0f, c.x + c.w,   c.y + d.x,   c.z + d.y};
+}
+
+// The whole warp: |dL/d(mean)| of a splat summed over its pixels, axis by axis, from each one's f
+// at d = (dx, dy).
+__device__ Vec2f absolute_gradient(const ListedSplat& splat, float dx, float dy, float f) {
+  const Sym2<float> Q = conic_of(splat.L);
+  return {warp_sum(fabsf(f * (Q.xx * dx + Q.xy * dy))),
+          warp_sum(fabsf(f * (Q.xy * dx + Q.yy * dy)))};
+}
+
+// FragmentSums::second of the splats 2 g and 2 g + 1 over the pixels that this lane loads.
+struct SecondSums {
+  float first = 0, second = 0;
+
+  // Left-hand sides of f.
+  __device__ void add(const float4& f) {
+    first = fmaf(f.x, f.x, fmaf(f.z, f.z, first));
+    second = fmaf(f.y, f.y, fmaf(f.w, f.w, second));
+  }
+  /// The four lanes with the same g: the sum over all pixels, of splat 2 g in even lanes and of
+  /// 2 g + 1 in odd ones.
+  __device__ float total() const {
+    const bool is_odd = lane_of_thread() % 2;
+    const float given = __shfl_xor_sync(kAllLanes, is_odd ? first : second, 1);
+    const float pair = (is_odd ? second : first) + given;
+    return pair + __shfl_xor_sync(kAllLanes, pair, 2);
+  }
+};
+
+// What lane k knows of the k-th splat, where asked for.
+struct SplatOfLane {
+  Vec2f absolute{0, 0};  // its absolute gradient
+  unsigned kept = 0;     // the pixels of its fragments, a bit each
+};
+
+// The whole warp: sums f and w of up to 16 splats over the pixels, and adds each splat's share to
+// the sums of its Gaussian. Splats 2 g and 2 g + 1 are rows g and g + 8 of the products.
+template <class Sums>
+__device__ void add_shares(WarpShared& shared, const ListedSplat* list, int count,
+                           const SplatOfLane& of_lane, const Monomials& monomials,
+                           const Vec2f& center, const Sums& sums) {
+  constexpr bool kHasFragments = Sums::kStatistic != FragmentStatistic::none;
+  const int lane = lane_of_thread(), g = lane / 4, t = lane % 4;
+  __syncwarp();
+  const float* const column = shared.colors[min(g, kColorColumns - 1)] + 2 * t;
+  SecondSums seconds;
+  float moments[4] = {}, colors[4] = {};
+#pragma unroll
+  for (int q = 0; q < kProducts; ++q) {
+    const float4 f = *reinterpret_cast<const float4*>(shared.fragments + place_of_f(q) + 4 * lane);
+    const float4 w = *reinterpret_cast<const float4*>(shared.fragments + place_of_w(q) + 4 * lane);
+    const float y = monomials.y_of_row(q);
+    const float2 color = *reinterpret_cast<const float2*>(column + 8 * q);
+    multiply_add_exactly(moments, {f.x, f.y, f.z, f.w}, {monomials.x[0] * y, monomials.x[1] * y});
+    multiply_add_exactly(colors, {w.x, w.y, w.z, w.w}, {color.x, color.y});
+    if (kHasFragments) seconds.add(f);
+  }
+  [[maybe_unused]] const float second = kHasFragments ? seconds.total() : 0.0f;
+  __syncwarp();
+  float* const to = shared.fragments + 2 * g * kSumStride + 2 * t;
+  *reinterpret_cast<float2*>(to) = {moments[0], moments[1]};
+  *reinterpret_cast<float2*>(to + 8) = {colors[0], colors[1]};
+  *reinterpret_cast<float2*>(to + kSumStride) = {moments[2], moments[3]};
+  *reinterpret_cast<float2*>(to + kSumStride + 8) = {colors[2], colors[3]};
+  if (kHasFragments && t < 2) shared.fragments[(2 * g + t) * kSumStride + kSecondAt] = second;
+  __syncwarp();
+  std::uint32_t gaussian = 0;
+  SplatShare share;
+  if (lane < count) {
+    const ListedSplat splat = list[lane];
+    const float* const of_splat = shared.fragments + lane * kSumStride;
+    gaussian = splat.gaussian;
+    share.gradient = splat_gradient(splat, center, of_splat);
+    if (Sums::kAbsolute)
+      share.gradient.absolute_x = of_lane.absolute.x,
+      share.gradient.absolute_y = of_lane.absolute.y;
+    if (kHasFragments)
+      share.fragments = {float(__popc(of_lane.kept)), of_splat[0], of_splat[kSecondAt]};
+  }
+  sums.add(count, gaussian, share, shared.fragments);
+  __syncwarp();
+}
+
+// The state of one pixel during the walk. gs_core/math/render/blend.h has the same formulas with the color
+// behind a fragment; here its inner product with dL/d(pixel) is enough.
+struct PixelWalk {
+  Vec3f dL_dpixel{0, 0, 0};
+  float behind = 0;       // <color behind without background, dL/dpixel> - background_term
+  float last_behind = 0;  // the same behind the last fragment: -background_term
+  float transmittance = 1;
+  int last = -1;  // the position of the last fragment
+
+  __device__ PixelWalk(const TileLists& lists, const Subtile& subtile, const Vec3f& background,
+                       const float* image, const float* final_transmittance,
+                       const std::uint32_t* last_instance, const float* dL_dimage) {
+    if (!subtile.is_inside) return;
+    const std::size_t at = subtile.pixel(lists), plane = std::size_t(lists.width) * lists.height;
+    dL_dpixel = {dL_dimage[at], dL_dimage[plane + at], dL_dimage[2 * plane + at]};
+    behind = inner(dL_dpixel, Vec3f(image[at], image[plane + at], image[2 * plane + at]));
+    last_behind = final_transmittance[at] * inner(dL_dpixel, background);
+    last = int(last_instance[at]) - 1;
+  }
+
+  /// Skips to a later segment; the checkpoint has (color, transmittance) before it.
+  __device__ void skip_to(const Vec4f& checkpoint) {
+    behind -= inner(dL_dpixel, Vec3f(checkpoint.x, checkpoint.y, checkpoint.z));
+    transmittance = checkpoint.w;
+  }
+
+  /// Returns f and w of a fragment, and advances past it. A fragment that is not kept has opacity 0:
+  /// f and w are 0 and the state stays as it is, without a branch.
+  template <BlendRule rule>
+  __device__ float2 step(const ListedSplat& splat, float e, bool is_kept) {
+    const float opacity = is_kept ? splat.opacity : 0.0f, gaussian = exp2_fragment(e);
+    const float alpha = fragment_alpha<rule>(opacity, gaussian);
+    const float weight = transmittance * alpha;
+    const float shade =
+        fmaf(splat.red, dL_dpixel.x, fmaf(splat.green, dL_dpixel.y, splat.blue * dL_dpixel.z));
+    behind = int(splat.position) == last ? last_behind : fmaf(-weight, shade, behind);
+    const float q = 1.0f / fmaxf(1.0f - alpha, kMinOneMinusAlpha);
+    float f = fmaf(weight, shade, -alpha * q * behind);
+    if (rule == BlendRule::classic && opacity * gaussian > kMaxAlphaClassic) f = 0.0f;
+    transmittance = transmittance * (1.0f - alpha);
+    return {f, weight};
+  }
+};
+
+// The results of the forward pass.
+struct Forward {
+  const float* image;                      // (3, H, W)
+  const float* transmittance;              // (H, W)
+  const std::uint32_t* last;               // (H, W)
+  const std::uint32_t* first_checkpoints;  // (tiles)
+  const Vec4f* checkpoints;                // (.., pixels of a tile)
+};
+
+// The whole warp: lists those of the walk's next 32 splats that hit the sub-tile, from a place of
+// the ring on, and returns their number.
+__device__ int list_next(ListedSplat* ring, int place, Walk& walk, const PixelRange& pixels) {
+  ListedSplat splat_of_lane;
+  bool is_hit = false;
+  walk.take_next([&](int, const Splat& splat, std::uint32_t position, std::uint32_t gaussian) {
+    is_hit = pixels.are_hit_by(splat);
+    splat_of_lane = listed(splat, position, gaussian);
+  });
+  const unsigned hits = __ballot_sync(kAllLanes, is_hit);
+  place += __popc(hits & lanes_below());
+  if (is_hit) ring[place < kListed ? place : place - kListed] = splat_of_lane;
+  return __popc(hits);
+}
+
+template <BlendRule rule, class Sums>
+__global__ void __launch_bounds__(kBlendThreads, kBlocks)
+    blend_backward_kernel(TileLists lists, const ListSegment* segments, Vec3f background,
+                          Forward forward, const float* dL_dimage, Sums sums) {
+  constexpr bool kHasFragments = Sums::kStatistic != FragmentStatistic::none;
+  __shared__ WarpShared shared_of_warps[kBlendWarps];
+  WarpShared& shared = shared_of_warps[threadIdx.x / kWarp];
+  const int lane = lane_of_thread();
+  const WarpWork work;
+  const ListSegment segment = segments[work.item];
+  if (segment.tile == kNoTile) return;
+  const Subtile subtile(lists, segment.tile, work.subtile);
+  PixelWalk pixel(lists, subtile, background, forward.image, forward.transmittance, forward.last,
+                  dL_dimage);
+  const std::uint32_t longest = warp_max(std::uint32_t(pixel.last + 1)),
+                      first = segment.number * kSegmentLength;
+  if (longest <= first) return;
+  if (segment.number > 0)
+    pixel.skip_to(forward.checkpoints[subtile.checkpoint(forward.first_checkpoints[segment.tile] +
+                                                         segment.number - 1)]);
+  write_colors(shared, pixel.dL_dpixel);
+  const Monomials monomials;
+  const Vec2f center{float(subtile.x0) + 0.5f * kSubtileWidth,
+                     float(subtile.y0) + 0.5f * kSubtileHeight};
+  const float x = float(subtile.x) + 0.5f, y = float(subtile.y) + 0.5f;
+  float* const left = shared.fragments + place_of_f(lane / 8) + 2 * (lane % 8);
+  const PixelRange pixels = subtile.pixels();
+  Walk walk(shared.ahead, lists, subtile.tile, pixels.bit(), first,
+            min(longest, first + kSegmentLength), false);
+  ListedSplat* list = shared.list;  // where the next product begins
+  int listed = 0;                   // splats from there on
+  while (true) {
+    while (listed < kProductSplats && !walk.is_done())
+      listed += list_next(shared.list, int(list - shared.list) + listed, walk, pixels);
+    if (listed == 0) break;
+    const int count = min(listed, kProductSplats);
+    if (lane == 0 && count % 2) list[count] = {};  // the other one of a pair
+    __syncwarp();
+    SplatOfLane of_lane;
+    const auto step = [&](int k, const ListedSplat& splat) {
+      const float dx = x - splat.mean2d.x, dy = y - splat.mean2d.y;
+      const float e = base2_exponent(splat, dx, dy);
+      const bool is_kept = e >= splat.lowest && int(splat.position) <= pixel.last;
+      const float2 fragment = pixel.step<rule>(splat, e, is_kept);
+      if (Sums::kAbsolute) {
+        const Vec2f sum = absolute_gradient(splat, dx, dy, fragment.x);
+        if (lane == k) of_lane.absolute = sum;
+      }
+      if (kHasFragments) {
+        const unsigned kept = __ballot_sync(kAllLanes, is_kept);
+        if (lane == k) of_lane.kept = kept;
+      }
+      return fragment;
+    };
+    float* to = left;
+#pragma unroll 1
+    for (int k = 0; k < count; k += 2, to += kPairStride) {
+      const ListedSplat one = list[k], other = list[k + 1];
+      const float2 a = step(k, one), b = step(k + 1, other);
+      *reinterpret_cast<float2*>(to) = {a.x, b.x};
+      *reinterpret_cast<float2*>(to + place_of_w(0)) = {a.y, b.y};
+    }
+    add_shares(shared, list, count, of_lane, monomials, center, sums);
+    listed -= count;
+    list = list + kProductSplats < shared.list + kListed ? list + kProductSplats : shared.list;
+  }
+}
+
+// Adds the fixed-point sums of visible Gaussians to the floats that preprocess_backward() reads,
+// which are zero but for photos with a depth map, and clears them.
+__global__ void __launch_bounds__(kBlendThreads)
+    collect_sums_kernel(std::size_t count, const std::uint32_t* tile_counts, FineSums* all_fine,
+                        CoarseSums* all_coarse, SplatGradientSum* gradients) {
+  const std::size_t i = std::size_t(blockIdx.x) * kBlendThreads + threadIdx.x;
+  if (i >= count || tile_counts[i] == 0) return;
+  const FineSums fine = load_in_vectors(all_fine + i);
+  const auto number = [&](int k) { return sum_of(fine, all_coarse + i, k); };
+  SplatGradientSum sum = load_in_vectors(gradients + i);
+  sum.mean2d += Vec2f(number(0), number(1));
+  sum.conic_xx += number(2), sum.conic_xy += number(3), sum.conic_yy += number(4);
+  sum.opacity += number(5);
+  sum.red += number(6), sum.green += number(7), sum.blue += number(8);
+  sum.absolute_x += number(9), sum.absolute_y += number(10);
+  store_in_vectors(gradients + i, sum);
+  store_in_vectors(all_fine + i, FineSums{});
+  if (fine.has_coarse) all_coarse[i] = {};
+}
+
+}  // namespace
+
+void blend_backward(Context& context, const RenderSettings& settings, Span<const float> dL_dimage,
+                    Workspace& workspace, RenderPass& pass) {
+  const StageScope scope(context, "blend backward");
+  GS_CHECK(dL_dimage.size == 3 * pass.pixel_count());
+  const CudaScratch& scratch = pass.scratch<CudaScratch>();
+  const Forward forward{pass.image.data(), pass.transmittance.data(), pass.last_instance.data(),
+                        scratch.first_checkpoints.data(), scratch.checkpoints()};
+  const auto launch = [&](const auto& sums) {
+    with_rule(settings.blend_rule, [&](auto rule) {
+      context.launch("blend backward",
+                     blend_backward_kernel<rule(), std::remove_cvref_t<decltype(sums)>>,
+                     blend_blocks(scratch.segments.size()), kBlendThreads, tile_lists(pass),
+                     scratch.segments.data(), settings.background, forward, dL_dimage.data, sums);
+    });
+  };
+  const FragmentSink fragments{
+      settings.deterministic ? nullptr : workspace.fragment_sums.data(),
+      settings.deterministic ? workspace.fixed_fragment_sums.data() : nullptr,
+      force_scale(pass.pixel_count())};
+  const auto launch_with = [&](const auto& sums) {
+    using Sums = std::remove_cvref_t<decltype(sums)>;
+    if (settings.fragment_statistic == FragmentStatistic::none) return launch(sums);
+    if constexpr (std::is_same_v<Sums, FloatSums<false>>)
+      return launch(FloatSumsOfForces{{sums.of_gaussian}});
+    else
+      return launch(WithForces<Sums>{sums, fragments});
+  };
+  const auto launch_as_asked = [&](auto absolute) {
+    if (!settings.deterministic)
+      return launch_with(FloatSums<absolute()>{workspace.splat_gradients.data()});
+    launch_with(FixedSums<absolute()>{workspace.fine_sums.data(), workspace.coarse_sums.data()});
+    const std::size_t count = pass.tile_counts.size();
+    context.launch("collect sums", collect_sums_kernel, blocks_for(count, kBlendThreads),
+                   kBlendThreads, count, pass.tile_counts.data(), workspace.fine_sums.data(),
+                   workspace.coarse_sums.data(), workspace.splat_gradients.data());
+  };
+  // Forces that are not among the gradients are in sums of their own, beside absolute gradients.
+  const bool has_forces_apart = settings.fragment_statistic != FragmentStatistic::none &&
+                                settings.with_depths && !settings.deterministic;
+  if (settings.absolute_gradient || has_forces_apart)
+    launch_as_asked(std::true_type());
+  else
+    launch_as_asked(std::false_type());
+}
+
+}  // namespace gs::cuda

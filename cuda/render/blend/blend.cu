@@ -1,0 +1,92 @@
+// SPDX-License-Identifier: Apache-2.0
+// Stage 4: blend each tile's list of splats front to back, one pixel per lane. subtile.cuh
+// describes the work of a warp. GPUs with tensor cores use blend_gemm.cu instead.   Kerbl et al.
+// 2023, Eq. 3
+#include "cuda/render/blend/subtile.cuh"
+#include "cuda/stages.cuh"
+
+namespace gs::cuda {
+namespace {
+
+constexpr int kBlocks = 10;  // per multiprocessor, as many as registers allow
+
+struct Output {
+  float* image;                            // (3, H, W)
+  float* transmittance;                    // (H, W)
+  std::uint32_t* last;                     // (H, W)
+  const std::uint32_t* first_checkpoints;  // (tiles)
+  Vec4f* checkpoints;                      // (.., pixels of a tile); null: none are wanted
+};
+
+struct WarpShared {
+  ListedSplat list[kWarp];
+  ListWalk::Ahead ahead;
+};
+
+template <BlendRule rule>
+__global__ void __launch_bounds__(kBlendThreads, kBlocks)
+    blend_kernel(TileLists lists, const std::uint32_t* tile_order, Vec3f background, Output out) {
+  __shared__ WarpShared shared_of_warps[kBlendWarps];
+  WarpShared& shared = shared_of_warps[threadIdx.x / kWarp];
+  const WarpWork work;
+  const Subtile subtile(lists, tile_of(tile_order, work.item), work.subtile);
+  if (subtile.x0 >= lists.width || subtile.y0 >= lists.height) return;  // the whole warp
+
+  PixelState<float> pixel;
+  bool is_open = subtile.is_inside;  // takes further fragments
+  std::uint32_t last = 0;
+  const float x = float(subtile.x) + 0.5f, y = float(subtile.y) + 0.5f;
+  const std::uint32_t length = lists.ranges[subtile.tile + 1] - lists.ranges[subtile.tile];
+  for (ListWalk walk(shared.ahead, lists, subtile.tile, subtile.pixels(), 0, length,
+                     out.checkpoints != nullptr);
+       !walk.is_done();) {
+    if (!__any_sync(kAllLanes, is_open)) break;
+    if (walk.segment_is_done())
+      out.checkpoints[subtile.checkpoint(out.first_checkpoints[subtile.tile] + walk.next_segment() -
+                                         1)] = {pixel.color.x, pixel.color.y, pixel.color.z,
+                                                pixel.transmittance};
+    const int count = walk.list_next(shared.list);
+    for (int i = 0; i < count; ++i) {
+      const ListedSplat splat = shared.list[i];
+      const float e = base2_exponent(splat, x - splat.mean2d.x, y - splat.mean2d.y);
+      if (!is_open || e < splat.lowest) continue;
+      const float alpha = fragment_alpha<rule>(splat.opacity, exp2_fragment(e));
+      if (rule == BlendRule::classic && is_opaque(pixel.transmittance * (1.0f - alpha))) {
+        is_open = false;
+        continue;
+      }
+      composite(pixel, {splat.red, splat.green, splat.blue}, alpha);
+      last = splat.position + 1;
+      if (rule == BlendRule::faster_gs && is_opaque(pixel.transmittance)) is_open = false;
+    }
+    __syncwarp();
+  }
+  if (!subtile.is_inside) return;
+  const std::size_t to = subtile.pixel(lists), plane = std::size_t(lists.width) * lists.height;
+  const Vec3f color = pixel.color + pixel.transmittance * background;
+  out.image[to] = color.x;
+  out.image[plane + to] = color.y;
+  out.image[2 * plane + to] = color.z;
+  out.transmittance[to] = pixel.transmittance;
+  out.last[to] = last;
+}
+
+}  // namespace
+
+void blend(Context& context, const RenderSettings& settings, RenderPass& pass) {
+  const StageScope scope(context, "blend");
+  pass.image.resize_discard(3 * pass.pixel_count());
+  pass.transmittance.resize_discard(pass.pixel_count());
+  pass.last_instance.resize_discard(pass.pixel_count());
+  if (blends_on_tensor_cores(context, settings)) return blend_gemm(context, settings, pass);
+  const CudaScratch& scratch = pass.scratch<CudaScratch>();
+  const Output out{pass.image.data(), pass.transmittance.data(), pass.last_instance.data(),
+                   scratch.first_checkpoints.data(),
+                   settings.for_backward ? scratch.checkpoints() : nullptr};
+  with_rule(settings.blend_rule, [&](auto rule) {
+    context.launch("blend", blend_kernel<rule()>, blend_blocks(pass.tile_count()), kBlendThreads,
+                   tile_lists(pass), scratch.order(), settings.background, out);
+  });
+}
+
+}  // namespace gs::cuda

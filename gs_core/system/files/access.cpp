@@ -1,0 +1,28 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "gs_core/system/files/access.h"
+
+#include <spdlog/fmt/fmt.h>
+
+#include <algorithm>
+
+namespace gs {
+
+namespace fs = std::filesystem;
+
+void cannot_access(const fs::path& path, const std::string& what) {
+  throw AccessError(fmt::format("cannot read {}: {}", path.string(), what));
+}
+
+std::vector<fs::path> entries_of(const fs::path& folder) {
+  std::vector<fs::path> entries;
+  std::error_code error;
+  for (fs::directory_iterator entry(folder, error), end; !error && entry != end;
+       entry.increment(error))
+    entries.push_back(entry->path());
+  if (error && error != std::errc::no_such_file_or_directory && error != std::errc::not_a_directory)
+    cannot_access(folder, error.message() + "; check its permissions and the disk");
+  std::sort(entries.begin(), entries.end());
+  return entries;
+}
+
+}  // namespace gs

@@ -1,0 +1,192 @@
+// SPDX-License-Identifier: Apache-2.0
+// Stage 6: gradients of blending, per Gaussian and front to back. Each instance sums the gradients
+// of its fragments over the tile's pixels and writes them to a slot of its own. No two threads add
+// to the same number, and the sum of a splat has a fixed order.
+#include "gs_core/math/render/blend.h"
+
+#include <cmath>
+
+#include "gs_core/threads/parallel.h"
+#include "gs_render/stage_clock.h"
+#include "gs_render/stages.h"
+#include "gs_render/stages/tile_loop.h"
+
+namespace gs {
+namespace {
+
+// The pixels of one tile in the backward pass: PixelBackwardState, one array per member.
+struct TilePixels {
+  float red[kTilePixels], green[kTilePixels], blue[kTilePixels];  // color behind
+  float transmittance[kTilePixels];
+  float d_red[kTilePixels], d_green[kTilePixels], d_blue[kTilePixels];  // dL/d(pixel)
+  float d_final[kTilePixels];
+  std::uint32_t last[kTilePixels];
+  std::uint32_t largest_last = 0;
+
+  TilePixels(const RenderPass& pass, const Tile& tile, const Vec3f& background,
+             Span<const float> dL_dimage) {
+    const std::size_t plane = pass.pixel_count();
+    for (int pixel = 0; pixel < kTilePixels; ++pixel) {
+      red[pixel] = green[pixel] = blue[pixel] = 0.0f;
+      d_red[pixel] = d_green[pixel] = d_blue[pixel] = d_final[pixel] = 0.0f;
+      transmittance[pixel] = 1.0f;
+      last[pixel] = 0;
+      if (!tile.contains(pass, pixel)) continue;
+      const std::size_t from = tile.image_index(pass, pixel);
+      const float T = pass.transmittance[from];
+      red[pixel] = pass.image[from] - T * background.x;
+      green[pixel] = pass.image[plane + from] - T * background.y;
+      blue[pixel] = pass.image[2 * plane + from] - T * background.z;
+      d_red[pixel] = dL_dimage[from];
+      d_green[pixel] = dL_dimage[plane + from];
+      d_blue[pixel] = dL_dimage[2 * plane + from];
+      d_final[pixel] = -T * inner(Vec3f(d_red[pixel], d_green[pixel], d_blue[pixel]), background);
+      last[pixel] = pass.last_instance[from];
+      largest_last = std::max(largest_last, last[pixel]);
+    }
+  }
+};
+
+// A SplatGradient per lane. The lanes are summed once, at the end, in a fixed order.
+template <bool kAbsolute, FragmentStatistic kStatistic>
+struct LaneSums {
+  float mean_x[kLanes] = {}, mean_y[kLanes] = {};
+  float conic_xx[kLanes] = {}, conic_xy[kLanes] = {}, conic_yy[kLanes] = {};
+  float opacity[kLanes] = {};
+  float red[kLanes] = {}, green[kLanes] = {}, blue[kLanes] = {};
+  static constexpr int kAbsoluteLanes = kAbsolute ? kLanes : 1;
+  float absolute_x[kAbsoluteLanes] = {}, absolute_y[kAbsoluteLanes] = {};
+  static constexpr int kStatisticLanes = kStatistic == FragmentStatistic::none ? 1 : kLanes;
+  float count[kStatisticLanes] = {}, first[kStatisticLanes] = {};
+  float second[kStatisticLanes] = {};
+
+  SplatGradient total() const {
+    return {{sum_of_lanes(mean_x), sum_of_lanes(mean_y)},
+            {sum_of_lanes(conic_xx), sum_of_lanes(conic_xy), sum_of_lanes(conic_yy)},
+            sum_of_lanes(opacity),
+            {sum_of_lanes(red), sum_of_lanes(green), sum_of_lanes(blue)}};
+  }
+  Vec2f absolute_total() const { return {sum_of_lanes(absolute_x), sum_of_lanes(absolute_y)}; }
+  // `scale` is that of the forces, from the gradients of the mean loss to those of its sum.
+  FragmentSums fragment_total(float scale) const {
+    return {sum_of_lanes(count), scale * sum_of_lanes(first), scale * scale * sum_of_lanes(second)};
+  }
+};
+
+template <BlendRule rule, bool kAbsolute, FragmentStatistic kStatistic>
+inline void blend_backward_lanes(const Splat& splat, float dx, float dy, std::uint32_t position,
+                                 int first, TilePixels& pixels,
+                                 LaneSums<kAbsolute, kStatistic>& sums) {
+  const Splat s = splat;
+  for (int lane = 0; lane < kLanes; ++lane) {
+    const int i = first + lane;
+    const float exponent = fragment_exponent(s.conic, dx + float(lane), dy);
+    const float gaussian = exp_fragment(max_of(exponent, kMinExponent));
+    const bool keep = (position < pixels.last[i]) & (exponent >= -s.cutoff);
+    const float alpha = keep ? fragment_alpha<rule>(s.opacity, gaussian) : 0.0f;
+
+    if constexpr (kStatistic != FragmentStatistic::none) sums.count[lane] += float(keep);
+    PixelBackwardState<float> state{{pixels.red[i], pixels.green[i], pixels.blue[i]},
+                                    pixels.transmittance[i],
+                                    {pixels.d_red[i], pixels.d_green[i], pixels.d_blue[i]},
+                                    pixels.d_final[i]};
+    const CompositeGradient<float> dL =
+        composite_vjp(state, s.color, alpha, position + 1 == pixels.last[i]);
+    pixels.red[i] = state.color_behind.x;
+    pixels.green[i] = state.color_behind.y;
+    pixels.blue[i] = state.color_behind.z;
+    pixels.transmittance[i] = state.transmittance;
+
+    const AlphaGradient<float> dL_fragment =
+        fragment_alpha_vjp<rule>(s.opacity, gaussian, keep ? dL.alpha : 0.0f);
+    const ExponentGradient<float> dL_splat =
+        fragment_exponent_vjp(s.conic, dx + float(lane), dy, dL_fragment.exponent);
+    if constexpr (kStatistic == FragmentStatistic::force) {
+      sums.first[lane] += dL_fragment.exponent;
+      sums.second[lane] += dL_fragment.exponent * dL_fragment.exponent;
+    }
+    sums.mean_x[lane] += dL_splat.mean2d.x;
+    sums.mean_y[lane] += dL_splat.mean2d.y;
+    if constexpr (kAbsolute) {
+      sums.absolute_x[lane] += std::abs(dL_splat.mean2d.x);
+      sums.absolute_y[lane] += std::abs(dL_splat.mean2d.y);
+    }
+    sums.conic_xx[lane] += dL_splat.conic.xx;
+    sums.conic_xy[lane] += dL_splat.conic.xy;
+    sums.conic_yy[lane] += dL_splat.conic.yy;
+    sums.opacity[lane] += dL_fragment.opacity;
+    sums.red[lane] += dL.color.x;
+    sums.green[lane] += dL.color.y;
+    sums.blue[lane] += dL.color.z;
+  }
+}
+
+template <BlendRule rule, bool kAbsolute, FragmentStatistic kStatistic>
+void blend_backward_tile(const RenderSettings& settings, Span<const float> dL_dimage,
+                         const RenderPass& pass, std::size_t tile_index) {
+  const Tile tile(pass, tile_index);
+  const ScalarScratch& scratch = pass.scratch<ScalarScratch>();
+  TilePixels pixels(pass, tile, settings.background, dL_dimage);
+  const float scale = 3.0f * float(pass.pixel_count());
+  for (std::uint32_t k = tile.begin; k < tile.end; ++k) {
+    LaneSums<kAbsolute, kStatistic> sums;
+    const std::uint32_t instance = scratch.tile_instances[k], position = k - tile.begin;
+    if (position < pixels.largest_last) {
+      const std::uint32_t gaussian = pass.tile_splats[k];
+      const Splat& splat = pass.splats[gaussian];
+      for_each_lane_group(
+          tile, pass.pixel_rects[gaussian], splat.mean2d, [&](int first, float dx, float dy) {
+            blend_backward_lanes<rule>(splat, dx, dy, position, first, pixels, sums);
+          });
+    }
+    scratch.instance_gradients[instance] = sums.total();
+    if constexpr (kAbsolute) scratch.absolute_gradients[instance] = sums.absolute_total();
+    if constexpr (kStatistic != FragmentStatistic::none)
+      scratch.fragment_sums[instance] = sums.fragment_total(scale);
+  }
+}
+
+using BlendTiles = void(const RenderSettings& settings, Span<const float> dL_dimage,
+                        RenderPass& pass);
+
+template <BlendRule rule, bool kAbsolute, FragmentStatistic kStatistic>
+void blend_backward_tiles(const RenderSettings& settings, Span<const float> dL_dimage,
+                          RenderPass& pass) {
+  parallel_for(pass.tile_count(), 1, [&](std::size_t tile) {
+    blend_backward_tile<rule, kAbsolute, kStatistic>(settings, dL_dimage, pass, tile);
+  });
+}
+
+template <FragmentStatistic kStatistic>
+BlendTiles* tiles_for(const RenderSettings& settings) {
+  const bool is_classic = settings.blend_rule == BlendRule::classic;
+  if (settings.absolute_gradient)
+    return is_classic ? blend_backward_tiles<BlendRule::classic, true, kStatistic>
+                      : blend_backward_tiles<BlendRule::faster_gs, true, kStatistic>;
+  return is_classic ? blend_backward_tiles<BlendRule::classic, false, kStatistic>
+                    : blend_backward_tiles<BlendRule::faster_gs, false, kStatistic>;
+}
+
+BlendTiles* tiles_for_statistic(const RenderSettings& settings) {
+  switch (settings.fragment_statistic) {
+    case FragmentStatistic::none: break;
+    case FragmentStatistic::force: return tiles_for<FragmentStatistic::force>(settings);
+  }
+  return tiles_for<FragmentStatistic::none>(settings);
+}
+
+}  // namespace
+
+void blend_backward(const RenderSettings& settings, Span<const float> dL_dimage, RenderPass& pass) {
+  const HostStage stage("blend backward");
+  ScalarScratch& scratch = pass.scratch<ScalarScratch>();
+  const std::size_t instances = scratch.instance_splats.size();
+  const bool has_sums = settings.fragment_statistic != FragmentStatistic::none;
+  scratch.instance_gradients.resize_discard(instances);
+  scratch.absolute_gradients.resize_discard(settings.absolute_gradient ? instances : 0);
+  scratch.fragment_sums.resize_discard(has_sums ? instances : 0);
+  tiles_for_statistic(settings)(settings, dL_dimage, pass);
+  add_depth_gradients(pass);
+}
+
+}  // namespace gs
