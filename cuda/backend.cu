@@ -31,6 +31,8 @@
 #include "gs_core/training_memory.h"
 #include "gs_core/version.h"
 #include "gs_train/named_row.h"
+#include "gs_train/photometric/gains.h"
+#include "gs_train/poses/poses.h"
 
 namespace gs::cuda {
 namespace {
@@ -43,22 +45,7 @@ static_assert(sizeof(Vec4f) * kTileWidth * kTileHeight ==
               kCheckpointBytesOfInstance * kSegmentLength);
 static_assert(kFirstInstances == kLeastCapacity);
 
-constexpr int kThreads = 256;
-
 constexpr LossRow kLosses[] = {{"l1_ssim", make_loss}};
-
-__global__ void gather_kernel(Span<const std::uint32_t> tile_counts, const Vec2f* dL_dmean2d,
-                              float* visits, float* gradient_norm, int width, int height) {
-  const std::size_t i = std::size_t(blockIdx.x) * kThreads + threadIdx.x;
-  if (i >= tile_counts.size || !tile_counts[i]) return;
-  visits[i] += 1.0f;
-  gradient_norm[i] += screen_gradient_norm(dL_dmean2d[i], width, height);
-}
-
-__global__ void add_kernel(Span<float> to, const float* from, float weight) {
-  const std::size_t i = std::size_t(blockIdx.x) * kThreads + threadIdx.x;
-  if (i < to.size) to[i] += weight * from[i];
-}
 
 // A GPU whose photo did not fit halts all.
 __global__ void halt_kernel(std::uint32_t* mine, const std::uint32_t* of_photo) {
@@ -92,13 +79,16 @@ std::uint64_t hash_of(std::string_view text) {
   return hash.value();
 }
 
-class CudaBackend final : private Gpus, private StepLauncher, public Backend {
+Features features_of(const Process& process) {
+  return {names_of(kLosses), {kNoPhotometricModel, kGainsModel}, process.count > 1};
+}
+
+class CudaBackend final : private Gpus, private StepLauncher, private Device, public Backend {
  public:
   CudaBackend(const std::vector<int>& devices, std::size_t chunk_rows, const Process& process)
-      : Gpus(devices), Backend(first().memory), chunk_rows_(chunk_rows),
+      : Gpus(devices), Backend(features_of(process)), chunk_rows_(chunk_rows),
         others_(process.count > 1 ? std::make_unique<Processes>(process, static_cast<Gpus&>(*this))
                                   : nullptr),
-        optimizer_(make_optimizer(first().context)),
         photometric_(first().context, first().memory, process.count > 1),
         poses_(first().context, first().memory),
         rows_(make_row_ops(first().context, first().memory, first().pass.splats,
@@ -119,12 +109,13 @@ class CudaBackend final : private Gpus, private StepLauncher, public Backend {
     return all > 1 ? name + " and others (" + std::to_string(all) + " GPUs)" : name;
   }
   Memory& memory() override { return first().memory; }
+  Device& device() override { return *this; }
   Renderer& renderer() override { return first().renderer; }
-  Optimizer& optimizer() override { return *optimizer_; }
-  void use_loss(const std::string& kind) override {
-    const LossRow* const row = row_named(kLosses, kind, "loss.kind", " on " + name());
-    if (row == loss_row_) return;  // the same loss keeps its last value
+  void use(const RunChoices& choices) override {
     finish_pending();
+    photometric_.turn(choices.photometric != nullptr);
+    const LossRow* const row = row_named(kLosses, choices.loss, "loss.kind");
+    if (row == loss_row_) return;  // the same loss keeps its last value
     for_each([row](Gpu& gpu) { gpu.use(*row); });
     loss_row_ = row;
   }
@@ -132,13 +123,6 @@ class CudaBackend final : private Gpus, private StepLauncher, public Backend {
     finish_pending();
     return *last_drawer_->loss;
   }
-  void use_photometric(std::shared_ptr<const PhotometricModel> photometric) override {
-    finish_pending();
-    if (photometric) check_takes_appearance(*first().loss, loss_row_->name);
-    photometric_.use(photometric.get(), name());
-  }
-  bool makes_refined_cameras() const override { return true; }
-  bool is_shared() const override { return others_ != nullptr; }
   RowOps& rows() override {
     finish_pending();
     if (shards_are_in_use_ && is_dealt(*model_)) gather(*model_);
@@ -161,12 +145,11 @@ class CudaBackend final : private Gpus, private StepLauncher, public Backend {
   void prefetch_next(const View& view) override { next_ = &view; }
 
   using Backend::step;
-  void step(TrainingModel& model, Span<const TrainingPhoto> batch,
-            const LossSettings& loss_settings, const Update& update,
-            const DensityStep& density) override {
+  void step(TrainingModel& model, const TrainingStep& asked) override {
     take_model(model);
     if (are_several() && !is_dealt(model)) deal(model);
-    PendingStep step(model, batch, loss_settings, update, density);
+    const Update& update = asked.update;
+    PendingStep step(model, asked);
     const PhotometricUpdate photometric = step.photometric =
         photometric_.update_of(model.photometric, update);
     const PoseUpdate poses = step.poses = pose_update(model.poses, update);
@@ -187,8 +170,9 @@ class CudaBackend final : private Gpus, private StepLauncher, public Backend {
     for (const TrainingPhoto& photo : photos) {
       RenderSettings settings = photo.settings;
       settings.with_depths = false;
-      gpu.renderer.forward(model.gaussians.span(), reduced(photo.camera(), photo.reduction),
-                           settings, gpu.pass);
+      const Camera camera = refined_camera(model.poses, photo.view->camera, photo.photo_row);
+      gpu.renderer.forward(model.gaussians.span(), reduced(camera, photo.reduction), settings,
+                           gpu.pass);
       std::optional<PhotoOnDevice> on_device;
       if (photometric_.is_on())
         on_device = PhotoOnDevice{model.photometric.photo(photo.photo_row).data};
@@ -200,7 +184,6 @@ class CudaBackend final : private Gpus, private StepLauncher, public Backend {
   }
 
   void release_caches() override {
-    release_pass();
     rows_->release_caches();
     for_each([this](Gpu& gpu) {
       gpu.release_caches();
@@ -223,26 +206,6 @@ class CudaBackend final : private Gpus, private StepLauncher, public Backend {
   std::vector<StageTime> stage_times() override { return first().context.stage_times(); }
   std::optional<double> clock_mhz() override {
     return cuda::clock_mhz(first().context, first().memory);
-  }
-
- protected:
-  void add_pixel_scores(const View&, const RenderSettings&, const PixelRule&, RenderPass&,
-                        Span<FragmentSums>) override {
-    GS_CHECK(false);  // of Backend::score_photos(), which is overridden
-  }
-  void gather(const DensityStatistics& statistics, const RenderPass& pass,
-              Span<const Vec2f> dL_dmean2d) override {
-    first().context.launch(
-        "statistics", gather_kernel, blocks_for(dL_dmean2d.size, kThreads), kThreads,
-        Span<const std::uint32_t>{pass.tile_counts.data(), dL_dmean2d.size}, dL_dmean2d.data,
-        statistics.visits.data(), statistics.gradient_norm.data(), pass.width, pass.height);
-  }
-  void add(Span<float> to, Span<const float> from, float weight) override {
-    first().context.launch("sums", add_kernel, blocks_for(to.size, kThreads), kThreads, to,
-                           from.data, weight);
-  }
-  void add(Span<FragmentSums> to, Span<FragmentSums> from) override {
-    add_fragment_sums(first().context, to, from, nullptr);
   }
 
  private:
@@ -344,9 +307,9 @@ class CudaBackend final : private Gpus, private StepLauncher, public Backend {
       const DevicePose* const pose = row ? poses_.refine(*row, i) : nullptr;
       Gpu& gpu = drawer_of(i);
       const OnDevice here(gpu.device());
-      photos.push_back(gpu.photo_buffers.rows(turn_of(i), reduced(photo.camera(), photo.reduction),
-                                              settings, pose, model_->count(), gpu.renderer,
-                                              gpu.pass));
+      photos.push_back(
+          gpu.photo_buffers.rows(turn_of(i), reduced(photo.view->camera, photo.reduction), settings,
+                                 pose, model_->count(), gpu.renderer, gpu.pass));
       if (i > 0 && i < processes() * count() && draws(i)) gpu.photos.prefetch_next(*photo.view);
     }
     return photos;
@@ -499,7 +462,6 @@ class CudaBackend final : private Gpus, private StepLauncher, public Backend {
   const std::size_t chunk_rows_;
   const std::unique_ptr<Processes> others_;  // null: this process is alone
   const LossRow* loss_row_ = kLosses;
-  std::unique_ptr<Optimizer> optimizer_;
   PhotometricStage photometric_;
   DevicePoses poses_;
   bool has_newer_poses_ = false;    // than those of model_

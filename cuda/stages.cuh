@@ -302,18 +302,14 @@ void update_by_photos(Context& context, TrainingModel& model, Span<const PhotoRo
                       const ModelUpdate& update, const std::uint32_t* halted,
                       const Shard& shard = {});
 
-/// Additions of the MCMC strategy to 8  langevin.cu: the regularizers' gradients before Adam, where
-/// gradients are stored, and noise on the means after Adam. No noise is added while `halted` is
-/// raised; `halted` may be null.
-void add_regularizer_gradients(Context& context, const GaussiansSpan& gaussians,
-                               const Regularizers& regularizers, const GaussiansSpan& gradients);
+/// An addition of the MCMC strategy to 8  langevin.cu: noise on the means after Adam. None is added
+/// while `halted` is raised.
 void add_position_noise(Context& context, const GaussiansSpan& gaussians,
                         const PositionNoise& noise, float position_rate,
                         const std::uint32_t* halted, const Shard& shard = {});
 
 /// The other stages, behind the interfaces of gs_train.
 std::unique_ptr<Loss> make_loss(Context& context, Memory& memory, PhotoStore& photos);  // 5 ssim.cu
-std::unique_ptr<Optimizer> make_optimizer(Context& context);                            // 8 adam.cu
 /// 9 rows.cu, 10 morton.cu. Splats and rectangles are those of the training pass: row operations
 /// use their memory. Before large arrays grow, `release_step` is called to release what else the
 /// step has, so that the old rows of an array have room beside the new ones.

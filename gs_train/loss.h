@@ -5,7 +5,7 @@
 //   1. The formula goes into gs_core/math. The class (derived from Loss) and the function that makes
 //      it go into a file of gs_train/stages; scalar_stages.h declares the function.
 //   2. It becomes a row of kLosses in scalar_backend.cpp and a word of kLossWords in
-//      gs_core/config/config_words.h.
+//      gs_core/config/config_words.h. It compares what LossSettings::appearance shows, if there is one.
 //   3. Weights of its own are members of LossSettings and LossConfig, copied by loss_settings().
 //   4. Its GPU twin is a row of kLosses in cuda/backend.cu. Without a twin, training on a GPU with
 //      this loss is refused when the run starts.
@@ -39,7 +39,7 @@ struct LossSettings {
 
 inline LossSettings loss_settings(const Config& config) { return {config.loss.lambda_dssim}; }
 
-/// A backend has one at a time, the one that Backend::use_loss() named.
+/// A backend has one at a time, the one that Backend::use() named.
 class Loss {
  public:
   virtual ~Loss() = default;
@@ -49,8 +49,6 @@ class Loss {
                                 const LossSettings& settings, Buffer<float>& dL_dimage) = 0;
   /// The loss of the last call. On a device this waits for it; the trainer asks only when it logs.
   virtual double value() = 0;
-  /// Whether it compares the picture as a photometric model shows it (LossSettings).
-  virtual bool takes_appearance() const { return false; }
 };
 
 }  // namespace gs

@@ -9,7 +9,7 @@
 #include "gs_core/math/density/density.h"
 #include "gs_core/math/density/growth.h"
 #include "gs_core/random.h"
-#include "gs_train/optimizer.h"
+#include "gs_train/update.h"
 
 namespace gs {
 

@@ -10,7 +10,7 @@
 #include "gs_core/math/density/spacetime_density.h"
 #include "gs_core/math/density/spacetime_regularizer.h"
 #include "gs_core/math/render/filter_3d.h"
-#include "gs_train/optimizer.h"
+#include "gs_train/update.h"
 
 namespace gs {
 

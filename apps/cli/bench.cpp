@@ -147,7 +147,7 @@ BenchmarkReport measure(const BenchmarkSubject& subject, const BenchCommand& com
           score_costs(*backend, model, subject.train_views, subject.settings, subject.config, plan);
     }
   }
-  report.clock_mhz = backend->clock_mhz();
+  report.clock_mhz = backend->device().clock_mhz();
   log_info("timing copies in memory");
   report.copy_gb_per_second = copy_gb_per_second(*backend);  // last, because it takes memory itself
   return report;

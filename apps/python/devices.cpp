@@ -39,7 +39,7 @@ BorrowedBackend::BorrowedBackend(const std::string& called) {
   turn_ = std::unique_lock(device.mutex);
   if (!device.backend) device.backend = make_backend(name);
   backend_ = device.backend.get();
-  backend_->make_current();
+  backend_->device().make_current();
 }
 
 Work::Work() {

@@ -91,7 +91,7 @@ void CallbackObserver::call_back(Trainer& trainer) {
     ~End() { progress.end(); }
   } end{*progress};
   if (is_false(callback_(progress))) trainer.stop();
-  trainer.backend().make_current();  // the callback may have used another GPU
+  trainer.backend().device().make_current();  // the callback may have used another GPU
 }
 
 void bind_progress(py::module_& module) {

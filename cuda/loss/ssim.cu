@@ -428,7 +428,6 @@ class CudaLoss final : public Loss {
       launch<Shown::plain>(pictures, dL_dimage.data());
     }
   }
-  bool takes_appearance() const override { return true; }
 
   double value() override {
     double l1_sum = 0, ssim_sum = 0;

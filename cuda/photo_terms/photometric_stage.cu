@@ -1,16 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "cuda/photo_terms/photometric_stage.cuh"
 
-#include "gs_train/named_row.h"
-#include "gs_train/photometric/gains.h"
-
 namespace gs::cuda {
 namespace {
-
-struct PhotometricRow {
-  const char* name;  // a word of photometric.model
-};
-constexpr PhotometricRow kPhotometricModels[] = {{kGainsModel}};
 
 // Where the photos of a batch have their numbers in the gradient of all.
 struct BatchPlaces {
@@ -32,13 +24,6 @@ __global__ void add_rows_kernel(const __grid_constant__ BatchPlaces places, Phot
 }
 
 }  // namespace
-
-void PhotometricStage::use(const PhotometricModel* model, const std::string& device) {
-  is_on_ = false;
-  if (!model) return;
-  row_named(kPhotometricModels, model->name(), "photometric.model", " on " + device);
-  is_on_ = true;
-}
 
 PhotometricUpdate PhotometricStage::update_of(const PhotometricState& state,
                                               const Update& update) const {

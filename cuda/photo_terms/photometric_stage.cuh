@@ -28,9 +28,8 @@ class PhotometricStage {
   PhotometricStage(Context& context, Memory& memory, bool others_draw)
       : context_(context), others_draw_(others_draw), gradient_(memory), rows_(memory) {}
 
-  /// From now on; null: without a model. Throws UsageError where `device`, a name, has no kernels
-  /// for it.
-  void use(const PhotometricModel* model, const std::string& device);
+  /// From now on the run has gains, or has no photometric model.
+  void turn(bool is_on) { is_on_ = is_on; }
   bool is_on() const { return is_on_; }
   PhotometricUpdate update_of(const PhotometricState& state, const Update& update) const;
 

@@ -37,14 +37,13 @@ struct PendingStep : ModelUpdate {
   std::uint32_t first_photo = 0;  // its number
   bool is_launched = false;
 
-  PendingStep(const TrainingModel& model, Span<const TrainingPhoto> batch_,
-              const LossSettings& loss_settings_, const Update& update, const DensityStep& density_)
-      : ModelUpdate{adam_steps(model.adam_steps + update.rule.steps, update.rates),
-                    update.rule,
-                    {update.rounding_seed, model.adam_steps + update.rule.steps},
-                    density_},
-        batch(batch_.begin(), batch_.end()), loss_settings(loss_settings_),
-        position_rate(update.rates.mean) {}
+  PendingStep(const TrainingModel& model, const TrainingStep& step)
+      : ModelUpdate{adam_steps(model.adam_steps + step.update.rule.steps, step.update.rates),
+                    step.update.rule,
+                    {step.update.rounding_seed, model.adam_steps + step.update.rule.steps},
+                    step.density},
+        batch(step.photos.begin(), step.photos.end()), loss_settings(step.loss),
+        position_rate(step.update.rates.mean) {}
 
   std::uint32_t number_of(std::size_t photo) const { return first_photo + std::uint32_t(photo); }
   Span<const TrainingPhoto> photos() const { return {batch.data(), batch.size()}; }

@@ -34,7 +34,7 @@ std::vector<StageFigures> figures_of(Backend& backend, const Workload& workload)
   const bool is_gpu = &backend.memory() != &host_memory();
   std::vector<StageFigures> figures;
   double sum = 0;
-  for (const StageTime& time : backend.stage_times()) {
+  for (const StageTime& time : backend.device().stage_times()) {
     const double ms = median({time.milliseconds.begin(), time.milliseconds.end()});
     const std::optional<double> bytes = is_gpu ? stage_bytes(time.stage, workload) : std::nullopt;
     figures.push_back({time.stage, ms, 0, bytes, std::nullopt});
@@ -154,8 +154,8 @@ double milliseconds_of_steps(Backend& backend, TrainingModel& model, const std::
   const double begin = milliseconds_now();
   for (int step = 0; step < steps; ++step) {
     for (TrainingPhoto& photo : photos) photo = {&views[next++ % views.size()], training};
-    backend.prefetch_next(views[next % views.size()]);
-    backend.step(model, {photos.data(), batch}, loss_settings(config), update, density);
+    backend.device().prefetch_next(views[next % views.size()]);
+    backend.step(model, {{photos.data(), batch}, loss_settings(config), update, density});
   }
   backend.synchronize(model);
   return milliseconds_now() - begin;
@@ -165,7 +165,7 @@ TrainingFigures time_training(Backend& backend, TrainingModel& model,
                               const std::vector<View>& views, const RenderSettings& settings,
                               const Config& config, const BenchmarkPlan& plan,
                               const Workload& workload) {
-  backend.upload_views(views, std::size_t(double(config.train.photo_gib) * kBytesPerGib));
+  backend.device().upload_views(views, std::size_t(double(config.train.photo_gib) * kBytesPerGib));
   std::size_t next = 0;
   const auto milliseconds_of = [&](int steps) {
     return milliseconds_of_steps(backend, model, views, settings, config,
@@ -175,10 +175,10 @@ TrainingFigures time_training(Backend& backend, TrainingModel& model,
   TrainingFigures figures;
   milliseconds_of(plan.warmup);
   figures.ms_per_step = milliseconds_of(plan.steps) / plan.steps;
-  backend.set_profiling(true);
+  backend.device().set_profiling(true);
   milliseconds_of(plan.steps);
   figures.stages = figures_of(backend, of_training(workload, views, config));
-  backend.set_profiling(false);
+  backend.device().set_profiling(false);
   return figures;
 }
 
@@ -232,10 +232,10 @@ RenderingFigures time_rendering(Backend& backend, TrainingModel& model,
     add_to_mean(workload_of(pass, settings), cameras.size(), figures.mean);
     figures.ms_per_frame += median_frame(camera) / double(cameras.size());
   }
-  backend.set_profiling(true);
+  backend.device().set_profiling(true);
   for (const Camera& camera : cameras) median_frame(camera);
   figures.stages = figures_of(backend, figures.mean);
-  backend.set_profiling(false);
+  backend.device().set_profiling(false);
   return figures;
 }
 

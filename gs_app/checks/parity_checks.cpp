@@ -76,7 +76,7 @@ class ParityCheck {
     compare("image", kPictureTolerance, device_pass_.image, cpu_pass_.image);
     compare("transmittance", kPictureTolerance, device_pass_.transmittance,
             cpu_pass_.transmittance);
-    device_.upload_views(scene_.views, kPhotoBytes);
+    device_.device().upload_views(scene_.views, kPhotoBytes);
     compare_loss();
     compare_gradients();
     compare_step("step", {.gather_statistics = true});
@@ -85,7 +85,7 @@ class ParityCheck {
                                .noise = {kNoiseScale, {1, RandomStream::position_noise}, 1}});
     compare_step_with_half_moments("step with half moments: ");
     compare_relocation();
-    device_.upload_views({}, 0);  // this scene's views end here
+    device_.device().upload_views({}, 0);  // this scene's views end here
   }
 
  private:
@@ -215,8 +215,8 @@ class ParityCheck {
             int reduction = 1) {
     const TrainingPhoto photo{&scene_.views[std::size_t(index) % scene_.views.size()], settings_,
                               reduction};
-    backend.step(model, {&photo, 1}, kLossSettings, {Schedule(Config{}, 1).learning_rates(1)},
-                 density);
+    backend.step(model,
+                 {{&photo, 1}, kLossSettings, {Schedule(Config{}, 1).learning_rates(1)}, density});
     backend.synchronize(model);
   }
   // A model after some steps on the CPU.

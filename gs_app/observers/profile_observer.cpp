@@ -26,7 +26,7 @@ std::string ProfileObserver::rows_up_to(const std::filesystem::path& profile, in
 }
 
 void ProfileObserver::after_rollback(int step, Trainer& trainer) {
-  trainer.backend().set_profiling(false);
+  trainer.backend().device().set_profiling(false);
   file_.cut_after(step);
   is_timing_ = false;
   timed_step_ = 0;
@@ -34,7 +34,7 @@ void ProfileObserver::after_rollback(int step, Trainer& trainer) {
 
 void ProfileObserver::after_step(int step, Trainer& trainer) {
   if (is_timing_) {
-    trainer.backend().set_profiling(false);
+    trainer.backend().device().set_profiling(false);
     is_timing_ = false;
     timed_step_ = evaluations_.at(step) ? 0 : step;  // an evaluation renders as well
   }
@@ -42,14 +42,14 @@ void ProfileObserver::after_step(int step, Trainer& trainer) {
   write_rows(step, trainer);
   timed_step_ = 0;
   if (step == trainer.schedule().steps()) return;
-  trainer.backend().set_profiling(true);
+  trainer.backend().device().set_profiling(true);
   is_timing_ = true;
 }
 
 void ProfileObserver::write_rows(int step, Trainer& trainer) {
   std::string rows;
   if (timed_step_)
-    for (const StageTime& time : trainer.backend().stage_times())
+    for (const StageTime& time : trainer.backend().device().stage_times())
       if (time.stage != kCheckpointStage)
         rows +=
             fmt::format("{},stage_ms,{},{:.4f}\n", timed_step_, csv_cell(time.stage),

@@ -23,7 +23,7 @@ std::vector<View> sample_of_training_views(Trainer& trainer, std::size_t wanted)
   std::vector<View> sample;
   for (const std::size_t index : evenly_chosen(views.size(), wanted)) {
     sample.push_back(views[index]);
-    sample.back().camera = refined_camera(trainer.model().poses, views, index);
+    sample.back().camera = refined_camera(trainer.model().poses, views[index].camera, index);
   }
   return sample;
 }

@@ -88,7 +88,7 @@ void RunRecovery::guarded_or_skipped(const std::string& what, const std::functio
 
 // Runs the work. If memory runs out, releases memory and runs it again. Returns whether that fitted.
 bool RunRecovery::fits(const std::string& what, const std::function<void()>& f) {
-  if (run_.backend.is_shared()) return f(), true;  // the others would go another way
+  if (run_.backend.features().is_shared) return f(), true;  // the others would go another way
   if (fits_into_memory(f, memory_error_)) return true;
   release_memory(what);
   return fits_into_memory(f, memory_error_);
@@ -141,7 +141,7 @@ void RunRecovery::check_is_not_empty() {
 }
 
 void RunRecovery::roll_back() {
-  if (run_.backend.is_shared())
+  if (run_.backend.features().is_shared)
     throw Error(
         fmt::format("step {}: {}, and a run of several processes does not go back; resume it "
                     "with one process",

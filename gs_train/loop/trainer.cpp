@@ -105,24 +105,21 @@ Trainer::Trainer(const Scene& scene, const Config& config, Backend& backend, Tra
            nullptr},
       recovery_(run_), views_(scene.train_views.size(), config.train.seed), views_ahead_(views_) {
   check_model(config);
-  backend.use_loss(config.loss.kind);
-  backend.use_photometric(make_photometric_model(config.photometric));
+  const RunChoices choices{config.loss.kind, make_photometric_model(config.photometric)};
+  check_supported(config, backend.features(), backend.name());
+  backend.use(choices);
   if (scene.time_count > 1 && !config.model.dynamic)
     log_warning("{}", text_of_moving_scene(scene.time_count));
-  backend.upload_views(scene.train_views,
-                       std::size_t(double(config.train.photo_gib) * kBytesPerGib));
+  backend.device().upload_views(scene.train_views,
+                                std::size_t(double(config.train.photo_gib) * kBytesPerGib));
   run_.settings.sh_degree = 0;  // raised by the schedule
   std::int64_t& cap = run_.config.density.max_gaussians;
   const bool is_auto = cap == kAutoCount;
-  if (is_auto && backend.is_shared())
-    throw UsageError(
-        "density.max_gaussians = auto goes by the memory of one GPU; give a number where several "
-        "processes train");
   if (is_auto) cap = affordable_gaussians(scene, run_.model, backend.memory(), run_.config);
   run_.density = make_density_control(run_.config, run_.schedule, scene.extent);
   run_.density->set_region(region_of(run_.config.density, scene.world_offset));
   run_.density->set_photos({scene.train_views.size(), [this](std::size_t photo, int step) {
-                              return photo_of(recovery_.instead_of(photo), step, true);
+                              return photo_of(recovery_.instead_of(photo), step);
                             }});
   if (is_auto) run_.density->set_growth_cap(cap);  // so that checkpoints keep it
   // What fits is more than most runs come to.
@@ -192,12 +189,11 @@ void Trainer::advance(int last_step) {
 
 void Trainer::take_batch(int last_step) {
   batch_.clear();
-  const bool refines = !run_.backend.makes_refined_cameras();
   for (int step = run_.step + 1; step <= last_step; ++step) {
     const View& view = view_of(views_, step);
-    batch_.push_back(photo_of(std::size_t(&view - run_.scene.train_views.data()), step, refines));
+    batch_.push_back(photo_of(std::size_t(&view - run_.scene.train_views.data()), step));
   }
-  run_.backend.prefetch_next(view_of(views_, last_step + 1));
+  run_.backend.device().prefetch_next(view_of(views_, last_step + 1));
   const int photos = int(batch_.size());
   Update update{run_.schedule.learning_rates(last_step), run_.schedule.adam_rule(photos)};
   update.photometric_rate = run_.schedule.photometric_rate(last_step);
@@ -211,19 +207,13 @@ void Trainer::take_batch(int last_step) {
   }
   LossSettings loss = loss_settings(run_.config);
   loss.depth_weight = run_.schedule.depth_weight(last_step);
-  run_.backend.step(run_.model, {batch_.data(), batch_.size()}, loss, update,
-                    run_.density->of_step(last_step));
+  run_.backend.step(
+      run_.model, {{batch_.data(), batch_.size()}, loss, update, run_.density->of_step(last_step)});
 }
 
-// A training photo as a step takes it. `refines`: its camera is made here, from poses that the host
-// has, where there are poses.
-TrainingPhoto Trainer::photo_of(std::size_t row, int step, bool refines) {
+TrainingPhoto Trainer::photo_of(std::size_t row, int step) {
   const View& view = run_.scene.train_views[row];
-  TrainingPhoto photo{&view, settings_of(step), run_.schedule.photo_reduction(step, view.camera),
-                      row};
-  if (refines && !run_.model.poses.empty())
-    photo.refined = refined_camera(run_.model.poses, run_.scene.train_views, row);
-  return photo;
+  return {&view, settings_of(step), run_.schedule.photo_reduction(step, view.camera), row};
 }
 
 RenderSettings Trainer::settings_of(int step) {
@@ -299,7 +289,7 @@ const View& Trainer::view_of(ViewSampler& views, int step) {
 
 void Trainer::prefetch_decode(int first_step, int last_step) {
   for (int step = first_step; step <= std::min(last_step, run_.schedule.steps()); ++step)
-    run_.backend.prefetch_decode(view_of(views_ahead_, step));
+    run_.backend.device().prefetch_decode(view_of(views_ahead_, step));
 }
 
 void Trainer::notify(const std::function<void(Observer&)>& f) {

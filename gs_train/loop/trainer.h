@@ -99,7 +99,7 @@ class Trainer {
   int end_of_batch() const;
   void advance(int last_step);
   void take_batch(int last_step);
-  TrainingPhoto photo_of(std::size_t row, int step, bool refines);
+  TrainingPhoto photo_of(std::size_t row, int step);
   RenderSettings settings_of(int step);
   void control_density(int step);
   void maintain(int step);

@@ -68,6 +68,16 @@ void begin_photometric(const Config& config, const Scene& scene, TrainingModel& 
 
 float stops_gain(float stops) { return std::exp2(kGainOfStop * stops); }
 
+void update_photometric(PhotometricState& state, const PhotometricModel& model, float rate,
+                        const AdamRule& rule, std::vector<double>& gradient) {
+  GS_CHECK(gradient.size() == state.values.size());
+  model.add_penalties(state, gradient);
+  const AdamStep step = adam_step(state.adam_steps += rule.steps, rate);
+  for (std::size_t i = 0; i < gradient.size(); ++i)
+    adam_update(state.values[i], state.moments[i], float(gradient[i]), step, rule);
+  center_photos(model, state);
+}
+
 void center_photos(const PhotometricModel& model, PhotometricState& state) {
   const std::vector<double> common = model.common_part(state);
   for (std::size_t i = 0; i < state.shape.photos; ++i)

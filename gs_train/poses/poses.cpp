@@ -88,9 +88,7 @@ void begin_poses(const Config& config, const Scene& scene, TrainingModel& model)
         state.rows(), scene.source, state.frames.size()));
 }
 
-Camera refined_camera(const PoseState& state, const std::vector<View>& train_views,
-                      std::size_t photo) {
-  const Camera& given = train_views[photo].camera;
+Camera refined_camera(const PoseState& state, const Camera& given, std::size_t photo) {
   if (state.empty()) return given;
   const std::size_t row = state.row_of[photo];
   return camera_as<float>(moved(camera_as<double>(given), state.frames[row], state.motion(row)));
@@ -99,7 +97,7 @@ Camera refined_camera(const PoseState& state, const std::vector<View>& train_vie
 std::vector<Camera> refined_cameras(const PoseState& state, const std::vector<View>& train_views) {
   std::vector<Camera> cameras;
   for (std::size_t i = 0; i < train_views.size(); ++i)
-    cameras.push_back(refined_camera(state, train_views, i));
+    cameras.push_back(refined_camera(state, train_views[i].camera, i));
   return cameras;
 }
 

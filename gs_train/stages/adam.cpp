@@ -28,38 +28,23 @@ void update_row(TrainingModel& model, AdamMoments<Stored>& moments, std::size_t 
       model.gaussians, moments, gradients, steps, kRandomOffsets);
 }
 
-class ScalarOptimizer final : public Optimizer {
- public:
-  void regularize(const TrainingModel& model, const Regularizers& regularizers,
-                  Gaussians& gradients) override {
-    const HostStage stage("regularizers");
-    add_regularizer_gradients(model.gaussians.span(), regularizers.of_each(model.count()),
-                              gradients.span());
-  }
-  void add_noise(TrainingModel& model, const PositionNoise& noise, float position_rate) override {
-    const HostStage stage("position noise");
-    add_position_noise(model.gaussians.span(), noise, position_rate);
-  }
-  void step(TrainingModel& model, const Gaussians& gradients, const Update& update) override {
-    const HostStage stage("adam");
-    GS_CHECK(gradients.count() == model.count());
-    const AdamRule& rule = update.rule;
-    const int t = model.adam_steps += rule.steps;
-    const AdamSteps steps = adam_steps(t, update.rates);
-    const MomentRounding rounding{update.rounding_seed, t};
-    std::visit(
-        [&]<class Stored>(AdamMoments<Stored>& moments) {
-          parallel_for(model.count(), 512, [&](std::size_t i) {
-            const std::uint32_t random = Stored::kIsRounded ? rounding.of_row(i) : 0;
-            update_row(model, moments, i, gradients, steps, rule, random);
-          });
-        },
-        model.moments);
-  }
-};
-
 }  // namespace
 
-std::unique_ptr<Optimizer> make_scalar_optimizer() { return std::make_unique<ScalarOptimizer>(); }
+void update_by_adam(TrainingModel& model, const Gaussians& gradients, const Update& update) {
+  const HostStage stage("adam");
+  GS_CHECK(gradients.count() == model.count());
+  const AdamRule& rule = update.rule;
+  const int t = model.adam_steps += rule.steps;
+  const AdamSteps steps = adam_steps(t, update.rates);
+  const MomentRounding rounding{update.rounding_seed, t};
+  std::visit(
+      [&]<class Stored>(AdamMoments<Stored>& moments) {
+        parallel_for(model.count(), 512, [&](std::size_t i) {
+          const std::uint32_t random = Stored::kIsRounded ? rounding.of_row(i) : 0;
+          update_row(model, moments, i, gradients, steps, rule, random);
+        });
+      },
+      model.moments);
+}
 
 }  // namespace gs

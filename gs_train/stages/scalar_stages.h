@@ -3,8 +3,13 @@
 #pragma once
 
 #include <memory>
+#include <vector>
 
-#include "gs_train/backend.h"
+#include "gs_core/math/density/pixel_rule.h"
+#include "gs_train/loss.h"
+#include "gs_train/row_ops.h"
+#include "gs_train/training_model.h"
+#include "gs_train/update.h"
 
 namespace gs {
 
@@ -19,23 +24,29 @@ double compare_depth(const View& view, float weight, const Buffer<float>& planes
 void find_pixel_values(const View& view, const PixelRule& rule, const RenderPass& pass,
                        const Appearance* appearance, Buffer<float>& values);
 
-std::unique_ptr<Optimizer> make_scalar_optimizer();  // 8  adam.cpp
-std::unique_ptr<RowOps> make_scalar_row_ops();       // 9  rows.cpp, 10 morton.cpp
+std::unique_ptr<RowOps> make_scalar_row_ops();  // 9  rows.cpp, 10 morton.cpp
 
-/// 8  photometric.cpp: one update of all photos, in host memory. `gradient` is that of
-/// the data, in the order of the state; the model's penalties are added to it.
-void update_photometric(PhotometricState& state, const PhotometricModel& model, float rate,
-                        const AdamRule& rule, std::vector<double>& gradient);
+/// 8  adam.cpp: one update of every row, visible or not (dense semantics). Adds update.rule.steps to
+/// model.adam_steps.
+void update_by_adam(TrainingModel& model, const Gaussians& gradients, const Update& update);
+/// 8  langevin.cpp, what the MCMC strategy adds: gradients += those of the regularizers, for every
+/// row, and after the update means += noise.
+///
+/// position_rate   the learning rate of the means in this step
+void regularize(const TrainingModel& model, const Regularizers& regularizers, Gaussians& gradients);
+void add_noise(TrainingModel& model, const PositionNoise& noise, float position_rate);
 
-/// The losses of the scalar backend: the words of loss.kind.
-std::vector<std::string> scalar_losses();
-
-/// langevin.cpp, behind Optimizer: what the MCMC strategy adds to stage 8. The weights are those of
-/// one Gaussian: Regularizers::of_each().
-void add_regularizer_gradients(const GaussiansSpan& gaussians, const Regularizers& of_each,
-                               const GaussiansSpan& gradients);
-void add_position_noise(const GaussiansSpan& gaussians, const PositionNoise& noise,
-                        float position_rate);
+/// Statistics of a step  statistics.cpp: adds a photo's visibility and image-plane gradients, and
+/// its sums over fragments, if there are any.
+///
+/// dL_dmean2d   (N)   pixels^-1
+void gather_statistics(const RenderPass& pass, Span<const Vec2f> dL_dmean2d,
+                       DensityStatistics& statistics);
+void add_statistics(const DensityStatistics& from, DensityStatistics& to);
+/// to += weight * from.
+void add_weighted(const Gaussians& from, float weight, Gaussians& to);
+/// The sums over fragments of the last backward pass, or of blend_values().
+void add_fragment_sums(const RenderPass& pass, Span<FragmentSums> to);
 
 /// relocate.cpp, behind RowOps::relocate().
 RefineReport relocate(TrainingModel& model, const RelocationRules& rules, std::uint64_t seed,

@@ -43,7 +43,6 @@ class L1SsimLoss final : public Loss {
     if (settings.appearance) pull_back(*settings.appearance, pass, view, dL_dimage);
   }
   double value() override { return value_; }
-  bool takes_appearance() const override { return true; }
 
  private:
   // The photo as (3, H, W) in 0..1.

@@ -192,7 +192,7 @@ TEST(LiveRunThatRefinesPoses, ShowsThePosesThatItHas) {
   const Json cameras = view.mode_and_model().at("cameras");
   ASSERT_EQ(cameras.size(), scene.train_views.size());
   for (std::size_t i = 0; i < cameras.size(); ++i) {
-    const Camera now = refined_camera(trainer.model().poses, scene.train_views, i);
+    const Camera now = refined_camera(trainer.model().poses, scene.train_views[i].camera, i);
     EXPECT_NEAR(cameras[i].at("world_from_camera")[3], now.position().x, 1e-5);
     EXPECT_EQ(cameras[i].at("name"), scene.train_views[i].name);
     EXPECT_GT(std::abs(now.position().x - scene.train_views[i].camera.position().x), 1e-6f);

@@ -36,7 +36,7 @@ struct BenchScene {
     backend->renderer().backward(model.gaussians.span(), view.camera, settings, pass,
                                  dL_dimage.span(), gradients.span(), dL_dmean2d.span());
   }
-  void adam() { backend->optimizer().step(model, gradients, {kRates}); }
+  void adam() { update_by_adam(model, gradients, {kRates}); }
   void step() { backend->step(model, view, settings, kLossSettings, kRates, {true}); }
 
   std::unique_ptr<Backend> backend = make_scalar_backend();

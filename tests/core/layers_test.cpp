@@ -124,6 +124,7 @@ const std::map<std::string, std::set<std::string>> kRooms = {
     {"cuda/step", {"cuda/device", "cuda/photo_terms", "cuda/render"}},
     {"cuda/gpus", {"cuda/device", "cuda/photo_terms", "cuda/render", "cuda/step"}},
     {"gs_train/stages", {"gs_train/photometric"}},
+    {"gs_train/photo_terms", {"gs_train/photometric", "gs_train/poses", "gs_train/stages"}},
     {"gs_train/loop",
      {"gs_train/density", "gs_train/initialize", "gs_train/photometric", "gs_train/poses"}},
     {"gs_app/run", {}},

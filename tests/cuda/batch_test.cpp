@@ -24,16 +24,13 @@ TEST_F(CudaBatch, ABatchIsThatOfTheScalarBackend) {
       Gaussians start = random_gaussians(kTypical, 3000, views[0].camera, std::uint64_t(degree));
       if (has_time) start = in_spacetime(start, 8);
       TrainingModel expected = model_of(start);
-      TrainingModel fused = on_gpu(expected), unfused = on_gpu(expected);
+      TrainingModel fused = on_gpu(expected);
       Update update{kRates, batch_rule(3)};
       if (has_time) update.rates.right_rotation = update.rates.time_mean = 1e-3f;
       const DensityStep density{.gather_statistics = true, .regularizers = {1e-3f, 1e-3f}};
       batches_both(3, expected, fused, batch, update, density);
-      for (int step = 0; step < 3; ++step)
-        gpu().Backend::step(unfused, {batch.data(), batch.size()}, {0.2f}, update, density);
       EXPECT_EQ(fused.adam_steps, 9);
       expect_same(on_host(fused), expected, 2e-2);
-      expect_same(on_host(unfused), expected, 2e-2);
     }
 }
 
@@ -122,18 +119,14 @@ TEST_F(CudaBatch, ABatchWithTooLittleRoomLosesNothing) {
     const DensityStep density{.gather_statistics = true, .score = GrowthScore::force};
     TrainingModel again = on_gpu(start), fused = on_gpu(start);
     // Steps of the first model find buffers that are too small; those of the second do not.
-    gpu().upload_views(views, std::size_t(1) << 30);
+    gpu().device().upload_views(views, std::size_t(1) << 30);
     for (TrainingModel* const model : {&again, &fused}) {
       for (int step = 0; step < 6; ++step)
-        gpu().step(*model, {batch.data(), batch.size()}, {0.2f}, {kRates}, density);
+        gpu().step(*model, {{batch.data(), batch.size()}, {0.2f}, {kRates}, density});
       gpu().synchronize(*model);
     }
     expect_same(on_host(again), on_host(fused), 2e-2);
     expect_same_sums(on_host(again), on_host(fused), 2e-2);
-    TrainingModel plain = on_gpu(start);
-    for (int step = 0; step < 6; ++step)
-      gpu().Backend::step(plain, {batch.data(), batch.size()}, {0.2f}, {kRates}, {true});
-    expect_same(on_host(fused), on_host(plain), 2e-2);
   }
 }
 
@@ -144,10 +137,10 @@ TEST_F(CudaBatch, StreamedPhotosGiveTheSameBatches) {
   TrainingModel streamed = on_gpu(start), resident = on_gpu(start);
   const std::vector<TrainingPhoto> batch = batch_of(views, {});
   for (TrainingModel* model : {&streamed, &resident}) {
-    gpu().upload_views(views, model == &streamed ? 0 : 1 << 30);
+    gpu().device().upload_views(views, model == &streamed ? 0 : 1 << 30);
     for (int step = 0; step < 10; ++step) {
-      gpu().prefetch_next(views[0]);
-      gpu().step(*model, {batch.data(), batch.size()}, {0.2f}, {kRates}, {});
+      gpu().device().prefetch_next(views[0]);
+      gpu().step(*model, {{batch.data(), batch.size()}, {0.2f}, {kRates}, {}});
     }
     gpu().synchronize(*model);
   }

@@ -50,7 +50,7 @@ class CudaDepth : public CudaTest {
   /// The backend knows views by their addresses until other ones are announced.
   void use_views(DepthKind kind) {
     scene_ = three_views(131, 77, kind);
-    gpu().upload_views(scene_.train_views, 0);
+    gpu().device().upload_views(scene_.train_views, 0);
   }
   Gaussians plain(std::size_t count = 3000) const {
     return random_gaussians(kTypical, count, scene_.train_views[0].camera, 5);
@@ -63,8 +63,10 @@ class CudaDepth : public CudaTest {
       batch.push_back({&scene_.train_views[row], settings, rows.size() > 1 ? 2 : 1, row});
     LossSettings loss{0.2f};
     loss.depth_weight = weight;
-    backend.step(model, {batch.data(), batch.size()}, loss,
-                 Update{kRates, batch_rule(int(rows.size()))}, density);
+    backend.step(model, {{batch.data(), batch.size()},
+                         loss,
+                         Update{kRates, batch_rule(int(rows.size()))},
+                         density});
   }
   /// The first moments are the gradients times a constant, after one step.
   void expect_same_gradients(const TrainingModel& actual, const TrainingModel& expected,
@@ -182,14 +184,12 @@ TEST_F(CudaDepth, RunsRefinePosesAsWell) {
   begin_poses(config, scene_, expected);
   TrainingModel actual = on_gpu(expected);
   const auto step_with_poses = [&](Backend& backend, TrainingModel& model) {
-    TrainingPhoto photo{&scene_.train_views[0], {}, 1, 0};
-    if (!backend.makes_refined_cameras())
-      photo.refined = refined_camera(model.poses, scene_.train_views, 0);
+    const TrainingPhoto photo{&scene_.train_views[0], {}, 1, 0};
     LossSettings loss{0.2f};
     loss.depth_weight = kWeight;
     Update update{kRates};
     update.pose_rate = 1e-3f;
-    backend.step(model, Span<const TrainingPhoto>{&photo, 1}, loss, update, {true});
+    backend.step(model, {{&photo, 1}, loss, update, {true}});
   };
   step_with_poses(cpu(), expected);
   step_with_poses(gpu(), actual);

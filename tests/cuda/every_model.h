@@ -6,7 +6,7 @@
 #include <string>
 #include <vector>
 
-#include "gs_train/optimizer.h"
+#include "gs_train/update.h"
 #include "tests/support/cuda.h"
 
 namespace gs {

@@ -139,7 +139,7 @@ TEST_F(CudaFrame, AnOverflowBetweenTwoStepsChangesNothing) {
   std::vector<View> views(1);
   views[0].camera = camera;
   views[0].photo = random_photo(camera.width, camera.height, 2);
-  gpu().upload_views(views, std::size_t(1) << 30);
+  gpu().device().upload_views(views, std::size_t(1) << 30);
   const TrainingModel start = model_of(random_gaussians(kHuge, 3000, camera, 4));
   const auto trained = [&](bool draws) {
     TrainingModel model = CudaTest::on_gpu(start);

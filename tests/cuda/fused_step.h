@@ -54,8 +54,8 @@ class FusedStepTest : public CudaTest {
                     const std::vector<TrainingPhoto>& batch, const Update& update,
                     const DensityStep& density) {
     for (int i = 0; i < updates; ++i) {
-      cpu().step(on_cpu, {batch.data(), batch.size()}, {0.2f}, update, density);
-      gpu().step(on_gpu, {batch.data(), batch.size()}, {0.2f}, update, density);
+      cpu().step(on_cpu, {{batch.data(), batch.size()}, {0.2f}, update, density});
+      gpu().step(on_gpu, {{batch.data(), batch.size()}, {0.2f}, update, density});
     }
     gpu().synchronize(on_gpu);
   }

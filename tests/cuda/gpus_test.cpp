@@ -36,7 +36,7 @@ class CudaGpus : public FusedStepTest {
                                    const std::vector<View>& views, const RenderSettings& settings,
                                    std::size_t batch, const DensityStep& density,
                                    float depth_weight = 0) {
-    backend.upload_views(views, std::size_t(1) << 30);
+    backend.device().upload_views(views, std::size_t(1) << 30);
     TrainingModel model = copy_to(backend.memory(), start);
     std::vector<TrainingPhoto> photos = batch_of(views, settings);
     Update update{kRates, batch_rule(int(batch))};
@@ -51,7 +51,7 @@ class CudaGpus : public FusedStepTest {
       std::vector<TrainingPhoto> of_step;
       for (std::size_t i = 0; i < batch; ++i)
         of_step.push_back(photos[(std::size_t(step) * batch + i) % photos.size()]);
-      backend.step(model, {of_step.data(), of_step.size()}, loss, update, density);
+      backend.step(model, {{of_step.data(), of_step.size()}, loss, update, density});
     }
     backend.synchronize(model);
     return copy_to(host_memory(), model);
@@ -149,7 +149,7 @@ TEST_P(CudaGpusOfPhotos, HaveTheBytesOfOneGpu) {
     Gaussians gaussians = random_gaussians(kTypical, 3000, views[0].camera, 5);
     if (has_time) gaussians = in_spacetime(gaussians, 8);
     const TrainingModel start = started(gaussians, views);
-    gpu().use_photometric(model_of_light());
+    gpu().use({.photometric = model_of_light()});
     for (const std::size_t batch : {1, 2, 3, 5, 8}) {
       const TrainingModel expected =
           after_steps(gpu(), start, views, settings, batch, density, depth_weight);
@@ -157,7 +157,7 @@ TEST_P(CudaGpusOfPhotos, HaveTheBytesOfOneGpu) {
       EXPECT_EQ(same_bits(expected.poses, start.poses), !GetParam().has_poses);
       for (const int count : {2, 3}) {
         const auto backend = backend_of(count, kOfCameras);
-        backend->use_photometric(model_of_light());
+        backend->use({.photometric = model_of_light()});
         const TrainingModel actual =
             after_steps(*backend, start, views, settings, batch, density, depth_weight);
         const std::string what = "batch " + std::to_string(batch) + ", GPUs " +
@@ -168,7 +168,7 @@ TEST_P(CudaGpusOfPhotos, HaveTheBytesOfOneGpu) {
       }
     }
   }
-  gpu().use_photometric(nullptr);
+  gpu().use({});
 }
 
 INSTANTIATE_TEST_SUITE_P(Each, CudaGpusOfPhotos,
@@ -227,11 +227,11 @@ TEST_F(CudaGpus, DealtRowsComeBackAsTheyWere) {
   for (const std::size_t rows : {1, 31, 32, 33, 95, 96, 97, 1000}) {
     TrainingModel start = model_of(random_gaussians(kTypical, rows, views[0].camera, 5));
     const auto backend = backend_of(3);
-    backend->upload_views(views, std::size_t(1) << 30);
+    backend->device().upload_views(views, std::size_t(1) << 30);
     TrainingModel model = copy_to(backend->memory(), start);
     const TrainingPhoto photo{&views[0], {}};
     // rates of zero change no parameter
-    backend->step(model, {&photo, 1}, {0.2f}, Update{}, {});
+    backend->step(model, {{&photo, 1}, {0.2f}, Update{}, {}});
     EXPECT_NE(model.statistics.visits.size(), model.count());  // with the GPUs
     backend->synchronize(model);
     EXPECT_TRUE(same_bits(copy_to(host_memory(), model).gaussians.mean, start.gaussians.mean))
@@ -245,11 +245,11 @@ TEST_F(CudaGpus, AModelThatWasReplacedIsTheOneThatIsTrained) {
   const TrainingModel start = model_of(random_gaussians(kTypical, 1000, views[0].camera, 5));
   const TrainingPhoto photo{&views[0], {}};
   const auto backend = backend_of(2);
-  backend->upload_views(views, std::size_t(1) << 30);
+  backend->device().upload_views(views, std::size_t(1) << 30);
   TrainingModel model = copy_to(backend->memory(), start);
-  backend->step(model, {&photo, 1}, {0.2f}, Update{kRates}, {});
+  backend->step(model, {{&photo, 1}, {0.2f}, Update{kRates}, {}});
   model = copy_to(backend->memory(), start);
-  backend->step(model, {&photo, 1}, {0.2f}, Update{}, {});
+  backend->step(model, {{&photo, 1}, {0.2f}, Update{}, {}});
   EXPECT_EQ(backend->rows().count_not_finite(model), 0u);
   EXPECT_TRUE(same_bits(copy_to(host_memory(), model).gaussians.mean, start.gaussians.mean));
 }

@@ -204,7 +204,7 @@ class CudaFragmentSums : public CudaTest {
     TrainingModel model =
         copy_to(backend.memory(), model_of(random_gaussians(kTypical, 300, camera, 1)));
     const TrainingPhoto photo{&view, settings, 1};
-    backend.step(model, {&photo, 1}, {0.2f}, {kRates}, gathering(score));
+    backend.step(model, {{&photo, 1}, {0.2f}, {kRates}, gathering(score)});
     backend.synchronize(model);
     return on_host(model);
   }
@@ -215,7 +215,7 @@ class CudaFragmentSums : public CudaTest {
       std::vector<TrainingPhoto> batch;
       for (std::size_t k = 0; k < batch_size; ++k)
         batch.push_back({&scene.train_views[view + k], settings, reduction});
-      backend.step(model, {batch.data(), batch.size()}, {0.2f}, {kRates}, gathering(score));
+      backend.step(model, {{batch.data(), batch.size()}, {0.2f}, {kRates}, gathering(score)});
     }
     backend.synchronize(model);
     return on_host(model);
@@ -286,7 +286,7 @@ class CudaScorePass : public CudaFragmentSums {
     TrainingModel model = copy_to(backend.memory(), start());
     std::vector<TrainingPhoto> photos;
     for (const View& view : scene.train_views) photos.push_back({&view, settings, reduction});
-    backend.step(model, {photos.data(), 1}, {0.2f}, {kRates}, {});
+    backend.step(model, {{photos.data(), 1}, {0.2f}, {kRates}, {}});
     backend.score_photos(model, {photos.data(), photos.size()}, rule);
     backend.synchronize(model);
     return on_host(model);

@@ -371,15 +371,15 @@ TEST_F(CudaPhotosTest, AreFetchedWhenAskedFor) {
 
 TEST_F(CudaPhotosTest, AreThereOncePrepared) {
   dL_dimage_ = Buffer<float>(gpu().memory());
-  gpu().upload_views(views_, std::size_t(1) << 30);
+  gpu().device().upload_views(views_, std::size_t(1) << 30);
   for (const std::size_t i : kOrder) expect_loss_of(i);
 }
 
 TEST_F(CudaPhotosTest, AreFetchedOneViewAhead) {
   dL_dimage_ = Buffer<float>(gpu().memory());
-  gpu().prefetch_next(views_[kOrder[0]]);
+  gpu().device().prefetch_next(views_[kOrder[0]]);
   for (std::size_t step = 0; step < std::size(kOrder); ++step) {
-    if (step + 1 < std::size(kOrder)) gpu().prefetch_next(views_[kOrder[step + 1]]);
+    if (step + 1 < std::size(kOrder)) gpu().device().prefetch_next(views_[kOrder[step + 1]]);
     expect_loss_of(kOrder[step]);
   }
 }
@@ -387,7 +387,7 @@ TEST_F(CudaPhotosTest, AreFetchedOneViewAhead) {
 TEST_F(CudaPhotosTest, MayBeAnnouncedInVain) {
   dL_dimage_ = Buffer<float>(gpu().memory());
   for (const std::size_t i : kOrder) {
-    for (const View& view : views_) gpu().prefetch_next(view);
+    for (const View& view : views_) gpu().device().prefetch_next(view);
     expect_loss_of(i);
   }
 }
@@ -395,9 +395,9 @@ TEST_F(CudaPhotosTest, MayBeAnnouncedInVain) {
 // Steps run asynchronously: a photo stays on the GPU until the work on it is done.
 TEST_F(CudaPhotosTest, StayWhileTheHostRunsAhead) {
   std::vector<Buffer<float>> gradients;
-  gpu().prefetch_next(views_[kOrder[0]]);
+  gpu().device().prefetch_next(views_[kOrder[0]]);
   for (std::size_t step = 0; step < std::size(kOrder); ++step) {
-    if (step + 1 < std::size(kOrder)) gpu().prefetch_next(views_[kOrder[step + 1]]);
+    if (step + 1 < std::size(kOrder)) gpu().device().prefetch_next(views_[kOrder[step + 1]]);
     Buffer<float>& dL_dimage = gradients.emplace_back(gpu().memory());
     const std::size_t i = kOrder[step];
     gpu().loss().forward_backward(passes_[i], views_[i], {0.2f}, dL_dimage);

@@ -75,13 +75,15 @@ class CudaMemory : public CudaTest {
     const PeakSince peak;
     const std::unique_ptr<Backend> backend = cuda::make_backend({0});
     TrainingModel model = copy_to(backend->memory(), model_of(rows_));
-    backend->upload_views(views_, std::size_t(1) << 30);
+    backend->device().upload_views(views_, std::size_t(1) << 30);
     std::vector<TrainingPhoto> photos;
     for (const View& view : views_) photos.push_back({&view, settings});
     photos.resize(2 * photos.size(), photos.front());  // a batch may end beyond the views
     for (int step = 0; step < 12; step += size.batch)
-      backend->step(model, {&photos[std::size_t(step) % views_.size()], std::size_t(size.batch)},
-                    {0.2f}, Update{kRates}, density);
+      backend->step(model, {{&photos[std::size_t(step) % views_.size()], std::size_t(size.batch)},
+                            {0.2f},
+                            Update{kRates},
+                            density});
     backend->synchronize(model);
     expect_forecast(peak.bytes(), training_bytes(size));
   }

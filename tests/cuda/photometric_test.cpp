@@ -33,8 +33,8 @@ class CudaPhotometric : public CudaTest {
   /// Both backends learn gains from now on.
   PhotometricConfig use_gains() {
     PhotometricConfig config{"gains"};
-    cpu().use_photometric(make_photometric_model(config));
-    gpu().use_photometric(make_photometric_model(config));
+    cpu().use({.photometric = make_photometric_model(config)});
+    gpu().use({.photometric = make_photometric_model(config)});
     return config;
   }
   /// A model of views_ on the host.
@@ -86,8 +86,8 @@ TEST_F(CudaPhotometric, AStepIsTheScalarOne) {
       expected.photometric.is_solved = is_solved;
       const TrainingModel start = copy_to(host_memory(), expected);
       TrainingModel actual = on_gpu(start);
-      cpu().step(expected, {&photo, 1}, {0.2f}, update_of(), {true});
-      gpu().step(actual, {&photo, 1}, {0.2f}, update_of(), {true});
+      cpu().step(expected, {{&photo, 1}, {0.2f}, update_of(), {true}});
+      gpu().step(actual, {{&photo, 1}, {0.2f}, update_of(), {true}});
       gpu().synchronize(actual);
       EXPECT_NEAR(gpu().loss().value(), cpu().loss().value(), 1e-3 * cpu().loss().value());
       expect_same_numbers(on_host(actual).photometric, expected.photometric, start.photometric,
@@ -104,8 +104,8 @@ TEST_F(CudaPhotometric, ManyStepsAreTheScalarOnes) {
     TrainingModel actual = on_gpu(start);
     const std::vector<TrainingPhoto> all = photos(on_a_background(), reduction);
     for (std::size_t step = 0; step < 15; ++step) {
-      cpu().step(expected, {&all[step % 3], 1}, {0.2f}, update_of(), {true});
-      gpu().step(actual, {&all[step % 3], 1}, {0.2f}, update_of(), {true});
+      cpu().step(expected, {{&all[step % 3], 1}, {0.2f}, update_of(), {true}});
+      gpu().step(actual, {{&all[step % 3], 1}, {0.2f}, update_of(), {true}});
     }
     gpu().synchronize(actual);
     expect_same_numbers(on_host(actual).photometric, expected.photometric, start.photometric, 3e-2);
@@ -123,8 +123,8 @@ TEST_F(CudaPhotometric, ABatchIsThatOfTheScalarBackend) {
   batch.push_back(batch[0]);  // the same photo twice
   batch[1].reduction = 2;
   for (int step = 0; step < 4; ++step) {
-    cpu().step(expected, {batch.data(), batch.size()}, {0.2f}, update_of(4), {true});
-    gpu().step(actual, {batch.data(), batch.size()}, {0.2f}, update_of(4), {true});
+    cpu().step(expected, {{batch.data(), batch.size()}, {0.2f}, update_of(4), {true}});
+    gpu().step(actual, {{batch.data(), batch.size()}, {0.2f}, update_of(4), {true}});
   }
   gpu().synchronize(actual);
   expect_same_numbers(on_host(actual).photometric, expected.photometric, start.photometric, 3e-2);
@@ -137,8 +137,8 @@ TEST_F(CudaPhotometric, TheErrorsOfPixelsAreTheScalarOnes) {
   TrainingModel actual = on_gpu(expected);
   const std::vector<TrainingPhoto> all = photos(on_a_background());
   for (const TrainingPhoto& photo : all) {
-    cpu().step(expected, {&photo, 1}, {0.2f}, update_of(), {});
-    gpu().step(actual, {&photo, 1}, {0.2f}, update_of(), {});
+    cpu().step(expected, {{&photo, 1}, {0.2f}, update_of(), {}});
+    gpu().step(actual, {{&photo, 1}, {0.2f}, update_of(), {}});
   }
   cpu().score_photos(expected, {all.data(), all.size()}, {GrowthScore::error});
   gpu().score_photos(actual, {all.data(), all.size()}, {GrowthScore::error});
@@ -155,8 +155,8 @@ TEST_F(CudaPhotometric, RestsWhereItsRateIsZero) {
   Update update = update_of();
   update.photometric_rate = 0;
   for (const TrainingPhoto& photo : photos(on_a_background())) {
-    cpu().step(expected, {&photo, 1}, {0.2f}, update, {true});
-    gpu().step(actual, {&photo, 1}, {0.2f}, update, {true});
+    cpu().step(expected, {{&photo, 1}, {0.2f}, update, {true}});
+    gpu().step(actual, {{&photo, 1}, {0.2f}, update, {true}});
     EXPECT_NEAR(gpu().loss().value(), cpu().loss().value(), 2e-3 * cpu().loss().value());
   }
   gpu().synchronize(actual);
@@ -173,7 +173,7 @@ TEST_F(CudaPhotometric, LearnsTheSameBitsEachTime) {
     settings.deterministic = deterministic;
     const std::vector<TrainingPhoto> all = photos(settings);
     for (int step = 0; step < steps; ++step)
-      gpu().step(model, {&all[std::size_t(step) % 3], 1}, {0.2f}, update_of(), {true});
+      gpu().step(model, {{&all[std::size_t(step) % 3], 1}, {0.2f}, update_of(), {true}});
     gpu().synchronize(model);
     return on_host(model);
   };
@@ -190,7 +190,7 @@ TEST_F(CudaPhotometric, KeepsAMeanOfZero) {
   TrainingModel model = on_gpu(started(config, 300));
   const std::vector<TrainingPhoto> all = photos(on_a_background());
   for (std::size_t step = 0; step < 1000; ++step)
-    gpu().step(model, {&all[step % 10 == 9 ? step / 10 % 3 : 0], 1}, {0.2f}, update_of(), {});
+    gpu().step(model, {{&all[step % 10 == 9 ? step / 10 % 3 : 0], 1}, {0.2f}, update_of(), {}});
   gpu().synchronize(model);
   const TrainingModel learned = on_host(model);
   const std::vector<double> common =
@@ -214,13 +214,13 @@ TEST_F(CudaPhotometric, TooLittleRoomLosesNothing) {
     TrainingModel start = model_of(random_gaussians(large, 20000, views[0].camera, 3));
     begin_with_gains(use_gains(), views, start);
     const auto after_steps = [&](bool meets_views_anew) {
-      if (meets_views_anew) gpu().upload_views(views, 1 << 30);
+      if (meets_views_anew) gpu().device().upload_views(views, 1 << 30);
       TrainingModel model = on_gpu(start);
       for (std::size_t step = 0; step < 9; ++step) {
         if (in_batches)
-          gpu().step(model, {batch.data(), 3}, {0.2f}, update_of(3), {true});
+          gpu().step(model, {{batch.data(), 3}, {0.2f}, update_of(3), {true}});
         else
-          gpu().step(model, {&batch[step % 3], 1}, {0.2f}, update_of(), {true});
+          gpu().step(model, {{&batch[step % 3], 1}, {0.2f}, update_of(), {true}});
       }
       gpu().synchronize(model);
       return on_host(model);
@@ -230,7 +230,7 @@ TEST_F(CudaPhotometric, TooLittleRoomLosesNothing) {
     EXPECT_EQ(crowded.photometric.adam_steps, in_batches ? 27 : 9);
     EXPECT_FALSE(same_bits(crowded.photometric, start.photometric));
   }
-  gpu().upload_views({}, 0);  // these views end here
+  gpu().device().upload_views({}, 0);  // these views end here
 }
 
 TEST_F(CudaPhotometric, LeavesStepsWithoutAModelAsTheyAre) {
@@ -241,34 +241,20 @@ TEST_F(CudaPhotometric, LeavesStepsWithoutAModelAsTheyAre) {
     TrainingModel model = on_gpu(start);
     const std::vector<TrainingPhoto> all = photos(settings);
     for (std::size_t step = 0; step < 6; ++step)
-      gpu().step(model, {&all[step % 3], 1}, {0.2f}, update_of(), {true});
+      gpu().step(model, {{&all[step % 3], 1}, {0.2f}, update_of(), {true}});
     gpu().synchronize(model);
     return on_host(model);
   };
-  gpu().use_photometric(nullptr);
+  gpu().use({});
   const TrainingModel before = after_steps();
   TrainingModel learned = on_gpu(started(use_gains()));
   for (const TrainingPhoto& photo : photos(settings))
-    gpu().step(learned, {&photo, 1}, {0.2f}, update_of(), {true});
+    gpu().step(learned, {{&photo, 1}, {0.2f}, update_of(), {true}});
   gpu().synchronize(learned);
 
-  gpu().use_photometric(nullptr);
+  gpu().use({});
   EXPECT_TRUE(same_bits(after_steps(), before));
 }
 
-/// A model that no device knows.
-class OtherModel final : public PhotometricModel {
- public:
-  std::string name() const override { return "other"; }
-  std::vector<std::string> photo_names() const override { return {"number"}; }
-  std::unique_ptr<Appearance> appearance(Span<const float>) const override { return nullptr; }
-  void start_from_gains(const Vec3f&, Span<float>) const override {}
-  std::vector<double> common_part(const PhotometricState&) const override { return {}; }
-  void add_penalties(const PhotometricState&, std::vector<double>&) const override {}
-};
-
-TEST_F(CudaPhotometric, RefusesAModelThatItDoesNotKnow) {
-  EXPECT_THROW(gpu().use_photometric(std::make_unique<OtherModel>()), UsageError);
-}
 }  // namespace
 }  // namespace gs

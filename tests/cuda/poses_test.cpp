@@ -48,20 +48,16 @@ class CudaPoses : public CudaTest {
   Gaussians plain(std::size_t count = 3000) const {
     return random_gaussians(kTypical, count, scene_.train_views[0].camera, 5);
   }
-  /// Steps by these photos, in one batch, where each camera is as refined as the model says: a GPU
-  /// knows it, and the scalar backend is told.
+  /// Steps by these photos, in one batch.
   void step(Backend& backend, TrainingModel& model, const std::vector<std::size_t>& rows,
             const RenderSettings& settings, float rate = kRate) const {
     std::vector<TrainingPhoto> batch;
-    for (const std::size_t row : rows) {
+    for (const std::size_t row : rows)
       batch.push_back({&scene_.train_views[row], settings, rows.size() > 1 ? 2 : 1, row});
-      if (!backend.makes_refined_cameras())
-        batch.back().refined = refined_camera(model.poses, scene_.train_views, row);
-    }
     Update update{kRates, batch_rule(int(rows.size()))};
     update.pose_rate = rate;
     update.photo_rule = batch_rule(int(rows.size()));
-    backend.step(model, {batch.data(), batch.size()}, {0.2f}, update, {true});
+    backend.step(model, {{batch.data(), batch.size()}, {0.2f}, update, {true}});
   }
   /// The moments say what gradients there were, and the values what Adam made of them.
   void expect_same_poses(const PoseState& actual, const PoseState& expected, double tolerance) {
@@ -139,7 +135,7 @@ TEST_F(CudaPoses, TooLittleRoomLosesNothing) {
   RenderSettings settings;
   settings.deterministic = true;
   const auto after_steps = [&](bool meets_views_anew) {
-    if (meets_views_anew) gpu().upload_views(scene_.train_views, 1 << 30);
+    if (meets_views_anew) gpu().device().upload_views(scene_.train_views, 1 << 30);
     TrainingModel model = on_gpu(start);
     for (std::size_t k = 0; k < 6; ++k) step(gpu(), model, {k % 3}, settings);
     gpu().synchronize(model);
@@ -148,7 +144,7 @@ TEST_F(CudaPoses, TooLittleRoomLosesNothing) {
   const TrainingModel crowded = after_steps(true), roomy = after_steps(false);
   EXPECT_TRUE(same_bits(crowded, roomy));
   EXPECT_EQ(crowded.poses.adam_steps, 6);
-  gpu().upload_views({}, 0);  // these views end here
+  gpu().device().upload_views({}, 0);  // these views end here
 }
 
 // The first picture is that of the camera as the poses have it, before anything was learned.

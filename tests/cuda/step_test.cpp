@@ -90,12 +90,10 @@ TEST_F(CudaStep, FusedStepIsTheScalarOne) {
       }
       TrainingModel expected =
           model_of(random_gaussians(kTypical, 3000, views[0].camera, std::uint64_t(degree)));
-      TrainingModel actual = on_gpu(expected), unfused = on_gpu(expected);
+      TrainingModel actual = on_gpu(expected);
       step_both(expected, actual, views, settings, kRates, {true});
-      for (const View& view : views) unfused_step(unfused, view, settings, kRates, {true});
       // Adam's first steps turn the sign of a tiny gradient into a whole step
       expect_same(on_host(actual), expected, 1e-2);
-      expect_same(on_host(actual), on_host(unfused), 1e-2);
       EXPECT_NEAR(gpu().loss().value(), cpu().loss().value(), 2e-3 * cpu().loss().value());
     }
 }
@@ -113,11 +111,9 @@ TEST_F(CudaStep, FusedStepWithA3dFilterIsTheScalarOne) {
       if (regularizes) density.regularizers = {1e-3f, 1e-3f};
       TrainingModel expected = model_of(with_filters(
           random_gaussians(kTypical, 3000, views[0].camera, std::uint64_t(degree)), 9));
-      TrainingModel actual = on_gpu(expected), unfused = on_gpu(expected);
+      TrainingModel actual = on_gpu(expected);
       step_both(expected, actual, views, settings, kRates, density);
-      for (const View& view : views) unfused_step(unfused, view, settings, kRates, density);
       expect_same(on_host(actual), expected, 1e-2);
-      expect_same(on_host(actual), on_host(unfused), 1e-2);
       EXPECT_TRUE(same_bits(on_host(actual).gaussians.filter_scale,
                             expected.gaussians.filter_scale));  // no step changes it
     }
@@ -129,25 +125,25 @@ TEST_F(CudaStep, TooLittleRoomLosesNothing) {
   const Recipe large{
       .sigma_low = 30, .sigma_high = 60, .opacity_low = 0.02f, .opacity_high = 0.05f};
   const TrainingModel start = model_of(random_gaussians(large, 20000, views[0].camera, 3));
-  TrainingModel fused = on_gpu(start), plain = on_gpu(start);
-  const RenderSettings settings;
-  for (int step = 0; step < 12; ++step)
-    gpu().step(fused, views[step % 3], settings, {0.2f}, kRates, {true});
-  gpu().synchronize(fused);
-  for (int step = 0; step < 12; ++step)
-    unfused_step(plain, views[step % 3], settings, kRates, {true});
-  EXPECT_EQ(fused.adam_steps, 12);
-  expect_same(on_host(fused), on_host(plain), 2e-2);
+  TrainingModel crowded = on_gpu(start), roomy = on_gpu(start);
+  // The forecast knows these views when the second model comes.
+  for (TrainingModel* const model : {&crowded, &roomy}) {
+    for (int step = 0; step < 12; ++step)
+      gpu().step(*model, views[step % 3], {}, {0.2f}, kRates, {true});
+    gpu().synchronize(*model);
+  }
+  EXPECT_EQ(crowded.adam_steps, 12);
+  expect_same(on_host(crowded), on_host(roomy), 2e-2);
 }
 
 TEST_F(CudaStep, SteadyBatchesNeitherWaitNorAllocate) {
   const std::vector<View> views = some_views(200, 150, 5);
   TrainingModel model = on_gpu(model_of(random_gaussians(kTypical, 20000, views[0].camera, 7)));
-  gpu().upload_views(views, 1 << 30);
+  gpu().device().upload_views(views, 1 << 30);
   const std::vector<TrainingPhoto> batch = batch_of(views, {});
   const auto run = [&](int steps) {
     for (int step = 0; step < steps; ++step)
-      gpu().step(model, {batch.data(), batch.size()}, {0.2f}, {kRates}, {true});
+      gpu().step(model, {{batch.data(), batch.size()}, {0.2f}, {kRates}, {true}});
   };
   expect_steady(
       model, [&] { run(20); }, [&] { run(60); });
@@ -156,11 +152,11 @@ TEST_F(CudaStep, SteadyBatchesNeitherWaitNorAllocate) {
 TEST_F(CudaStep, SteadyStepsOnReducedPhotosNeitherWaitNorAllocate) {
   const std::vector<View> views = some_views(400, 300, 5);
   TrainingModel model = on_gpu(model_of(random_gaussians(kTypical, 20000, views[0].camera, 7)));
-  gpu().upload_views(views, 1 << 30);
+  gpu().device().upload_views(views, 1 << 30);
   const auto run = [&](int steps, int reduction) {
     for (int step = 0; step < steps; ++step) {
       const TrainingPhoto photo{&views[std::size_t(step % 5)], {}, reduction};
-      gpu().step(model, {&photo, 1}, {0.2f}, {kRates}, {true});
+      gpu().step(model, {{&photo, 1}, {0.2f}, {kRates}, {true}});
     }
   };
   expect_steady(
@@ -169,7 +165,7 @@ TEST_F(CudaStep, SteadyStepsOnReducedPhotosNeitherWaitNorAllocate) {
         run(100, 2);
         run(100, 4);  // smaller photos need no more memory
       });
-  gpu().upload_views({}, 0);
+  gpu().device().upload_views({}, 0);
 }
 
 // ---- Adam's rule -------------------------------------------------------------------------------
@@ -181,9 +177,9 @@ TEST_F(CudaStep, AStepByTheRuleOfABatchIsTheScalarOne) {
   TrainingModel actual = on_gpu(expected), usual = on_gpu(expected);
   for (int step = 0; step < 6; ++step) {
     const TrainingPhoto photo{&views[std::size_t(step % 3)], {}};
-    cpu().step(expected, {&photo, 1}, {0.2f}, update, {true});
-    gpu().step(actual, {&photo, 1}, {0.2f}, update, {true});
-    gpu().step(usual, {&photo, 1}, {0.2f}, {kRates}, {true});
+    cpu().step(expected, {{&photo, 1}, {0.2f}, update, {true}});
+    gpu().step(actual, {{&photo, 1}, {0.2f}, update, {true}});
+    gpu().step(usual, {{&photo, 1}, {0.2f}, {kRates}, {true}});
   }
   gpu().synchronize(actual);
   expect_same(on_host(actual), expected, 2e-2);
@@ -258,7 +254,7 @@ TEST_F(CudaStep, DeterministicStepsGiveTheSameBytesEachTime) {
     const auto after_steps = [&](bool deterministic, bool meets_views_anew) {
       TrainingModel model = on_gpu(start);
       settings.deterministic = deterministic;
-      if (meets_views_anew) gpu().upload_views(views, 1 << 30);
+      if (meets_views_anew) gpu().device().upload_views(views, 1 << 30);
       for (int step = 0; step < 30; ++step)
         gpu().step(model, views[step % 3], settings, {0.2f}, kRates, {true});
       gpu().synchronize(model);
@@ -297,7 +293,7 @@ TEST_F(CudaStep, SelectingTheVisibleRowsChangesNothing) {
     gpu().synchronize(model);
     return on_host(model);
   };
-  gpu().upload_views(views, 1 << 30);
+  gpu().device().upload_views(views, 1 << 30);
   const TrainingModel sorted_whole = after_step(), selected = after_step();
   EXPECT_TRUE(same_bits(selected, sorted_whole));
   TrainingModel expected = copy_to(host_memory(), start);
@@ -311,10 +307,10 @@ TEST_F(CudaStep, SteadyStepsNeitherWaitNorAllocate) {
     TrainingModel model =
         on_gpu(model_of(random_gaussians(kTypical, 20000, views[0].camera, 7), form));
     RenderSettings settings;
-    gpu().upload_views(views, 1 << 30);
+    gpu().device().upload_views(views, 1 << 30);
     const auto run = [&](int steps) {
       for (int step = 0; step < steps; ++step) {
-        gpu().prefetch_next(views[(step + 1) % views.size()]);
+        gpu().device().prefetch_next(views[(step + 1) % views.size()]);
         gpu().step(model, views[step % views.size()], settings, {0.2f}, kRates, {true});
       }
     };
@@ -327,26 +323,26 @@ TEST_F(CudaStep, SteadyStepsNeitherWaitNorAllocate) {
 TEST_F(CudaStep, SteadyStepsWithAPhotometricModelNeitherWaitNorAllocate) {
   std::vector<View> views = some_views(200, 150, 5);
   const PhotometricConfig config{"gains"};
-  gpu().use_photometric(make_photometric_model(config));
+  gpu().use({.photometric = make_photometric_model(config)});
   TrainingModel start = model_of(random_gaussians(kTypical, 20000, views[0].camera, 7));
   begin_with_gains(config, views, start);
   TrainingModel model = on_gpu(start);
-  gpu().upload_views(views, 1 << 30);
+  gpu().device().upload_views(views, 1 << 30);
   Update update{kRates};
   update.photometric_rate = 2e-3f;
   std::vector<TrainingPhoto> batch = batch_of(views, {});
   for (std::size_t i = 0; i < batch.size(); ++i) batch[i].photo_row = i;
   const auto run = [&](int steps) {
     for (int step = 0; step < steps; ++step) {
-      gpu().prefetch_next(views[(std::size_t(step) + 1) % views.size()]);
-      gpu().step(model, {&batch[std::size_t(step) % batch.size()], 1}, {0.2f}, update, {true});
+      gpu().device().prefetch_next(views[(std::size_t(step) + 1) % views.size()]);
+      gpu().step(model, {{&batch[std::size_t(step) % batch.size()], 1}, {0.2f}, update, {true}});
     }
     for (int step = 0; step < steps / 5; ++step)
-      gpu().step(model, {batch.data(), batch.size()}, {0.2f}, update, {true});
+      gpu().step(model, {{batch.data(), batch.size()}, {0.2f}, update, {true}});
   };
   expect_steady(
       model, [&] { run(50); }, [&] { run(100); });
-  gpu().use_photometric(nullptr);
+  gpu().use({});
 }
 
 // The device makes the cameras of later steps from the poses that earlier ones have learned.
@@ -358,23 +354,23 @@ TEST_F(CudaStep, SteadyStepsThatRefinePosesNeitherWaitNorAllocate) {
   TrainingModel start = model_of(random_gaussians(kTypical, 20000, scene.train_views[0].camera, 7));
   begin_poses(config, scene, start);
   TrainingModel model = on_gpu(start);
-  gpu().upload_views(scene.train_views, 1 << 30);
+  gpu().device().upload_views(scene.train_views, 1 << 30);
   Update update{kRates};
   update.pose_rate = 1e-4f;
   std::vector<TrainingPhoto> batch = batch_of(scene.train_views, {});
   for (std::size_t i = 0; i < batch.size(); ++i) batch[i].photo_row = i;
   const auto run = [&](int steps) {
     for (int step = 0; step < steps; ++step) {
-      gpu().prefetch_next(*batch[(std::size_t(step) + 1) % batch.size()].view);
-      gpu().step(model, {&batch[std::size_t(step) % batch.size()], 1}, {0.2f}, update, {true});
+      gpu().device().prefetch_next(*batch[(std::size_t(step) + 1) % batch.size()].view);
+      gpu().step(model, {{&batch[std::size_t(step) % batch.size()], 1}, {0.2f}, update, {true}});
     }
     for (int step = 0; step < steps / 5; ++step)
-      gpu().step(model, {batch.data(), batch.size()}, {0.2f}, update, {true});
+      gpu().step(model, {{batch.data(), batch.size()}, {0.2f}, update, {true}});
   };
   expect_steady(
       model, [&] { run(50); }, [&] { run(100); });
   EXPECT_GT(model.poses.adam_steps, 0);
-  gpu().upload_views({}, 0);  // these views end here
+  gpu().device().upload_views({}, 0);  // these views end here
 }
 
 // The same with photos that do not fit into the budget and are copied one step ahead.
@@ -384,9 +380,9 @@ TEST_F(CudaStep, StreamedPhotosGiveTheSameSteps) {
   TrainingModel streamed = on_gpu(start), resident = on_gpu(start);
   RenderSettings settings;
   for (TrainingModel* model : {&streamed, &resident}) {
-    gpu().upload_views(views, model == &streamed ? 0 : 1 << 30);
+    gpu().device().upload_views(views, model == &streamed ? 0 : 1 << 30);
     for (int step = 0; step < 40; ++step) {
-      gpu().prefetch_next(views[(step + 1) % views.size()]);
+      gpu().device().prefetch_next(views[(step + 1) % views.size()]);
       gpu().step(*model, views[step % views.size()], settings, {0.2f}, kRates, {});
     }
     gpu().synchronize(*model);
@@ -412,10 +408,10 @@ TEST_F(CudaStep, PhotosOfAPoolGiveTheSameSteps) {
   const TrainingModel start = model_of(random_gaussians(kTypical, 5000, here[0].camera, 7));
   const auto run = [&](const std::vector<View>& views, std::size_t budget) {
     TrainingModel model = on_gpu(start);
-    gpu().upload_views(views, budget);
+    gpu().device().upload_views(views, budget);
     for (int step = 0; step < 40; ++step) {
-      gpu().prefetch_decode(views[(step + 3) % views.size()]);
-      gpu().prefetch_next(views[(step + 1) % views.size()]);
+      gpu().device().prefetch_decode(views[(step + 3) % views.size()]);
+      gpu().device().prefetch_next(views[(step + 1) % views.size()]);
       gpu().step(model, views[step % views.size()], {}, {0.2f}, kRates, {});
     }
     gpu().synchronize(model);
@@ -428,7 +424,7 @@ TEST_F(CudaStep, PhotosOfAPoolGiveTheSameSteps) {
   EXPECT_LT(norm_difference(run(elsewhere, 1 << 30), expected), 1e-3);
   EXPECT_LE(pool->counts().decoded, decoded + here.size());  // only for the upload
   EXPECT_LE(pool->counts().peak_bytes, 2 * bytes);
-  gpu().upload_views({}, 0);  // these views end here
+  gpu().device().upload_views({}, 0);  // these views end here
 }
 
 // The host looks at the device's report in its own memory.

@@ -24,12 +24,6 @@ class CudaTest : public testing::Test {
   }
   Backend& gpu() { return *gpu_; }
   Backend& cpu() { return *cpu_; }
-  /// A step of the GPU by the contracts called one after the other: the algorithm in backend.cpp.
-  void unfused_step(TrainingModel& model, const View& view, const RenderSettings& settings,
-                    const LearningRates& rates, const DensityStep& density) {
-    const TrainingPhoto photo{&view, settings};
-    gpu().Backend::step(model, Span<const TrainingPhoto>{&photo, 1}, {0.2f}, {rates}, density);
-  }
 
   /// A model of the GPU with the same contents, and back.
   TrainingModel on_gpu(const TrainingModel& from) { return copy_to(gpu().memory(), from); }

@@ -77,7 +77,8 @@ inline PosedScene posed_scene() {
   center_poses(model.poses);
   scenes.disturbed = given;
   for (std::size_t i = 0; i < scenes.truth.size(); ++i)
-    scenes.disturbed.train_views[i].camera = refined_camera(model.poses, given.train_views, i);
+    scenes.disturbed.train_views[i].camera =
+        refined_camera(model.poses, given.train_views[i].camera, i);
   return scenes;
 }
 

@@ -22,7 +22,7 @@ class BatchStep : public ::testing::Test {
     for (const int view : views) batch.push_back({&scene_.train_views[view], {}});
     TrainingModel model = model_of(small_truth());
     number_rows(model.gaussians.sh0, 0.1f);
-    backend_->step(model, {batch.data(), batch.size()}, {0.2f}, {kRates, rule}, {true});
+    backend_->step(model, {{batch.data(), batch.size()}, {0.2f}, {kRates, rule}, {true}});
     return model;
   }
 
@@ -67,9 +67,9 @@ TEST_F(BatchStep, HasADegreeOfShAndABackgroundForEachPhoto) {
   std::vector<TrainingPhoto> batch(2, {&scene_.train_views[0], {}});
   batch[1].settings.background = {1, 0, 0};
   TrainingModel model = model_of(small_truth()), other = model_of(small_truth());
-  backend_->step(model, {batch.data(), 2}, {0.2f}, {kRates}, {true});
+  backend_->step(model, {{batch.data(), 2}, {0.2f}, {kRates}, {true}});
   batch[1].settings.background = batch[0].settings.background;
-  backend_->step(other, {batch.data(), 2}, {0.2f}, {kRates}, {true});
+  backend_->step(other, {{batch.data(), 2}, {0.2f}, {kRates}, {true}});
   EXPECT_FALSE(same_bits(model, other));
 }
 

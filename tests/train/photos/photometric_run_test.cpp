@@ -104,7 +104,7 @@ TEST_F(PhotometricRun, TakesTheMeanGradientOfABatch) {
     Update update;
     for_each_array([](const char*, float& rate) { rate = 1e-3f; }, update.rates);
     update.photometric_rate = 1e-3f;
-    backend_->step(model, {batch.data(), batch.size()}, {0.2f}, update, {});
+    backend_->step(model, {{batch.data(), batch.size()}, {0.2f}, update, {}});
     return model;
   };
   EXPECT_TRUE(same_bits(after({3, 3}), after({3})));

@@ -39,7 +39,7 @@ TEST(Poses, BeginAsGiven) {
   const TrainingModel model = model_for(scene);
   for (std::size_t i = 0; i < scene.train_views.size(); ++i) {
     const Camera given = scene.train_views[i].camera,
-                 camera = refined_camera(model.poses, scene.train_views, i);
+                 camera = refined_camera(model.poses, scene.train_views[i].camera, i);
     EXPECT_EQ(camera.cam_from_world_rotation.row1, given.cam_from_world_rotation.row1);
     EXPECT_LT(length(camera.cam_from_world_translation - given.cam_from_world_translation), 1e-6f);
   }

@@ -18,9 +18,8 @@ TEST(ScalarOptimizer, UpdatesEachNumberAtTheRateOfItsArray) {
   TrainingModel model = model_of(random_gaussians(kTypical, 100, camera, 1));
   const TrainingModel start = model_of(model.gaussians);
   const Gaussians first = random_gradients(100, 2), second = random_gradients(100, 3);
-  const auto optimizer = make_scalar_optimizer();
-  optimizer->step(model, first, {kRates});
-  optimizer->step(model, second, {kRates});
+  update_by_adam(model, first, {kRates});
+  update_by_adam(model, second, {kRates});
 
   const auto expect = [](const char* name, float rate, const auto& before, const auto& g1,
                          const auto& g2, const auto& after, const auto& moments) {
@@ -50,7 +49,7 @@ TEST(ScalarOptimizer, CountsItsSteps) {
   TrainingModel model = model_of(random_gaussians(kTypical, 3, random_camera(40, 30), 4));
   const Gaussians gradients = random_gradients(3, 5);
   model.adam_steps = 17;
-  make_scalar_optimizer()->step(model, gradients, {kRates});
+  update_by_adam(model, gradients, {kRates});
   EXPECT_EQ(model.adam_steps, 18);
 }
 
@@ -58,10 +57,9 @@ TEST(ScalarOptimizer, CountsItsSteps) {
 TEST(ScalarOptimizer, ABatchStandsForAsManyUpdatesAsItHasPhotos) {
   const TrainingModel start = model_of(random_gaussians(kTypical, 50, random_camera(40, 30), 9));
   const Gaussians gradients = random_gradients(50, 10);
-  const auto optimizer = make_scalar_optimizer();
   TrainingModel singles = model_of(start.gaussians), batch = model_of(start.gaussians);
-  for (int photo = 0; photo < 4; ++photo) optimizer->step(singles, gradients, {kRates});
-  optimizer->step(batch, gradients, {kRates, batch_rule(4)});
+  for (int photo = 0; photo < 4; ++photo) update_by_adam(singles, gradients, {kRates});
+  update_by_adam(batch, gradients, {kRates, batch_rule(4)});
   EXPECT_EQ(batch.adam_steps, 4);
   const auto expect_near = [](const char* name, const auto& a, const auto& b) {
     for (std::size_t i = 0; i < numbers_of(a).size; ++i)
@@ -112,11 +110,10 @@ TEST(ScalarOptimizer, MovesRowsWithoutGradientOnByTheirMomentum) {
   TrainingModel model = model_of(random_gaussians(kTypical, 5, random_camera(40, 30), 6));
   Gaussians gradients(5, host_memory());
   for_each_array([](const char*, const auto& array) { number_rows(array, 1); }, gradients);
-  const auto optimizer = make_scalar_optimizer();
-  optimizer->step(model, gradients, {kRates});
+  update_by_adam(model, gradients, {kRates});
   const Gaussians before = copy_of(model.gaussians);
   gradients.fill_zero();
-  optimizer->step(model, gradients, {kRates});
+  update_by_adam(model, gradients, {kRates});
   for_each_array(
       [](const char* name, const auto& a, const auto& b) {
         for (std::size_t i = 0; i < numbers_of(a).size; ++i)
@@ -131,7 +128,7 @@ TEST(ScalarOptimizer, GivesTheSameBitsForAnyNumberOfThreads) {
   TrainingModel models[2] = {model_of(start), model_of(start)};
   for (int i = 0; i < 2; ++i) {
     set_thread_count(i + 1);
-    make_scalar_optimizer()->step(models[i], gradients, {kRates});
+    update_by_adam(models[i], gradients, {kRates});
   }
   set_thread_count(0);
   EXPECT_TRUE(same_bits(models[0], models[1]));

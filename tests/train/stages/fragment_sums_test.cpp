@@ -11,6 +11,7 @@
 #include "gs_core/threads/parallel.h"
 #include "gs_render/renderer.h"
 #include "gs_render/stages.h"
+#include "gs_train/backend.h"
 #include "gs_train/stages/scalar_stages.h"
 #include "tests/support/brute_force.h"
 #include "tests/support/models.h"
@@ -310,7 +311,7 @@ class GatheringStep : public ::testing::Test {
     DensityStep density;
     density.gather_statistics = true;
     density.score = score;
-    backend.step(model, {batch.data(), batch.size()}, {0.2f}, {kRates}, density);
+    backend.step(model, {{batch.data(), batch.size()}, {0.2f}, {kRates}, density});
   }
   TrainingModel after(const std::vector<int>& views, GrowthScore score) {
     TrainingModel model = start();

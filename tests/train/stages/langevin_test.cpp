@@ -24,7 +24,7 @@ PositionNoise noise_of(std::uint64_t seed, int step) {
 }
 Gaussians with_noise(const Gaussians& from, const PositionNoise& noise) {
   TrainingModel model = model_of(from);
-  make_scalar_optimizer()->add_noise(model, noise, kRate);
+  add_noise(model, noise, kRate);
   return copy_of(model.gaussians);
 }
 
@@ -33,7 +33,7 @@ TEST(Regularize, AddsToTheGradientsOfScaleAndOpacityAndToNoOthers) {
   Gaussians gradients = copy_of(model.gaussians);
   const auto number = [](const char*, const auto& array) { number_rows(array, 1); };
   for_each_array(number, gradients);
-  make_scalar_optimizer()->regularize(model, {0.4f, 0.6f}, gradients);
+  regularize(model, {0.4f, 0.6f}, gradients);
   for (std::size_t i = 0; i < 4; ++i) {
     const float before = float(i + 1);
     EXPECT_NEAR(gradients.logit_opacity[i], before + 0.4f / 4 * 0.25f, 1e-6f);  // o (1 - o)

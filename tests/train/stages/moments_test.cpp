@@ -50,11 +50,10 @@ TEST(HalfMomentsOfAModel, AreUpdatedNumberByNumberWithTheRandomNumbersOfTheirRow
       model_of(random_gaussians(kTypical, 700, random_camera(40, 30), 1), MomentStorage::halves);
   const Gaussians start = copy_of(model.gaussians);
   const Gaussians first = random_gradients(700, 2), second = random_gradients(700, 3);
-  const auto optimizer = make_scalar_optimizer();
   Update update{kRates};
   update.rounding_seed = 5;
-  optimizer->step(model, first, update);
-  optimizer->step(model, second, update);
+  update_by_adam(model, first, update);
+  update_by_adam(model, second, update);
   EXPECT_EQ(model.adam_steps, 2);
 
   for_each_array(

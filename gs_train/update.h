@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The optimizer's contract.
+// What one update of the parameters takes, stage 8.
 #pragma once
 
 #include "gs_core/math/density/mcmc.h"
@@ -48,19 +48,6 @@ struct PositionNoise {
     const Vec4f draw = random.normal4(std::uint64_t(step), std::uint32_t(row));
     return {draw.x, draw.y, draw.z};
   }
-};
-
-class Optimizer {
- public:
-  virtual ~Optimizer() = default;
-  /// gradients += those of the regularizers, for every row.
-  virtual void regularize(const TrainingModel& model, const Regularizers& regularizers,
-                          Gaussians& gradients) = 0;
-  /// One Adam update of every row, visible or not (dense semantics). Adds update.rule.steps to
-  /// model.adam_steps.
-  virtual void step(TrainingModel& model, const Gaussians& gradients, const Update& update) = 0;
-  /// means += noise. `position_rate` is the learning rate of the means in this step.
-  virtual void add_noise(TrainingModel& model, const PositionNoise& noise, float position_rate) = 0;
 };
 
 }  // namespace gs

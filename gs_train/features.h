@@ -1,0 +1,24 @@
+// SPDX-License-Identifier: Apache-2.0
+// What a backend can do, and the one check of what a run asks for.
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "gs_core/config/config.h"
+
+namespace gs {
+
+struct Features {
+  std::vector<std::string> losses;       // words of loss.kind
+  std::vector<std::string> photometric;  // words of photometric.model
+  // Other processes take the same steps of the same model. This one cannot go back or take other
+  // steps than they do.
+  bool is_shared = false;
+};
+
+/// Throws UsageError where the config asks for what a backend does not have. `name` is that of its
+/// device.
+void check_supported(const Config& config, const Features& features, const std::string& name);
+
+}  // namespace gs
