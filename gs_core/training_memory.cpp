@@ -4,8 +4,8 @@
 #include <algorithm>
 
 #include "gs_core/density/growth_method.h"
-#include "gs_core/gaussians.h"
 #include "gs_core/math/render/splat.h"
+#include "gs_core/model_rows.h"
 #include "gs_core/system/bytes.h"
 
 namespace gs {
@@ -43,24 +43,15 @@ class Rows {
   bool have_reserve_;
 };
 
-Gaussians arrays_of(const TrainingSize& size) {
-  Gaussians arrays;
-  arrays.has_time = size.has_time;
-  arrays.has_filter = size.has_filter;
-  return arrays;
-}
-
 // Parameters, moments and statistics.
 void add_state(const TrainingSize& size, Rows& rows) {
-  const Gaussians arrays = arrays_of(size);
-  for_each_stored_array([&](const char*, const auto& array) { rows.add(sizeof *array.data()); },
-                        arrays);
-  const double moments_per_byte = double(size.moment_bytes) / sizeof(float);
-  for_each_array(
-      [&](const char*, const auto& array) { rows.add(sizeof *array.data() * moments_per_byte); },
-      arrays);
-  for (int statistic = 0; statistic < 2; ++statistic) rows.add(sizeof(float));
-  if (size.has_sums) rows.add(sizeof(FragmentSums));
+  ModelRows model;
+  model.gaussians.has_time = size.has_time;
+  model.gaussians.has_filter = size.has_filter;
+  model.statistics.has_sums = size.has_sums;
+  model.store_moments_as(size.moments);
+  model.match_moments();
+  for (const Column& column : model.columns()) rows.add(double(column.rows->row_bytes()));
 }
 
 // Arrays of the step that row operations borrow.
@@ -164,7 +155,7 @@ TrainingSize training_size(const Config& config, const PictureSizes& pictures, d
   size.growth = rises_to_cap(config) ? RowGrowth::reserved : RowGrowth::by_need;
   size.relocates = method.relocates;
   size.batch = config.train.batch;
-  size.moment_bytes = moment_bytes(config.optimizer.moments);
+  size.moments = config.optimizer.moments;
   size.has_time = config.model.dynamic;
   size.has_filter = config.model.filter_3d;
   size.has_sums = needs_fragment_sums(method.score) || method.prunes_shares();
@@ -206,7 +197,7 @@ double training_bytes(const TrainingSize& size) {
   const double of_step = step.sum() + instance_bytes(size, grows);
   // An array that grows holds its old rows until they are copied. SH coefficients have most, or
   // their moments.
-  const double of_number = std::max(sizeof(float), std::size_t(size.moment_bytes));
+  const double of_number = std::max(int(sizeof(float)), moment_bytes(size.moments));
   const double rows = size.gaussians * of_number * (sizeof(ShRest) / sizeof(float));
   const double old_rows = is_held_twice ? rows / mean_reserve(rows) : 0;
   const double most =

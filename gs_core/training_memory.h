@@ -53,7 +53,7 @@ struct TrainingSize {
   RowGrowth growth = RowGrowth::by_need;
   bool relocates = false;  // mcmc's row operations, in place of those that clone and split
   int batch = 1;           // photos of an update
-  int moment_bytes = 8;    // of both of Adam's moments of one parameter
+  MomentStorage moments = MomentStorage::floats;
   bool has_time = false, has_filter = false;  // as in Gaussians
   bool has_sums = false;                      // over fragments, of the score
   bool has_score_pass = false;                // a pass of its own fills them, not the steps

@@ -13,7 +13,7 @@ namespace {
 
 // Gives arrays the rows of a model.
 void prepare(Gaussians& arrays, const TrainingModel& model) {
-  take_learned_arrays(arrays, model.gaussians);
+  arrays.has_time = model.gaussians.has_time;
   arrays.resize(model.count());
 }
 
@@ -162,12 +162,10 @@ void Backend::prepare_sums(const TrainingModel& model) {
   prepare(sum_, model);
   sum_.fill_zero();
   statistics_sum_.has_sums = model.statistics.has_sums;
-  for_each_statistic(
-      [&](const char*, auto& statistic) {
-        statistic.resize_discard(model.count());
-        statistic.fill_zero();
-      },
-      statistics_sum_);
+  for (const Column& column : statistic_columns(statistics_sum_)) {
+    column.rows->resize_discard(model.count());
+    column.rows->fill_zero();
+  }
 }
 
 void Backend::release_caches() {
