@@ -3,7 +3,7 @@
 
 #include <gtest/gtest.h>
 
-#include "gs_core/math/render/splat.h"
+#include "gs_core/gpu_step.h"
 #include "gs_core/model_rows.h"
 
 namespace gs {
@@ -50,8 +50,8 @@ TEST(TrainingMemory, TheStateIsThatOfTheModelsArrays) {
 
 TEST(TrainingMemory, AGaussianTakesTheSumOfItsArrays) {
   // splat, rectangle, gradient and five words, and the places for instances
-  const double step = sizeof(Splat) + sizeof(Rect) + kGradientSumBytes + 5 * 4;
-  const double instances = kInstancePlaces * (kCheckpointBytesOfInstance + 4);
+  const double step = sizeof(Splat) + sizeof(Rect) + sizeof(SplatGradientSum) + 5 * 4;
+  const double instances = kInstancePlaces * (8 + 4);
   const TrainingSize plain = steady(0);
   EXPECT_NEAR(bytes_of_gaussian(plain), 716 + step + instances, 0.01);
 
