@@ -28,7 +28,6 @@
 #include "cuda/step/pending_steps.h"
 #include "gs_core/math/density/density.h"
 #include "gs_core/system/fnv1a.h"
-#include "gs_core/training_memory.h"
 #include "gs_core/version.h"
 #include "gs_train/named_row.h"
 #include "gs_train/photometric/gains.h"
@@ -36,14 +35,6 @@
 
 namespace gs::cuda {
 namespace {
-
-// The forecast of memory counts these.
-static_assert(sizeof(SplatGradientSum) == kGradientSumBytes);
-static_assert(sizeof(FineSums) + sizeof(CoarseSums) == kFixedSumBytes);
-static_assert(sizeof(FixedFragmentSums) == kFixedFragmentSumBytes);
-static_assert(sizeof(Vec4f) * kTileWidth * kTileHeight ==
-              kCheckpointBytesOfInstance * kSegmentLength);
-static_assert(kFirstInstances == kLeastCapacity);
 
 constexpr LossRow kLosses[] = {{"l1_ssim", make_loss}};
 

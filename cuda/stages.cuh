@@ -143,10 +143,6 @@ __device__ inline SplatGradient masked(const SplatGradientSum& sum, const Vec3f&
 }
 #endif
 
-/// Instances of a list that one warp takes in the backward pass. Each pixel has a checkpoint
-/// between two segments.
-inline constexpr std::uint32_t kSegmentLength = 512;
-
 /// a + b, but at most 2^32 - 1: a count of instances that wrapped would look small enough to sort.
 GS_HD std::uint32_t saturating_sum(std::uint32_t a, std::uint32_t b) {
   const std::uint32_t sum = a + b;
@@ -188,7 +184,7 @@ void with_tiles(const RenderPass& pass, F&& f) {
 }
 
 /// True where the tile numbers of a pass fit keys of 16 bits, with the number for "no tile".
-inline bool uses_short_keys(const RenderPass& pass) { return pass.tile_count() < 65536; }
+inline bool uses_short_keys(const RenderPass& pass) { return pass.tile_count() < kShortKeyTiles; }
 
 /// 1  preprocess.cu: activate, cull, project, color; one splat per Gaussian, and which tiles it
 /// hits.
@@ -252,8 +248,9 @@ void blend_backward(Context& context, const RenderSettings& settings, Span<const
 /// Workspace::splat_gradients, and stage 7 adds them to the statistics. A depth map adds to the same
 /// gradients, so its photos have sums of their own.
 inline bool sums_among_gradients(const RenderSettings& settings) {
-  return settings.fragment_statistic == FragmentStatistic::force && !settings.deterministic &&
-         !settings.absolute_gradient && !settings.with_depths;
+  return StepSums{settings.fragment_statistic == FragmentStatistic::force, settings.deterministic,
+                  settings.absolute_gradient, settings.with_depths}
+      .forces_among_gradients();
 }
 /// From a photo's forces by the mean loss to those by its sum.
 inline float force_scale(std::size_t pixels) { return 3.0f * float(pixels); }

@@ -39,102 +39,97 @@ constexpr std::size_t grown_bytes(std::size_t capacity, std::size_t bytes) {
   return std::max(bytes, capacity + std::size_t(double(capacity) * reserve_share(capacity)));
 }
 
-/// An array of plain values in one Memory. Its capacity only grows, so that steady work allocates
-/// nothing. A Buffer can be moved and not copied. It is const as a pointer is: the elements of a
-/// const Buffer can be changed.
-template <class T>
-class Buffer {
-  static_assert(std::is_trivially_copyable_v<T>);
-
+/// Rows of `row_bytes` bytes each, in one Memory. Its capacity only grows, so that steady work
+/// allocates nothing. It can be moved and not copied. It is const as a pointer is: the rows of a
+/// const ByteBuffer can be changed. Sizes and capacities are numbers of rows.
+class ByteBuffer {
  public:
-  explicit Buffer(Memory& memory = host_memory()) : memory_(&memory) {}
-  Buffer(std::size_t size, Memory& memory) : memory_(&memory) { resize(size); }
-  Buffer(Buffer&& other) noexcept { swap(other); }
-  Buffer& operator=(Buffer&& other) noexcept {
-    swap(other);
-    return *this;
-  }
-  ~Buffer() {
-    if (data_) memory_->deallocate(data_, capacity_ * sizeof(T));
+  ByteBuffer(std::size_t row_bytes, Memory& memory) : memory_(&memory), row_bytes_(row_bytes) {}
+  ByteBuffer(ByteBuffer&& other) noexcept : row_bytes_(other.row_bytes_) { swap(other); }
+  ~ByteBuffer() {
+    if (bytes_) memory_->deallocate(bytes_, capacity_ * row_bytes_);
   }
 
-  T* data() const { return data_; }
+  std::byte* bytes() const { return bytes_; }
+  /// The bytes of row i.
+  std::byte* row(std::size_t i) const { return bytes_ + i * row_bytes_; }
+  std::size_t row_bytes() const { return row_bytes_; }
   std::size_t size() const { return size_; }
+  std::size_t size_bytes() const { return size_ * row_bytes_; }
   bool empty() const { return size_ == 0; }
   std::size_t capacity() const { return capacity_; }
   Memory& memory() const { return *memory_; }
-  Span<T> span() const { return {data_, size_}; }
-  /// Host memory only: element i.
-  T& operator[](std::size_t i) const { return data_[i]; }
-  T* begin() const { return data_; }
-  T* end() const { return data_ + size_; }
 
-  /// Changes the size and keeps the first min(old, new) elements; new ones are undefined.
+  /// Changes the size and keeps the first min(old, new) rows; new ones are undefined.
   void resize(std::size_t size) {
     reserve(size);
     size_ = size;
   }
-  /// Changes the size without keeping the contents. A Buffer that grows gives its old memory back
+  /// Changes the size without keeping the contents. A buffer that grows gives its old memory back
   /// first; it is empty if there is too little for the new one.
-  void resize_discard(std::size_t size) {
-    size_ = 0;
-    if (size > capacity_) {
-      const std::size_t grown = grown_capacity(size);
-      release();
-      data_ = static_cast<T*>(memory_->allocate(grown * sizeof(T)));
-      capacity_ = grown;
-    }
-    size_ = size;
-  }
+  void resize_discard(std::size_t size);
   /// Makes the capacity at least `capacity`; if it grows, it has a reserve (grown_bytes).
-  void reserve(std::size_t capacity) {
-    if (capacity <= capacity_) return;
-    const std::size_t grown = grown_capacity(capacity);
-    T* fresh = static_cast<T*>(memory_->allocate(grown * sizeof(T)));
-    if (size_) memory_->copy(fresh, data_, size_ * sizeof(T));
-    if (data_) memory_->deallocate(data_, capacity_ * sizeof(T));
-    data_ = fresh;
-    capacity_ = grown;
-  }
-  /// Gives all memory back; the Buffer is empty then.
-  void release() noexcept { *this = Buffer(*memory_); }
+  void reserve(std::size_t capacity);
+  /// Gives all memory back; the buffer is empty then.
+  void release() noexcept { ByteBuffer(row_bytes_, *memory_).swap(*this); }
+  /// Releases everything and lies in another memory from now on.
+  void use(Memory& memory) noexcept { ByteBuffer(row_bytes_, memory).swap(*this); }
   /// Gives spare capacity back. Throws Error if there is no memory for the copy, and then changes
   /// nothing.
-  void shrink() {
-    if (size_ == capacity_) return;
-    Buffer fitting(size_, *memory_);
-    if (size_) memory_->copy(fitting.data_, data_, size_ * sizeof(T));
-    swap(fitting);
+  void shrink();
+  void fill_zero() { zero_from(0); }
+  /// Zeros row `first` and those after it.
+  void zero_from(std::size_t first) {
+    if (first < size_) memory_->fill_zero(row(first), (size_ - first) * row_bytes_);
   }
-  void fill_zero() {
-    if (size_) memory_->fill_zero(data_, size_ * sizeof(T));
-  }
-  void swap(Buffer& other) noexcept {
-    std::swap(memory_, other.memory_);
-    std::swap(data_, other.data_);
-    std::swap(size_, other.size_);
-    std::swap(capacity_, other.capacity_);
-  }
+  /// Becomes a copy of rows of the same size, which may lie in another memory.
+  void copy_from(const ByteBuffer& from);
 
-  void upload(const std::vector<T>& values) {
-    resize_discard(values.size());
-    if (size_) memory_->upload(data_, values.data(), size_ * sizeof(T));
+ protected:
+  ByteBuffer& operator=(ByteBuffer&& other) noexcept {
+    swap(other);
+    return *this;
   }
-  std::vector<T> download() const {
-    std::vector<T> values(size_);
-    if (size_) memory_->download(values.data(), data_, size_ * sizeof(T));
-    return values;
-  }
+  void swap(ByteBuffer& other) noexcept;
 
  private:
   std::size_t grown_capacity(std::size_t size) const {
-    return std::max(size, grown_bytes(capacity_ * sizeof(T), size * sizeof(T)) / sizeof(T));
+    return std::max(size, grown_bytes(capacity_ * row_bytes_, size * row_bytes_) / row_bytes_);
   }
 
   Memory* memory_ = &host_memory();
-  T* data_ = nullptr;
+  std::byte* bytes_ = nullptr;
+  std::size_t row_bytes_;
   std::size_t size_ = 0;
   std::size_t capacity_ = 0;
+};
+
+/// A ByteBuffer whose rows are plain values of one type.
+template <class T>
+class Buffer : public ByteBuffer {
+  static_assert(std::is_trivially_copyable_v<T>);
+
+ public:
+  explicit Buffer(Memory& memory = host_memory()) : ByteBuffer(sizeof(T), memory) {}
+  Buffer(std::size_t size, Memory& memory) : Buffer(memory) { resize(size); }
+
+  T* data() const { return reinterpret_cast<T*>(bytes()); }
+  Span<T> span() const { return {data(), size()}; }
+  /// Host memory only: element i.
+  T& operator[](std::size_t i) const { return data()[i]; }
+  T* begin() const { return data(); }
+  T* end() const { return data() + size(); }
+  void swap(Buffer& other) noexcept { ByteBuffer::swap(other); }
+
+  void upload(const std::vector<T>& values) {
+    resize_discard(values.size());
+    if (!empty()) memory().upload(data(), values.data(), size_bytes());
+  }
+  std::vector<T> download() const {
+    std::vector<T> values(size());
+    if (!empty()) memory().download(values.data(), data(), size_bytes());
+    return values;
+  }
 };
 
 /// The numbers of an array one after another, whatever its rows are: float, Vec3f or Quatf.

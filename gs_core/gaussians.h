@@ -1,7 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
 // The learned quantities: one array per quantity, one row per Gaussian. Parameters and gradients are
-// both of this one type; moment_arrays.h has Adam's moments of them.
+// both of this one type; moment_arrays.h has Adam's moments of them. Columns are these arrays as
+// bytes.
 #pragma once
+
+#include <string>
+#include <type_traits>
+#include <vector>
 
 #include "gs_core/buffer.h"
 
@@ -52,41 +57,59 @@ void for_each_array(F&& f, First&& first, Rest&&... rest) {
   f("log_time_scale", first.log_time_scale, rest.log_time_scale...);
 }
 
-/// The same for every array that `first` has, learned or not. Gather, prune, files and checkpoints
-/// are one such loop each, so that a new quantity is a few lines in this file.
-template <class F, class First, class... Rest>
-void for_each_stored_array(F&& f, First&& first, Rest&&... rest) {
-  for_each_array(f, first, rest...);
-  if (first.has_filter) f("filter_scale", first.filter_scale, rest.filter_scale...);
-}
+/// What a column holds. It decides what the row of a new Gaussian starts with.
+enum class RowRole {
+  parameter,  // a new Gaussian has those of the Gaussian that it is made from
+  moment,     // of Adam; a new Gaussian starts with zeros
+  statistic,  // of density control; every Gaussian starts with zeros after a refinement
+};
 
-/// Says that `to` has the learned quantities of `like`. Call it before rows are added.
-template <class To, class Like>
-void take_learned_arrays(To& to, const Like& like) {
-  to.has_time = like.has_time;
+/// One array with a row per Gaussian, for example {moment, "moments", "mean"}. Copies, row
+/// operations, checkpoints and forecasts are loops over columns, which need no type of a row.
+template <class Rows>
+struct ColumnOf {
+  RowRole role;
+  const char* group;
+  const char* name;
+  Rows* rows;
+
+  /// "moments.mean": checkpoint files name their sections like this.
+  std::string key() const { return std::string(group) + "." + name; }
+};
+using Column = ColumnOf<ByteBuffer>;
+using ConstColumn = ColumnOf<const ByteBuffer>;
+using Columns = std::vector<Column>;
+using ConstColumns = std::vector<ConstColumn>;
+/// The columns of an owner of arrays, which may be const.
+template <class Owner>
+using ColumnsIn = std::conditional_t<std::is_const_v<Owner>, ConstColumns, Columns>;
+
+/// The columns of parameters, gradients or moments, in a fixed order: what is learned, then what is
+/// not.
+template <class Arrays>
+ColumnsIn<Arrays> columns_in(Arrays& arrays, RowRole role, const char* group) {
+  ColumnsIn<Arrays> columns;
+  const auto add = [&](const char* name, auto& rows) {
+    columns.push_back({role, group, name, &rows});
+  };
+  for_each_array(add, arrays);
+  if (arrays.has_filter) add("filter_scale", arrays.filter_scale);
+  return columns;
 }
 
 using GaussiansSpan = GaussianArrays<Span>;
 
-/// Arrays without rows that own what they hold, in this memory.
-template <template <class> class Array>
-GaussianArrays<Array> arrays_in(Memory& memory) {
-  return {.mean = Array<Vec3f>(memory),
-          .log_scale = Array<Vec3f>(memory),
-          .rotation = Array<Quatf>(memory),
-          .logit_opacity = Array<float>(memory),
-          .sh0 = Array<Vec3f>(memory),
-          .sh_rest = Array<ShRest>(memory),
-          .right_rotation = Array<Quatf>(memory),
-          .time_mean = Array<float>(memory),
-          .log_time_scale = Array<float>(memory),
-          .filter_scale = Array<float>(memory)};
+/// Arrays without rows that lie in this memory, also those that they lack so far.
+template <class Arrays>
+void lie_in(Memory& memory, Arrays& arrays) {
+  arrays.has_time = arrays.has_filter = true;
+  for (const Column& column : columns_in(arrays, RowRole::parameter, "")) column.rows->use(memory);
+  arrays.has_time = arrays.has_filter = false;
 }
 
 /// Owns the arrays of N Gaussians. It can be moved; copy_of() makes a copy.
 struct Gaussians : GaussianArrays<Buffer> {
-  explicit Gaussians(Memory& memory = host_memory())
-      : GaussianArrays<Buffer>(arrays_in<Buffer>(memory)) {}
+  explicit Gaussians(Memory& memory = host_memory()) { lie_in(memory, *this); }
   Gaussians(std::size_t count, Memory& memory, bool with_time = false) : Gaussians(memory) {
     has_time = with_time;
     resize(count);
@@ -94,53 +117,42 @@ struct Gaussians : GaussianArrays<Buffer> {
 
   std::size_t count() const { return mean.size(); }
   Memory& memory() const { return mean.memory(); }
+  Columns columns() { return columns_in(*this, RowRole::parameter, "gaussians"); }
+  ConstColumns columns() const { return columns_in(*this, RowRole::parameter, "gaussians"); }
   void resize(std::size_t count) {
-    for_each_stored_array([&](const char*, auto& array) { array.resize(count); }, *this);
+    for (const Column& column : columns()) column.rows->resize(count);
   }
   void fill_zero() {
-    for_each_stored_array([](const char*, auto& array) { array.fill_zero(); }, *this);
+    for (const Column& column : columns()) column.rows->fill_zero();
   }
   GaussiansSpan span() const {
     GaussiansSpan result;
-    take_learned_arrays(result, *this);
+    result.has_time = has_time;
     result.has_filter = has_filter;
-    for_each_stored_array([](const char*, auto& to, const auto& from) { to = from.span(); }, result,
-                          *this);
+    for_each_array([](const char*, auto& to, const auto& from) { to = from.span(); }, result,
+                   *this);
+    if (has_filter) result.filter_scale = filter_scale.span();
     return result;
   }
 };
 
-/// Rows with the same arrays as those of `like`; their contents are undefined.
-inline Gaussians rows_like(const Gaussians& like, std::size_t count, Memory& memory) {
-  Gaussians rows(memory);
-  take_learned_arrays(rows, like);
-  rows.has_filter = like.has_filter;
-  rows.resize(count);
-  return rows;
-}
+/// Columns become copies of the same columns, which may lie in another memory.
+void copy_columns(const ConstColumns& from, const Columns& to);
 
-/// A second set of Gaussians with the same contents, in the same memory.
-inline Gaussians copy_of(const Gaussians& from) {
-  Gaussians copy = rows_like(from, from.count(), from.memory());
-  for_each_stored_array(
-      [](const char*, auto& to, const auto& array) {
-        if (array.size())
-          array.memory().copy(to.data(), array.data(), array.size() * sizeof(*array.data()));
-      },
-      copy, from);
-  return copy;
-}
+/// Rows with the same arrays as those of `like`; their contents are undefined.
+Gaussians rows_like(const Gaussians& like, std::size_t count, Memory& memory);
+
+/// Gaussians with the same contents in a memory.
+Gaussians copy_of(const Gaussians& from, Memory& memory);
+inline Gaussians copy_of(const Gaussians& from) { return copy_of(from, from.memory()); }
 
 /// Host memory only: rows source[0], source[1], ... of `from`.
-inline Gaussians rows_of(const Gaussians& from, const std::vector<std::uint32_t>& source) {
-  Gaussians rows = rows_like(from, source.size(), host_memory());
-  for_each_stored_array(
-      [&](const char*, auto& to, const auto& array) {
-        for (std::size_t i = 0; i < source.size(); ++i) to[i] = array[source[i]];
-      },
-      rows, from);
-  return rows;
-}
+Gaussians rows_of(const Gaussians& from, const std::vector<std::uint32_t>& source);
+
+/// Host memory only: `count` rows of `from`, from row `first` on, become the rows of `to` from row
+/// `at` on. Both have the same arrays.
+void copy_rows(const Gaussians& from, std::size_t first, std::size_t count, const Gaussians& to,
+               std::size_t at);
 
 /// Trained Gaussians as files hold them: in host memory, with the SH degree that they use.
 struct GaussianModel {
@@ -153,26 +165,12 @@ struct GaussianModel {
 
 /// Downloads Gaussians from the memory in which they lie.
 inline GaussianModel host_copy(const Gaussians& from, int sh_degree, bool antialiased) {
-  GaussianModel model{rows_like(from, from.count(), host_memory()), sh_degree, true, antialiased};
-  for_each_stored_array(
-      [](const char*, auto& to, const auto& array) {
-        if (array.size())
-          array.memory().download(to.data(), array.data(), array.size() * sizeof(*array.data()));
-      },
-      model.gaussians, from);
-  return model;
+  return {copy_of(from, host_memory()), sh_degree, true, antialiased};
 }
 
 /// Uploads the Gaussians of a file to a backend's memory, ready to render.
 inline Gaussians copy_to(Memory& memory, const GaussianModel& from) {
-  Gaussians copy = rows_like(from.gaussians, from.gaussians.count(), memory);
-  for_each_stored_array(
-      [&](const char*, auto& to, const auto& array) {
-        if (array.size())
-          memory.upload(to.data(), array.data(), array.size() * sizeof(*array.data()));
-      },
-      copy, from.gaussians);
-  return copy;
+  return copy_of(from.gaussians, memory);
 }
 
 }  // namespace gs

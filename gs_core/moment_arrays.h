@@ -32,9 +32,7 @@ struct MomentRows {
 /// Owns the moments of N Gaussians.
 template <class Stored>
 struct AdamMoments : GaussianArrays<MomentRows<Stored>::template Of> {
-  explicit AdamMoments(Memory& memory = host_memory())
-      : GaussianArrays<MomentRows<Stored>::template Of>(
-            arrays_in<MomentRows<Stored>::template Of>(memory)) {}
+  explicit AdamMoments(Memory& memory = host_memory()) { lie_in(memory, *this); }
 };
 
 /// One of these, in the order of MomentStorage.

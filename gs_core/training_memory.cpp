@@ -4,16 +4,16 @@
 #include <algorithm>
 
 #include "gs_core/density/growth_method.h"
-#include "gs_core/gaussians.h"
-#include "gs_core/math/render/splat.h"
+#include "gs_core/gpu_step.h"
+#include "gs_core/math/constants.h"
+#include "gs_core/model_rows.h"
 #include "gs_core/system/bytes.h"
 
 namespace gs {
 namespace {
 
 constexpr double kWord = sizeof(std::uint32_t);
-constexpr double kTilePixels = 256;        // of a tile
-constexpr double kShortKeyTiles = 65535;   // pictures with more tiles have keys of 32 bits
+constexpr double kTilePixels = kTileWidth * kTileHeight;
 constexpr int kPhotoSlots = 4;             // of photos beyond the budget
 constexpr double kSmallBuffers = 2 << 20;  // counters, reports, scratch of scans
 
@@ -29,101 +29,71 @@ double mean_reserve(double bytes) { return 1.0 + 0.5 * reserve_share(std::size_t
 double with_reserve(double bytes) { return bytes * mean_reserve(bytes); }
 
 // Adds up arrays with a row per Gaussian.
-class Rows {
- public:
-  Rows(double count, bool have_reserve) : count_(count), have_reserve_(have_reserve) {}
-  void add(double bytes_of_row) {
-    const double bytes = count_ * bytes_of_row;
-    sum_ += have_reserve_ ? with_reserve(bytes) : bytes;
+struct Rows {
+  double count;
+  bool have_reserve;
+  double sum = 0;
+
+  void add(double row_bytes) {
+    const double bytes = count * row_bytes;
+    sum += have_reserve ? with_reserve(bytes) : bytes;
   }
-  double sum() const { return sum_; }
-
- private:
-  double count_, sum_ = 0;
-  bool have_reserve_;
+  void add_words(int arrays) {
+    for (int array = 0; array < arrays; ++array) add(kWord);
+  }
+  void add(const std::vector<ByteBuffer*>& arrays) {
+    for (const ByteBuffer* const array : arrays) add(double(array->row_bytes()));
+  }
 };
-
-Gaussians arrays_of(const TrainingSize& size) {
-  Gaussians arrays;
-  arrays.has_time = size.has_time;
-  arrays.has_filter = size.has_filter;
-  return arrays;
-}
 
 // Parameters, moments and statistics.
 void add_state(const TrainingSize& size, Rows& rows) {
-  const Gaussians arrays = arrays_of(size);
-  for_each_stored_array([&](const char*, const auto& array) { rows.add(sizeof *array.data()); },
-                        arrays);
-  const double moments_per_byte = double(size.moment_bytes) / sizeof(float);
-  for_each_array(
-      [&](const char*, const auto& array) { rows.add(sizeof *array.data() * moments_per_byte); },
-      arrays);
-  for (int statistic = 0; statistic < 2; ++statistic) rows.add(sizeof(float));
-  if (size.has_sums) rows.add(sizeof(FragmentSums));
+  ModelRows model;
+  model.gaussians.has_time = size.has_time;
+  model.gaussians.has_filter = size.has_filter;
+  model.statistics.has_sums = size.has_sums;
+  model.store_moments_as(size.moments);
+  model.match_moments();
+  for (const Column& column : model.columns()) rows.add(double(column.rows->row_bytes()));
 }
 
-// Arrays of the step that row operations borrow.
-void add_borrowed(Rows& rows) {
-  rows.add(sizeof(Splat));
-  rows.add(sizeof(Rect));
-}
-
-// True where steps sum forces over fragments.
-bool sums_forces(const TrainingSize& size) { return size.has_sums && !size.has_score_pass; }
-
-// Sums of forces of one photo; 0 where they are among the gradients, or there are none. Photos
-// with a depth map have sums of their own.
-double fragment_sum_bytes(const TrainingSize& size) {
-  if (!sums_forces(size)) return 0;
-  if (size.is_deterministic) return kFixedFragmentSumBytes;
-  return size.is_absolute || size.has_depth_maps ? sizeof(Vec4f) : 0;
-}
-
-// The other arrays of the step.
-void add_step(const TrainingSize& size, Rows& rows) {
-  // tile counts, depth order, depth keys, rows and the first instances
-  for (int array = 0; array < 5; ++array) rows.add(kWord);
-  rows.add(kGradientSumBytes);
-  if (size.is_deterministic) rows.add(kFixedSumBytes);
-  rows.add(fragment_sum_bytes(size));
-  if (size.has_score_pass) rows.add(kFixedFragmentSumBytes);
-  if (size.has_depth_maps) {
-    rows.add(sizeof(float));                                          // depths
-    for (int array = 0; array < 2; ++array) rows.add(sizeof(Vec3f));  // colors, and gradients
+// The arrays of each photo of a batch. Those of the first one are partly borrowed by row operations
+// and so kept, and partly released with the step.
+void add_photos(const TrainingSize& size, Rows& kept, Rows& step) {
+  const StepSums sums{size.has_sums && !size.has_score_pass, size.is_deterministic,
+                      size.is_absolute, size.has_depth_maps};
+  PhotoArrays of_photo;
+  for (int photo = 0; photo < size.batch; ++photo) {
+    kept.add(of_photo.borrowed());
+    (photo == 0 ? step : kept).add(of_photo.others(sums));
   }
+}
+
+// What a step has once, whatever the photos are.
+void add_step(const TrainingSize& size, Rows& rows) {
+  rows.add_words(3);  // depth order, rows and the first instances
+  if (size.is_deterministic) rows.add(sizeof(FineSums)), rows.add(sizeof(CoarseSums));
+  if (size.has_score_pass) rows.add(sizeof(FixedFragmentSums));
+  if (size.has_depth_maps)
+    for (int array = 0; array < 2; ++array) rows.add(sizeof(Vec3f));  // colors, and gradients
 }
 
 // What row operations keep besides the memory that they borrow from the step.
 void add_row_operations(const TrainingSize& size, Rows& rows) {
   if (size.growth == RowGrowth::none) return;
-  if (size.relocates) {
-    rows.add(2 * kWord);                                      // sums of weights
-    for (int array = 0; array < 2; ++array) rows.add(kWord);  // dead rows, how often each is drawn
-    return;
-  }
-  rows.add(1);                                              // actions
-  for (int array = 0; array < 3; ++array) rows.add(kWord);  // sources, clones, parents
-}
-
-// What each photo of a batch but one keeps until all are drawn.
-void add_batch(const TrainingSize& size, Rows& rows) {
-  for (int photo = 1; photo < size.batch; ++photo) {
-    add_borrowed(rows);
-    for (int array = 0; array < 2; ++array) rows.add(kWord);  // tile counts, depth keys
-    rows.add(kGradientSumBytes);
-    rows.add(fragment_sum_bytes(size));
-    if (size.has_depth_maps) rows.add(sizeof(float));  // depths
-  }
+  rows.add(size.relocates ? sizeof(std::uint64_t) : 1);  // sums of weights, or actions
+  // dead rows and how often each is drawn, or sources, clones and parents
+  rows.add_words(size.relocates ? 2 : 3);
 }
 
 double instance_bytes(const TrainingSize& size, bool have_reserve) {
-  const double places = std::max(size.instance_places * size.gaussians, double(kFirstInstances));
-  const bool has_short_keys = size.pixels / kTilePixels < kShortKeyTiles;
-  const double unsorted = kWord + 2 * (has_short_keys ? 2 : 4);
-  const double room = places * std::max(unsorted, double(kCheckpointBytesOfInstance));
-  const double lists = places * kWord;
-  return have_reserve ? with_reserve(room) + with_reserve(lists) : room + lists;
+  Rows places{std::max(size.instance_places * size.gaussians, double(kLeastCapacity)),
+              have_reserve};
+  constexpr double kCheckpoint = sizeof(Vec4f) * kTilePixels / kSegmentLength;
+  places.add(
+      std::max(double(unsorted_bytes(size.pixels / kTilePixels < kShortKeyTiles)), kCheckpoint));
+  places.add_words(1);  // the lists
+  return places.sum;
 }
 
 double picture_bytes(const TrainingSize& size) {
@@ -164,7 +134,7 @@ TrainingSize training_size(const Config& config, const PictureSizes& pictures, d
   size.growth = rises_to_cap(config) ? RowGrowth::reserved : RowGrowth::by_need;
   size.relocates = method.relocates;
   size.batch = config.train.batch;
-  size.moment_bytes = moment_bytes(config.optimizer.moments);
+  size.moments = config.optimizer.moments;
   size.has_time = config.model.dynamic;
   size.has_filter = config.model.filter_3d;
   size.has_sums = needs_fragment_sums(method.score) || method.prunes_shares();
@@ -188,30 +158,29 @@ double certain_gaussians(const Config& config, double start) {
 }
 
 double state_bytes(const TrainingSize& size, double gaussians) {
-  Rows state(gaussians, false);
+  Rows state{gaussians, false};
   add_state(size, state);
-  return state.sum();
+  return state.sum;
 }
 
 double training_bytes(const TrainingSize& size) {
   const bool grows = size.growth != RowGrowth::none;
   const bool is_held_twice = size.growth == RowGrowth::by_need;
-  Rows state(size.gaussians, is_held_twice), kept(size.gaussians, grows),
-      step(size.gaussians, grows);
+  Rows state{size.gaussians, is_held_twice}, kept{size.gaussians, grows},
+      step{size.gaussians, grows};
   add_state(size, state);
-  add_borrowed(kept);
   add_row_operations(size, kept);
-  add_batch(size, kept);
+  add_photos(size, kept, step);
   add_step(size, step);
-  const double of_step = step.sum() + instance_bytes(size, grows);
+  const double of_step = step.sum + instance_bytes(size, grows);
   // An array that grows holds its old rows until they are copied. SH coefficients have most, or
   // their moments.
-  const double of_number = std::max(sizeof(float), std::size_t(size.moment_bytes));
+  const double of_number = std::max(int(sizeof(float)), moment_bytes(size.moments));
   const double rows = size.gaussians * of_number * (sizeof(ShRest) / sizeof(float));
   const double old_rows = is_held_twice ? rows / mean_reserve(rows) : 0;
   const double most =
       old_rows < double(kBytesWorthReleasing) ? of_step + old_rows : std::max(of_step, old_rows);
-  return state.sum() + kept.sum() + most + picture_bytes(size) + kSmallBuffers;
+  return state.sum + kept.sum + most + picture_bytes(size) + kSmallBuffers;
 }
 
 double gaussians_that_fit(TrainingSize size, double bytes) {

@@ -11,13 +11,6 @@
 
 namespace gs {
 
-// Bytes of the structs of cuda/, which asserts them.
-inline constexpr std::size_t kGradientSumBytes = 48;       // SplatGradientSum
-inline constexpr std::size_t kFixedSumBytes = 96 + 88;     // FineSums and CoarseSums
-inline constexpr std::size_t kFixedFragmentSumBytes = 24;  // FixedFragmentSums
-inline constexpr std::size_t kCheckpointBytesOfInstance = 8;
-inline constexpr std::size_t kFirstInstances = std::size_t(1) << 20;  // a view's least capacity
-
 /// Before an array of so many bytes grows, the step's other buffers are released, so that its old
 /// rows have room beside the new ones. Those of smaller ones are not worth the time.
 inline constexpr std::size_t kBytesWorthReleasing = std::size_t(16) << 20;
@@ -53,7 +46,7 @@ struct TrainingSize {
   RowGrowth growth = RowGrowth::by_need;
   bool relocates = false;  // mcmc's row operations, in place of those that clone and split
   int batch = 1;           // photos of an update
-  int moment_bytes = 8;    // of both of Adam's moments of one parameter
+  MomentStorage moments = MomentStorage::floats;
   bool has_time = false, has_filter = false;  // as in Gaussians
   bool has_sums = false;                      // over fragments, of the score
   bool has_score_pass = false;                // a pass of its own fills them, not the steps

@@ -43,7 +43,7 @@ StepPhoto StepStages::load(const TrainingModel& model, const TrainingPhoto& phot
 
 void StepStages::begin(TrainingModel& model, const TrainingStep& step) {
   const auto prepare = [&](Gaussians& arrays) {
-    take_learned_arrays(arrays, model.gaussians);
+    arrays.has_time = model.gaussians.has_time;
     arrays.resize(model.count());
   };
   prepare(gradients);
@@ -54,12 +54,10 @@ void StepStages::begin(TrainingModel& model, const TrainingStep& step) {
   prepare(sum_);
   sum_.fill_zero();
   statistics_sum_.has_sums = model.statistics.has_sums;
-  for_each_statistic(
-      [&](const char*, auto& statistic) {
-        statistic.resize_discard(model.count());
-        statistic.fill_zero();
-      },
-      statistics_sum_);
+  for (const Column& column : statistic_columns(statistics_sum_)) {
+    column.rows->resize_discard(model.count());
+    column.rows->fill_zero();
+  }
 }
 
 void StepStages::add_photo(TrainingModel& model, const TrainingStep& step) {

@@ -3,12 +3,11 @@
 // row; all threads of a warp read the same camera at a time.
 #include "cuda/density/filter_3d.cuh"
 
+#include "cuda/density/rows.cuh"
 #include "gs_core/math/render/filter_3d.h"
 
 namespace gs::cuda {
 namespace {
-
-constexpr int kThreads = 256;  // rows are independent: any size that fills a multiprocessor
 
 // The filter of each row that a camera sees, 0 for others. Bits of positive floats are ordered like
 // the floats, so that `largest` is their maximum.
@@ -17,7 +16,7 @@ __global__ void filter_kernel(Span<const Vec3f> means, Span<const Camera> camera
   __shared__ std::uint32_t largest_of_block;
   if (threadIdx.x == 0) largest_of_block = 0;
   __syncthreads();
-  const std::size_t i = std::size_t(blockIdx.x) * kThreads + threadIdx.x;
+  const std::size_t i = row_of_thread();
   if (i < means.size) {
     const Vec3f mean = means[i];
     float rate = 0;
@@ -32,7 +31,7 @@ __global__ void filter_kernel(Span<const Vec3f> means, Span<const Camera> camera
 }
 
 __global__ void unseen_kernel(Span<float> filter_scale, const std::uint32_t* largest) {
-  const std::size_t i = std::size_t(blockIdx.x) * kThreads + threadIdx.x;
+  const std::size_t i = row_of_thread();
   if (i < filter_scale.size && filter_scale[i] == 0) filter_scale[i] = __uint_as_float(*largest);
 }
 
@@ -45,11 +44,9 @@ void FilterMeter::measure(Gaussians& rows, const std::vector<Camera>& cameras, f
   largest_.fill_zero();
   rows.filter_scale.resize(count);
   rows.has_filter = true;
-  context_.launch("filter", filter_kernel, blocks_for(count, kThreads), kThreads,
-                  Span<const Vec3f>(rows.mean.span()), Span<const Camera>(cameras_.span()),
-                  near_plane, rows.filter_scale.data(), largest_.data());
-  context_.launch("filter", unseen_kernel, blocks_for(count, kThreads), kThreads,
-                  rows.filter_scale.span(), largest_.data());
+  launch_rows(context_, "filter", filter_kernel, count, rows.mean.span(), cameras_.span(),
+              near_plane, rows.filter_scale.data(), largest_.data());
+  launch_rows(context_, "filter", unseen_kernel, count, rows.filter_scale.span(), largest_.data());
 }
 
 }  // namespace gs::cuda

@@ -13,14 +13,11 @@
 namespace gs::cuda {
 namespace {
 
-constexpr int kThreads = 256;  // rows are independent: any size that fills a multiprocessor
 constexpr int kKeyBits = 64;
-
-__device__ std::size_t thread_number() { return std::size_t(blockIdx.x) * kThreads + threadIdx.x; }
 
 __global__ void actions_kernel(GaussiansSpan rows, StatisticsSpan statistics, GrowthRules rules,
                                Span<GrowthAction> action) {
-  const std::size_t i = thread_number();
+  const std::size_t i = row_of_thread();
   if (i < action.size) action[i] = growth_action(rows, statistics, i, rules);
 }
 
@@ -28,7 +25,7 @@ __global__ void actions_kernel(GaussiansSpan rows, StatisticsSpan statistics, Gr
 __global__ void keys_kernel(StatisticsSpan statistics, GrowthRules rules, Random random, int step,
                             Span<const GrowthAction> action, Span<std::uint64_t> keys,
                             GrowthCounts* counts) {
-  const std::size_t i = thread_number();
+  const std::size_t i = row_of_thread();
   const bool exists = i < action.size;
   const int pruned = __syncthreads_count(exists && action[i] == GrowthAction::prune);
   if (threadIdx.x == 0) atomicAdd(&counts->pruned, unsigned(pruned));
@@ -40,7 +37,7 @@ __global__ void keys_kernel(StatisticsSpan statistics, GrowthRules rules, Random
 __global__ void limit_kernel(GaussiansSpan rows, StatisticsSpan statistics, GrowthRules rules,
                              Span<const std::uint32_t> order, const GrowthCounts* counts,
                              Span<GrowthAction> action) {
-  const std::size_t k = thread_number();
+  const std::size_t k = row_of_thread();
   if (k >= order.size) return;
   const std::int64_t staying = std::int64_t(order.size) - std::int64_t(counts->pruned);
   const std::uint32_t i = order[k];
@@ -51,7 +48,7 @@ __global__ void limit_kernel(GaussiansSpan rows, StatisticsSpan statistics, Grow
 __global__ void child_actions_kernel(GaussiansSpan rows, Span<const std::uint32_t> parents,
                                      GrowthRules rules, Random random, int step,
                                      Span<GrowthAction> action) {
-  const std::size_t k = thread_number();
+  const std::size_t k = row_of_thread();
   if (k >= action.size) return;
   const std::uint32_t i = parents[k / rules.split.children()];
   const ChildRow child = child_of(rows, i, std::uint32_t(k), rules.split, random, step);
@@ -61,14 +58,14 @@ __global__ void child_actions_kernel(GaussiansSpan rows, Span<const std::uint32_
 __global__ void child_sources_kernel(Span<const std::uint32_t> children,
                                      Span<const std::uint32_t> parents, unsigned each,
                                      std::uint32_t* source) {
-  const std::size_t k = thread_number();
+  const std::size_t k = row_of_thread();
   if (k < children.size) source[k] = parents[children[k] / each];
 }
 
 __global__ void write_children_kernel(GaussiansSpan rows, std::size_t first,
                                       Span<const std::uint32_t> children, SplitRules rules,
                                       Random random, int step) {
-  const std::size_t k = thread_number();
+  const std::size_t k = row_of_thread();
   if (k >= children.size) return;
   const std::size_t i = first + k;
   write_child(rows, i, child_of(rows, i, children[k], rules, random, step));
@@ -78,7 +75,7 @@ __global__ void write_children_kernel(GaussiansSpan rows, std::size_t first,
 // one that grew.
 __global__ void share_opacity_kernel(Span<float> logit_opacity, const std::uint32_t* source,
                                      const GrowthAction* action, SplitRules rules) {
-  const std::size_t i = thread_number();
+  const std::size_t i = row_of_thread();
   if (i < logit_opacity.size && grows(action[source[i]]))
     logit_opacity[i] = child_logit_opacity(logit_opacity[i], rules);
 }
@@ -99,8 +96,7 @@ struct HasGrowthAction {
 
 template <class... Parameters, class... Arguments>
 void Growth::launch(void (*kernel)(Parameters...), std::size_t count, Arguments&&... arguments) {
-  context_.launch("growth", kernel, blocks_for(count, kThreads), kThreads,
-                  std::forward<Arguments>(arguments)...);
+  launch_rows(context_, "growth", kernel, count, std::forward<Arguments>(arguments)...);
 }
 
 // The numbers of the rows for which the predicate holds, in order; and how many there are.

@@ -15,7 +15,6 @@
 namespace gs::cuda {
 namespace {
 
-constexpr int kThreads = 256;  // rows are independent: any size that fills a multiprocessor
 constexpr float kFar = 1e30f;  // world units; corners of an empty box, as in the scalar twin
 
 /// The box of one point. An axis on which the point is not finite stays empty.
@@ -62,7 +61,7 @@ cudaError_t reduce_to_bounds(void* scratch, std::size_t& bytes, Span<const Vec3f
 __global__ void morton_kernel(Span<const Vec3f> means, Span<const float> time_means,
                               Span<const float> log_time_scales, const Bounds* bounds,
                               Span<std::uint64_t> codes) {
-  const std::size_t i = std::size_t(blockIdx.x) * kThreads + threadIdx.x;
+  const std::size_t i = row_of_thread();
   if (i >= means.size) return;
   const Vec3f edges = bounds->high - bounds->low;
   const float size =
@@ -72,7 +71,7 @@ __global__ void morton_kernel(Span<const Vec3f> means, Span<const float> time_me
 }
 
 __global__ void row_numbers_kernel(Span<std::uint32_t> row_numbers) {
-  const std::size_t i = std::size_t(blockIdx.x) * kThreads + threadIdx.x;
+  const std::size_t i = row_of_thread();
   if (i < row_numbers.size) row_numbers[i] = std::uint32_t(i);
 }
 
@@ -82,8 +81,7 @@ Span<const std::uint32_t> RowOrderWorkspace::sort(Context& context, const char* 
   const std::size_t count = keys_.size;
   if (count == 0) return {};
   std::uint32_t* const row_numbers = room_.row_numbers(count);
-  context.launch(stage, row_numbers_kernel, blocks_for(count, kThreads), kThreads,
-                 Span<std::uint32_t>{row_numbers, count});
+  launch_rows(context, stage, row_numbers_kernel, count, Span<std::uint32_t>{row_numbers, count});
   cub::DoubleBuffer<std::uint64_t> keys(keys_.data, keys_.data + count);
   cub::DoubleBuffer<std::uint32_t> rows(row_numbers, row_numbers + count);
   with_cub_scratch(cub, stage, [&](void* scratch, std::size_t& bytes) {
@@ -108,8 +106,8 @@ Span<const std::uint32_t> morton_order(Context& context, RowOrderWorkspace& work
   with_cub_scratch(workspace.cub, "morton", [&](void* scratch, std::size_t& bytes) {
     return reduce_to_bounds(scratch, bytes, means, workspace.bounds.data(), context.stream());
   });
-  context.launch("morton", morton_kernel, blocks_for(means.size, kThreads), kThreads, means,
-                 time_means, log_time_scales, workspace.bounds.data(), keys);
+  launch_rows(context, "morton", morton_kernel, means.size, means, time_means, log_time_scales,
+              workspace.bounds.data(), keys);
   return workspace.sort(context, "morton", 3 * kMortonBits);
 }
 

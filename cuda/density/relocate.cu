@@ -17,13 +17,9 @@
 namespace gs::cuda {
 namespace {
 
-constexpr int kThreads = 256;  // rows and words are independent: any size that fills the GPU
-
-__device__ std::size_t thread_number() { return std::size_t(blockIdx.x) * kThreads + threadIdx.x; }
-
 __global__ void weights_kernel(GaussiansSpan rows, RelocationRules rules,
                                Span<std::uint64_t> weights) {
-  const std::size_t i = thread_number();
+  const std::size_t i = row_of_thread();
   if (i >= weights.size) return;
   weights[i] = draw_weight(rows, i, rules.dead_opacity, rules.region);
 }
@@ -49,7 +45,7 @@ __device__ std::uint32_t row_of(Span<const std::uint64_t> sums, std::uint64_t at
 
 __global__ void draw_kernel(Span<const std::uint64_t> sums, Random random, int step,
                             Span<std::uint32_t> source, std::uint32_t* drawn) {
-  const std::size_t k = thread_number();
+  const std::size_t k = row_of_thread();
   if (k >= source.size) return;
   const std::uint64_t at =
       random.below64(sums[sums.size - 1], std::uint64_t(step), std::uint32_t(k));
@@ -60,7 +56,7 @@ __global__ void draw_kernel(Span<const std::uint64_t> sums, Random random, int s
 // Each row that was drawn becomes one of its copies: opacity and scale are shared among them.
 __global__ void share_kernel(GaussiansSpan rows, Span<const std::uint32_t> drawn,
                              float least_opacity) {
-  const std::size_t i = thread_number();
+  const std::size_t i = row_of_thread();
   if (i >= drawn.size || drawn[i] == 0) return;
   const int copies = int(min_of(drawn[i], std::uint32_t(kMostCopies))) + 1;
   const SharedGaussian shared =
@@ -69,24 +65,14 @@ __global__ void share_kernel(GaussiansSpan rows, Span<const std::uint32_t> drawn
   rows.log_scale[i] = shared.log_scale;
 }
 
-// Rows of so many words: row to[k], or first + k where `to` is null, becomes row source[k].
+// Rows of so many words: row to[k], or first + k where `to` is null, becomes row source[k], or zero.
 template <class Word>
-__global__ void copy_rows_kernel(Word* rows, std::size_t words, Span<const std::uint32_t> source,
-                                 const std::uint32_t* to, std::size_t first) {
-  const std::size_t item = thread_number(), k = item / words, word = item % words;
+__global__ void set_rows_kernel(Word* rows, unsigned words, Span<const std::uint32_t> source,
+                                bool is_zero, const std::uint32_t* to, std::size_t first) {
+  const std::size_t item = row_of_thread(), k = item / words, word = item % words;
   if (k >= source.size) return;
   const std::size_t row = to ? to[k] : first + k;
-  rows[row * words + word] = rows[std::size_t(source[k]) * words + word];
-}
-
-// The same rows become zero.
-template <class Word>
-__global__ void clear_rows_kernel(Word* rows, std::size_t words, std::size_t count,
-                                  const std::uint32_t* to, std::size_t first) {
-  const std::size_t item = thread_number(), k = item / words, word = item % words;
-  if (k >= count) return;
-  const std::size_t row = to ? to[k] : first + k;
-  rows[row * words + word] = 0;
+  rows[row * words + word] = is_zero ? Word(0) : rows[std::size_t(source[k]) * words + word];
 }
 
 }  // namespace
@@ -95,8 +81,7 @@ __global__ void clear_rows_kernel(Word* rows, std::size_t words, std::size_t cou
 template <class... Parameters, class... Arguments>
 void Relocation::launch(void (*kernel)(Parameters...), std::size_t count,
                         Arguments&&... arguments) {
-  context_.launch("relocate", kernel, blocks_for(count, kThreads), kThreads,
-                  std::forward<Arguments>(arguments)...);
+  launch_rows(context_, "relocate", kernel, count, std::forward<Arguments>(arguments)...);
 }
 
 // Fills sums_ and returns the last of them. Waits.
@@ -140,29 +125,23 @@ void Relocation::draw(std::size_t count, const Random& random, int step) {
 void Relocation::share_sources(TrainingModel& model, float least_opacity) {
   launch(share_kernel, drawn_.size(), model.gaussians.span(),
          Span<const std::uint32_t>(drawn_.span()), least_opacity);
-  for_each_row_array(
-      [&]<class T>(const RowArray& which, Buffer<T>& rows) {
-        if (which.role == RowRole::moment)
-          launch(clear_rows_kernel<WordOf<T>>, source_.size() * kWordsOf<T>, words_of(rows),
-                 std::size_t(kWordsOf<T>), source_.size(),
-                 static_cast<const std::uint32_t*>(source_.data()), std::size_t(0));
-      },
-      model);
+  set_rows(model, RowRole::moment, source_.data(), 0);
 }
 
-// Row to[k], or first + k where `to` is null, becomes a copy of its source, with zero moments.
+// Row to[k], or first + k where `to` is null, becomes a copy of its source, or zeros for moments.
+void Relocation::set_rows(TrainingModel& model, RowRole role, const std::uint32_t* to,
+                          std::size_t first) {
+  for (const Column& column : model.columns())
+    if (column.role == role)
+      with_words(*column.rows, [&]<class Word>(Word* words, unsigned in_row) {
+        launch(set_rows_kernel<Word>, source_.size() * in_row, words, in_row,
+               Span<const std::uint32_t>(source_.span()), role == RowRole::moment, to, first);
+      });
+}
+
 void Relocation::copy_rows(TrainingModel& model, const std::uint32_t* to, std::size_t first) {
-  const Span<const std::uint32_t> source = source_.span();
-  for_each_row_array(
-      [&]<class T>(const RowArray& which, Buffer<T>& rows) {
-        const std::size_t words = kWordsOf<T>, items = source.size * words;
-        if (which.role == RowRole::parameter)
-          launch(copy_rows_kernel<WordOf<T>>, items, words_of(rows), words, source, to, first);
-        if (which.role == RowRole::moment)
-          launch(clear_rows_kernel<WordOf<T>>, items, words_of(rows), words, source.size, to,
-                 first);
-      },
-      model);
+  set_rows(model, RowRole::parameter, to, first);
+  set_rows(model, RowRole::moment, to, first);
 }
 
 std::size_t Relocation::move_dead_rows(TrainingModel& model, const RelocationRules& rules,
@@ -192,11 +171,7 @@ RefineReport Relocation::run(TrainingModel& model, const RelocationRules& rules,
   RefineReport report;
   report.moved = move_dead_rows(model, rules, {seed, RandomStream::relocate}, step);
   report.cloned = add_copies(model, rules, {seed, RandomStream::grow}, step);
-  for_each_row_array(
-      [](const RowArray& which, auto& rows) {
-        if (which.role == RowRole::statistic) rows.fill_zero();
-      },
-      model);
+  clear_columns(model, RowRole::statistic);
   return report;
 }
 

@@ -25,6 +25,7 @@ class Relocation {
   std::size_t find_dead();
   void draw(std::size_t count, const Random& random, int step);
   void share_sources(TrainingModel& model, float least_opacity);
+  void set_rows(TrainingModel& model, RowRole role, const std::uint32_t* to, std::size_t first);
   void copy_rows(TrainingModel& model, const std::uint32_t* to, std::size_t first);
   std::size_t move_dead_rows(TrainingModel& model, const RelocationRules& rules,
                              const Random& random, int step);

@@ -20,7 +20,6 @@
 namespace gs::cuda {
 namespace {
 
-constexpr int kThreads = 256;  // rows are independent: any size that fills a multiprocessor
 constexpr int kPruneKeyBits = 32;
 
 /// A row's mark: 1 where it goes, 0 where it stays.
@@ -32,35 +31,33 @@ struct IsUnmarked {
   __device__ bool operator()(std::uint32_t i) const { return marks[i] == 0; }
 };
 
-__device__ std::size_t thread_number() { return std::size_t(blockIdx.x) * kThreads + threadIdx.x; }
-
 __global__ void mark_invisible_kernel(GaussiansSpan rows, float min_opacity, Span<Mark> marks) {
-  const std::size_t i = thread_number();
+  const std::size_t i = row_of_thread();
   if (i < marks.size) marks[i] = is_invisible(rows, i, min_opacity);
 }
 
 __global__ void prune_keys_kernel(GaussiansSpan rows, StatisticsSpan statistics, PruneOrder order,
                                   Span<std::uint64_t> keys) {
-  const std::size_t i = thread_number();
+  const std::size_t i = row_of_thread();
   if (i < keys.size) keys[i] = prune_key(order, rows.logit_opacity[i], statistics.sums_of(i));
 }
 
 // Marks the first rows of an order.
 __global__ void mark_first_kernel(Span<const std::uint32_t> order, std::size_t marked,
                                   Span<Mark> marks) {
-  const std::size_t k = thread_number();
+  const std::size_t k = row_of_thread();
   if (k < order.size) marks[order[k]] = k < marked;
 }
 
 // Lowers the opacities of rows with a 3D filter, as they are after it, to at most `opacity`.
 __global__ void cap_filtered_opacity_kernel(GaussiansSpan rows, float opacity) {
-  const std::size_t i = thread_number();
+  const std::size_t i = row_of_thread();
   if (i < rows.mean.size) rows.logit_opacity[i] = capped_logit_opacity(rows, i, opacity);
 }
 
 __global__ void lower_opacity_kernel(Span<float> logit_opacity, OpacityRule rule,
                                      float logit_amount) {
-  const std::size_t i = thread_number();
+  const std::size_t i = row_of_thread();
   if (i < logit_opacity.size)
     logit_opacity[i] = lowered_logit_opacity(logit_opacity[i], rule, logit_amount);
 }
@@ -68,13 +65,13 @@ __global__ void lower_opacity_kernel(Span<float> logit_opacity, OpacityRule rule
 // Marks the rows that have an infinite number or NaN, of an array with `width` numbers in a row. A
 // thread per number.
 __global__ void mark_not_finite_kernel(Span<const float> numbers, std::size_t width, Mark* marks) {
-  const std::size_t k = thread_number();
+  const std::size_t k = row_of_thread();
   if (k < numbers.size && numbers[k] - numbers[k] != 0.0f) marks[k / width] = 1;
 }
 
 // Each block counts its marked rows.
 __global__ void count_marked_kernel(Span<const Mark> marks, std::uint32_t* count) {
-  const std::size_t i = thread_number();
+  const std::size_t i = row_of_thread();
   const int marked = __syncthreads_count(i < marks.size && marks[i]);
   if (threadIdx.x == 0) atomicAdd(count, unsigned(marked));
 }
@@ -84,9 +81,9 @@ class CudaRowOps final : public RowOps {
   CudaRowOps(Context& context, Memory& memory, Buffer<Splat>& splats, Buffer<Rect>& pixel_rects,
              std::function<void()> release_step)
       : context_(context), release_step_(std::move(release_step)), room_(splats, pixel_rects),
-        rows_(context, room_), order_workspace_(memory, room_),
-        growth_(context, memory, order_workspace_), relocation_(context, memory),
-        filter_(context, memory), marks_(memory), source_(memory), count_(1, memory) {}
+        order_workspace_(memory, room_), growth_(context, memory, order_workspace_),
+        relocation_(context, memory), filter_(context, memory), marks_(memory), source_(memory),
+        count_(1, memory) {}
 
   RefineReport grow(TrainingModel& model, const GrowthRules& rules, std::uint64_t seed,
                     int step) override {
@@ -152,10 +149,9 @@ class CudaRowOps final : public RowOps {
     count_.fill_zero();
     for_each_array(
         [&](const char*, const auto& array) {
-          constexpr std::size_t kWidth = sizeof(*array.data()) / sizeof(float);
-          const auto* const numbers = reinterpret_cast<const float*>(array.data());
-          launch(mark_not_finite_kernel, count * kWidth, Span<const float>{numbers, count * kWidth},
-                 kWidth, marks_.data());
+          const Span<const float> numbers = numbers_of(array);
+          launch(mark_not_finite_kernel, numbers.size, numbers, numbers.size / count,
+                 marks_.data());
         },
         model.gaussians);
     launch(count_marked_kernel, count, marks_.span(), count_.data());
@@ -181,8 +177,7 @@ class CudaRowOps final : public RowOps {
   // One thread for each of `count` rows.
   template <class... Parameters, class... Arguments>
   void launch(void (*kernel)(Parameters...), std::size_t count, Arguments&&... arguments) {
-    context_.launch("row operations", kernel, blocks_for(count, kThreads), kThreads,
-                    std::forward<Arguments>(arguments)...);
+    launch_rows(context_, "row operations", kernel, count, std::forward<Arguments>(arguments)...);
   }
 
   // Removes the rows with a mark. Returns how many. Waits.
@@ -205,40 +200,37 @@ class CudaRowOps final : public RowOps {
   void gather_refined(TrainingModel& model, std::size_t survivors) {
     const Span<const std::uint32_t> source = source_.span();
     reserve_rows(model, source.size);  // from here on nothing can fail
-    for_each_row_array(
-        [&](const RowArray& which, auto& array) {
-          switch (which.role) {
-            case RowRole::parameter: return rows_.gather(array, source);
-            case RowRole::moment: return rows_.gather(array, {source.data, survivors}, source.size);
-            case RowRole::statistic: array.resize_discard(source.size); array.fill_zero();
-          }
-        },
-        model);
+    for (const Column& column : model.columns()) {
+      const std::size_t gathered = column.role == RowRole::parameter ? source.size
+                                   : column.role == RowRole::moment  ? survivors
+                                                                     : 0;
+      gather(context_, room_, *column.rows, {source.data, gathered}, source.size);
+    }
   }
 
   // Reserves memory to gather so many rows of every array. A failure comes before anything is
   // changed.
   void reserve_rows(TrainingModel& model, std::size_t count) {
-    bool large_ones_grow = false;
-    for_each_row_array(
-        [&](const RowArray&, const auto& array) {
-          large_ones_grow |= array.capacity() < count &&
-                             array.capacity() * sizeof(*array.data()) >= kBytesWorthReleasing;
-        },
-        model);
+    const Columns columns = model.columns();
+    const bool large_ones_grow =
+        std::any_of(columns.begin(), columns.end(), [count](const Column& column) {
+          const std::size_t capacity = column.rows->capacity();
+          return capacity < count && capacity * column.rows->row_bytes() >= kBytesWorthReleasing;
+        });
     if (large_ones_grow) release_step_();
-    for_each_row_array([&](const RowArray&, auto& array) { rows_.reserve(array, count); }, model);
+    for (const Column& column : columns) column.rows->reserve(count);
+    room_.reserve(count);
   }
 
   void gather_all(TrainingModel& model, Span<const std::uint32_t> source) {
     reserve_rows(model, source.size);
-    for_each_row_array([&](const RowArray&, auto& array) { rows_.gather(array, source); }, model);
+    for (const Column& column : model.columns())
+      gather(context_, room_, *column.rows, source, source.size);
   }
 
   Context& context_;
   std::function<void()> release_step_;
   BorrowedRoom room_;
-  RowGather rows_;
   RowOrderWorkspace order_workspace_;
   Growth growth_;
   Relocation relocation_;

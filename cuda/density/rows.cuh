@@ -4,7 +4,7 @@
 #pragma once
 
 #include <algorithm>
-#include <type_traits>
+#include <utility>
 
 #include "cuda/device/context.cuh"
 #include "gs_core/buffer.h"
@@ -82,31 +82,44 @@ Span<const std::uint32_t> morton_order(Context& context, RowOrderWorkspace& work
                                        Span<const Vec3f> means, Span<const float> time_means,
                                        Span<const float> log_time_scales);
 
-inline constexpr int kGatherThreads = 256;  // threads of a block, and rows that it copies
+inline constexpr int kRowThreads = 256;  // rows are independent: any size that fills the GPU
 
-/// What rows of T are copied in: words of 4 bytes, or of 2 for some HalfMoments.
-template <class T>
-using WordOf =
-    std::conditional_t<sizeof(T) % sizeof(std::uint32_t) == 0, std::uint32_t, std::uint16_t>;
-template <class T>
-inline constexpr int kWordsOf = sizeof(T) / sizeof(WordOf<T>);
-template <class T>
-WordOf<T>* words_of(const Buffer<T>& rows) {
-  static_assert(sizeof(T) % sizeof(WordOf<T>) == 0);
-  return reinterpret_cast<WordOf<T>*>(rows.data());
+/// The number of this thread among those of launch_rows().
+__device__ inline std::size_t row_of_thread() {
+  return std::size_t(blockIdx.x) * kRowThreads + threadIdx.x;
+}
+
+/// Launches a thread for each of `count` rows.
+template <class... Parameters, class... Arguments>
+void launch_rows(Context& context, const char* stage, void (*kernel)(Parameters...),
+                 std::size_t count, Arguments&&... arguments) {
+  context.launch(stage, kernel, blocks_for(count, kRowThreads), kRowThreads,
+                 std::forward<Arguments>(arguments)...);
+}
+
+/// Calls f(words, words of a row): rows consist of words of 4 bytes, or of 2 for some HalfMoments.
+template <class F>
+void with_words(const ByteBuffer& rows, F&& f) {
+  const auto call = [&]<class Word>(Word* words) {
+    f(words, unsigned(rows.row_bytes() / sizeof(Word)));
+  };
+  if (rows.row_bytes() % sizeof(std::uint32_t) == 0)
+    call(reinterpret_cast<std::uint32_t*>(rows.bytes()));
+  else
+    call(reinterpret_cast<std::uint16_t*>(rows.bytes()));
 }
 
 /// Copies `copied` words of each row. Rows lie words_apart_from words apart in `from`, and
 /// words_apart_to in `to`. Row i comes from row source[i], or from row i without a source.
-/// A block takes kGatherThreads rows. Its threads take one word after another, so that neighboring
+/// A block takes kRowThreads rows. Its threads take one word after another, so that neighboring
 /// threads read and write neighboring words.
 template <class Word>
 __global__ void copy_columns_kernel(unsigned copied, const Word* from, unsigned words_apart_from,
                                     const std::uint32_t* source, std::size_t rows, Word* to,
                                     unsigned words_apart_to) {
-  const std::size_t first = std::size_t(blockIdx.x) * kGatherThreads;
-  const unsigned words = unsigned(min_of(rows - first, std::size_t(kGatherThreads))) * copied;
-  for (unsigned k = threadIdx.x; k < words; k += kGatherThreads) {
+  const std::size_t first = std::size_t(blockIdx.x) * kRowThreads;
+  const unsigned words = unsigned(min_of(rows - first, std::size_t(kRowThreads))) * copied;
+  for (unsigned k = threadIdx.x; k < words; k += kRowThreads) {
     const std::size_t row = first + k / copied;
     const unsigned word = k % copied;
     to[row * words_apart_to + word] =
@@ -114,50 +127,24 @@ __global__ void copy_columns_kernel(unsigned copied, const Word* from, unsigned 
   }
 }
 
-/// Gathers arrays one by one through borrowed room. Where a row has more words than the room has,
-/// it is gathered in several passes of some of its words.
-class RowGather {
- public:
-  RowGather(Context& context, BorrowedRoom& room) : context_(context), room_(room) {}
-
-  /// Reserves memory to gather up to so many rows of the array, after which gather() cannot fail.
-  template <class T>
-  void reserve(Buffer<T>& array, std::size_t count) {
-    array.reserve(count);
-    room_.reserve(count);
-  }
-  /// The array becomes `count` >= source.size rows: array[source[i]] for each i, then rows of
-  /// zeros.
-  template <class T>
-  void gather(Buffer<T>& array, Span<const std::uint32_t> source, std::size_t count) {
-    array.reserve(count);
-    gather_columns(words_of(array), kWordsOf<T>, source);
-    array.resize(count);
-    if (count > source.size)
-      array.memory().fill_zero(array.data() + source.size, (count - source.size) * sizeof(T));
-  }
-  template <class T>
-  void gather(Buffer<T>& array, Span<const std::uint32_t> source) {
-    gather(array, source, source.size);
-  }
-
- private:
-  // A pass changes no word that a later one reads.
-  template <class Word>
-  void gather_columns(Word* rows, unsigned words, Span<const std::uint32_t> source) {
-    Word* const room = reinterpret_cast<Word*>(room_.words(source.size));
-    const std::size_t blocks = blocks_for(source.size, kGatherThreads);
-    for (unsigned first = 0; first < words; first += BorrowedRoom::kWordsOfRow) {
-      const unsigned copied = min_of(words - first, unsigned(BorrowedRoom::kWordsOfRow));
-      context_.launch("gather", copy_columns_kernel<Word>, blocks, kGatherThreads, copied,
-                      rows + first, words, source.data, source.size, room, copied);
-      context_.launch("gather", copy_columns_kernel<Word>, blocks, kGatherThreads, copied, room,
-                      copied, nullptr, source.size, rows + first, words);
+/// The rows become `count` >= source.size ones: row source[i] for each i, then zeros. They are
+/// gathered through borrowed room. Where a row has more words than the room has, it is gathered in
+/// several passes of some of its words; a pass changes no word that a later one reads.
+inline void gather(Context& context, BorrowedRoom& room, ByteBuffer& rows,
+                   Span<const std::uint32_t> source, std::size_t count) {
+  rows.reserve(count);
+  with_words(rows, [&]<class Word>(Word* words, unsigned in_row) {
+    Word* const borrowed = reinterpret_cast<Word*>(room.words(source.size));
+    for (unsigned first = 0; first < in_row; first += BorrowedRoom::kWordsOfRow) {
+      const unsigned copied = min_of(in_row - first, unsigned(BorrowedRoom::kWordsOfRow));
+      launch_rows(context, "gather", copy_columns_kernel<Word>, source.size, copied, words + first,
+                  in_row, source.data, source.size, borrowed, copied);
+      launch_rows(context, "gather", copy_columns_kernel<Word>, source.size, copied, borrowed,
+                  copied, nullptr, source.size, words + first, in_row);
     }
-  }
-
-  Context& context_;
-  BorrowedRoom& room_;
-};
+  });
+  rows.resize(count);
+  rows.zero_from(source.size);
+}
 
 }  // namespace gs::cuda

@@ -46,18 +46,6 @@ class Context {
     check(cudaGetLastError(), stage);
   }
 
-  /// The same with `bytes` of shared memory for each block, which may be more than 48 KiB.
-  template <class... Parameters, class... Arguments>
-  void launch_with_shared(const char* stage, void (*kernel)(Parameters...), std::size_t blocks,
-                          int threads, std::size_t bytes, Arguments&&... arguments) {
-    if (blocks == 0) return;
-    check(cudaFuncSetAttribute(kernel, cudaFuncAttributeMaxDynamicSharedMemorySize, int(bytes)),
-          stage);
-    kernel<<<unsigned(blocks), unsigned(threads), bytes, stream_>>>(
-        std::forward<Arguments>(arguments)...);
-    check(cudaGetLastError(), stage);
-  }
-
   void set_profiling(bool on);
   /// Milliseconds of each stage since profiling was switched on, in the order of first use. Waits.
   std::vector<StageTime> stage_times();

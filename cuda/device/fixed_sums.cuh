@@ -1,41 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
-// The sums that blend_backward() makes for each Gaussian, and the same sums in fixed point for
-// deterministic steps. The result of integer additions does not depend on their order; that of
-// floating-point additions does.
+// Additions to sums in fixed point (FineSums, CoarseSums), for deterministic steps. The result of
+// integer additions does not depend on their order; that of floating-point additions does.
 #pragma once
 
-#include "gs_core/types.h"
+#include "gs_core/gpu_step.h"
 
 namespace gs::cuda {
-
-/// dL/d(splat) of one Gaussian: three vectors of four floats, so that a warp adds its share with
-/// three atomic additions.
-struct alignas(16) SplatGradientSum {
-  Vec2f mean2d;
-  float conic_xx, conic_xy;
-  float conic_yy, opacity, red, green;
-  // absolute: |dL/d(mean2d)|, where asked for; else count and second of FragmentSums for the score
-  // "force" (sums_among_gradients() in stages.cuh)
-  float blue, absolute_x, absolute_y;
-  float depth;  // of photos with a depth map; not summed here (depth.cu)
-};
-
-/// Count of numbers in a SplatGradientSum: without the absolute gradient, and with it.
-inline constexpr int kGradientNumbers = 9, kAllGradientNumbers = 11;
-
-/// The sums as integer multiples of kFine. A share x is split into a multiple of kCoarse, which is
-/// rarely not zero and goes to CoarseSums, and the rest, which goes here. The rest is below 2^42
-/// kFine, so that 2^21 shares can be added; a Gaussian gets at most one share from each sub-tile.
-/// The rounding error, 2^-57, is far below Adam's epsilon.
-struct alignas(16) FineSums {
-  static constexpr float kFine = 0x1p-56f, kCoarse = 0x1p-14f;
-  static constexpr float kMost = 0x1p40f;  // of a share; larger ones, and NaN, make the sum NaN
-  long long numbers[kAllGradientNumbers];
-  unsigned has_coarse, is_broken;
-};
-struct CoarseSums {
-  long long numbers[kAllGradientNumbers];
-};
 
 #ifdef __CUDACC__
 /// Adds a share of one number of a Gaussian's gradient.

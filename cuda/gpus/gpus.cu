@@ -29,52 +29,32 @@ void connect(const std::vector<int>& devices) {
     }
 }
 
-// Gives a shard the arrays that the model has, with undefined rows.
-void take_shape_of(const TrainingModel& model, std::size_t count, TrainingModel& shard) {
-  if (shard.moment_storage() != model.moment_storage())
-    shard.store_moments_as(model.moment_storage());
-  shard.set_learned_arrays(model.gaussians);
-  shard.gaussians.has_filter = model.gaussians.has_filter;
-  shard.statistics.has_sums = model.statistics.has_sums;
-  for_each_row_array([count](const RowArray&, auto& array) { array.resize_discard(count); }, shard);
-}
-
 enum class Way { to_shard, to_model };
 
-// Copies `chunks` chunks of `bytes` each. Those of the model begin at row `row`, and those of the
-// shard at row `local`.
-struct ChunkCopy {
-  std::size_t row, local, bytes, chunks;
-
-  void run(Way way, const Gpu& gpu, std::byte* model, std::byte* shard,
-           std::size_t row_bytes) const {
-    std::byte* const in_model = model + row * row_bytes;
-    std::byte* const in_shard = shard + local * row_bytes;
-    const std::size_t step = gpu.place.gpus * bytes;
+// Copies the rows of a column between the model and the shard of a GPU.
+void copy_rows(Way way, const Gpu& gpu, const ByteBuffer& model, const ByteBuffer& shard) {
+  const Shard& place = gpu.place;
+  GS_CHECK(model.size() == place.all_rows && shard.size() == place.count() &&
+           shard.row_bytes() == model.row_bytes());
+  const auto copy = [&](std::size_t local, std::size_t rows, std::size_t chunks) {
+    if (rows * chunks == 0) return;
+    std::byte* const in_model = model.row(place.row_of_all(local));
+    std::byte* const in_shard = shard.row(local);
+    const std::size_t bytes = rows * model.row_bytes(), step = place.gpus * bytes;
     const bool is_out = way == Way::to_shard;
     check(cudaMemcpy2DAsync(is_out ? in_shard : in_model, is_out ? bytes : step,
                             is_out ? in_model : in_shard, is_out ? step : bytes, bytes, chunks,
                             cudaMemcpyDefault, gpu.context.stream()),
           "copying rows between GPUs");
-  }
-};
-
-// Copies the rows of an array between the model and the shard of a GPU.
-template <class Array>
-void copy_rows(Way way, const Gpu& gpu, const Array& model, const Array& shard) {
-  const Shard& place = gpu.place;
-  GS_CHECK(model.size() == place.all_rows && shard.size() == place.count());
-  constexpr std::size_t kRowBytes = sizeof(*model.data());
-  auto* const in_model = reinterpret_cast<std::byte*>(model.data());
-  auto* const in_shard = reinterpret_cast<std::byte*>(shard.data());
-  const std::size_t full = shard.size() / place.chunk_rows(), end = full * place.chunk_rows();
-  const auto copy = [&](std::size_t local, std::size_t rows, std::size_t chunks) {
-    if (rows * chunks > 0)
-      ChunkCopy{place.row_of_all(local), local, rows * kRowBytes, chunks}.run(way, gpu, in_model,
-                                                                              in_shard, kRowBytes);
   };
+  const std::size_t full = shard.size() / place.chunk_rows(), end = full * place.chunk_rows();
   copy(0, place.chunk_rows(), full);
   copy(end, shard.size() - end, 1);
+}
+
+void copy_rows(Way way, const Gpu& gpu, const TrainingModel& model) {
+  const ConstColumns all = model.columns(), of_shard = gpu.shard.columns();
+  for (std::size_t k = 0; k < all.size(); ++k) copy_rows(way, gpu, *all[k].rows, *of_shard[k].rows);
 }
 
 }  // namespace
@@ -140,23 +120,16 @@ void Gpus::deal_out(const TrainingModel& model, std::size_t chunk_rows) {
   for (std::size_t i = 0; i < count(); ++i) {
     Gpu& gpu = *all_[i];
     gpu.place = Shard(int(i), int(count()), model.count(), chunk_rows);
-    take_shape_of(model, gpu.place.count(), gpu.shard);
+    gpu.shard.match_columns(model);
+    for (const Column& column : gpu.shard.columns()) column.rows->resize_discard(gpu.place.count());
   }
-  for_each([&](Gpu& gpu) {
-    for_each_row_array([&](const RowArray&, const auto& shard,
-                           const auto& all) { copy_rows(Way::to_shard, gpu, all, shard); },
-                       gpu.shard, model);
-  });
+  for_each([&](Gpu& gpu) { copy_rows(Way::to_shard, gpu, model); });
   streams_.synchronize();
 }
 
 void Gpus::merge(const TrainingModel& model) {
   streams_.synchronize();
-  for_each([&](Gpu& gpu) {
-    for_each_row_array([&](const RowArray&, const auto& all,
-                           const auto& shard) { copy_rows(Way::to_model, gpu, all, shard); },
-                       model, gpu.shard);
-  });
+  for_each([&](Gpu& gpu) { copy_rows(Way::to_model, gpu, model); });
   streams_.synchronize();
 }
 

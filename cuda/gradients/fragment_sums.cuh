@@ -5,18 +5,9 @@
 #pragma once
 
 #include "cuda/device/warp.cuh"
-#include "gs_core/math/density/growth.h"
+#include "gs_core/gpu_step.h"
 
 namespace gs::cuda {
-
-/// FragmentSums in multiples of kUnit, so that the result does not depend on the order of
-/// additions. Forces are those of the loss times its 3 H W values: those of the mean loss are so
-/// small in a photo of usual size that their squares would round to zero. A share that is not below
-/// kMost counts as nothing.
-struct FixedFragmentSums {
-  static constexpr float kUnit = 0x1p-36f, kMost = 0x1p24f;
-  long long numbers[3];
-};
 
 /// From the forces of the mean loss to those of the loss times its values.
 __device__ inline FragmentSums scaled_forces(const FragmentSums& sums, float scale) {

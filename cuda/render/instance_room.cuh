@@ -55,9 +55,7 @@ UnsortedInstances<Key> unsorted_instances(const Buffer<Vec4f>& room, const Rende
 /// holds is lost.
 inline void reserve_instances(const RenderSettings& settings, Buffer<Vec4f>& room, RenderPass& pass,
                               std::uint32_t capacity) {
-  const std::size_t key_bytes =
-      uses_short_keys(pass) ? sizeof(std::uint16_t) : sizeof(std::uint32_t);
-  const std::size_t bytes = sizeof(std::uint32_t) + 2 * key_bytes;
+  const std::size_t bytes = unsorted_bytes(uses_short_keys(pass));
   const std::size_t instances = (capacity * bytes) / sizeof(Vec4f) + 3;  // three arrays, rounded up
   const std::size_t size =
       std::max(instances, settings.for_backward ? checkpoint_pixels(capacity) : 0);

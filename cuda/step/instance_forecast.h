@@ -7,6 +7,7 @@
 #include <cstdint>
 #include <unordered_map>
 
+#include "gs_core/gpu_step.h"
 #include "gs_train/backend.h"
 
 namespace gs::cuda {
@@ -15,7 +16,6 @@ inline constexpr double kGrowthMargin = 1.2;  // times the instances of a view's
 // times the most instances per Gaussian seen so far: of up to kFewGaussians, and of more
 inline constexpr double kUnseenMargin = 1.5, kUnseenMarginOfMany = 1.25;
 inline constexpr std::size_t kFewGaussians = 1'000'000;
-inline constexpr std::size_t kLeastCapacity = std::size_t(1) << 20;  // before any view was seen
 inline constexpr double kMostPerGaussian = 16;  // that a higher resolution may be expected to need
 inline constexpr std::size_t kCapacityStep = std::size_t(1) << 14;  // capacities are multiples
 

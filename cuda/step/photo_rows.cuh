@@ -24,25 +24,25 @@ class PhotoBuffers {
                  RenderPass& pass) {
     while (others_.size() < i) others_.emplace_back(memory_);
     Workspace& workspace = renderer.workspace();
-    if (i > 0) others_[i - 1].exchange(workspace, pass);
+    if (i > 0) exchange(others_[i - 1], workspace, pass);
     pass.begin(camera, count, true, settings.with_depths);
     workspace.depth_keys.resize_discard(count);
     renderer.reserve_gradients(count, settings);
     const PhotoRows rows(camera, settings, pose, workspace, pass);
-    if (i > 0) others_[i - 1].exchange(workspace, pass);
+    if (i > 0) exchange(others_[i - 1], workspace, pass);
     return rows;
   }
   /// Gives pass and workspace the arrays of photo `i`, which is drawn next; photos are drawn in
   /// order. Arrays stay where they are in memory.
   void select(std::size_t i, const PhotoRows& photo, std::size_t count, CudaRenderer& renderer,
               RenderPass& pass) {
-    if (i > 0) others_[i - 1].exchange(renderer.workspace(), pass);
+    if (i > 0) exchange(others_[i - 1], renderer.workspace(), pass);
     pass.begin(photo.camera, count, true, photo.settings.with_depths);
     pass.scratch<CudaScratch>().has_view_splats = false;
   }
   /// After a step that failed.
   void clear_gradients() {
-    for (Arrays& arrays : others_) {
+    for (PhotoArrays& arrays : others_) {
       arrays.gradients.fill_zero();
       arrays.fragment_sums.fill_zero();
       arrays.fixed_fragment_sums.fill_zero();
@@ -52,33 +52,19 @@ class PhotoBuffers {
   void release() { others_.clear(); }
 
  private:
-  struct Arrays {
-    Buffer<Splat> splats;
-    Buffer<float> depths;
-    Buffer<Rect> pixel_rects;
-    Buffer<std::uint32_t> tile_counts, depth_keys;
-    // zero between steps
-    Buffer<SplatGradientSum> gradients;
-    Buffer<Vec4f> fragment_sums;
-    Buffer<FixedFragmentSums> fixed_fragment_sums;
+  static void exchange(PhotoArrays& arrays, Workspace& workspace, RenderPass& pass) {
+    arrays.splats.swap(pass.splats);
+    arrays.depths.swap(pass.depths);
+    arrays.pixel_rects.swap(pass.pixel_rects);
+    arrays.tile_counts.swap(pass.tile_counts);
+    arrays.depth_keys.swap(workspace.depth_keys);
+    arrays.gradients.swap(workspace.splat_gradients);
+    arrays.fragment_sums.swap(workspace.fragment_sums);
+    arrays.fixed_fragment_sums.swap(workspace.fixed_fragment_sums);
+  }
 
-    explicit Arrays(Memory& memory)
-        : splats(memory), depths(memory), pixel_rects(memory), tile_counts(memory),
-          depth_keys(memory), gradients(memory), fragment_sums(memory),
-          fixed_fragment_sums(memory) {}
-    void exchange(Workspace& workspace, RenderPass& pass) {
-      splats.swap(pass.splats);
-      depths.swap(pass.depths);
-      pixel_rects.swap(pass.pixel_rects);
-      tile_counts.swap(pass.tile_counts);
-      depth_keys.swap(workspace.depth_keys);
-      gradients.swap(workspace.splat_gradients);
-      fragment_sums.swap(workspace.fragment_sums);
-      fixed_fragment_sums.swap(workspace.fixed_fragment_sums);
-    }
-  };
   Memory& memory_;
-  std::vector<Arrays> others_;
+  std::vector<PhotoArrays> others_;
 };
 
 }  // namespace gs::cuda

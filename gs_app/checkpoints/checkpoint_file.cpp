@@ -92,7 +92,7 @@ std::uint64_t kind_of(const TrainingModel& model) {
 void set_kind(TrainingModel& model, std::uint64_t kind) {
   model.gaussians.has_time = kind & kHasTime;
   model.store_moments_as(kind & kHasHalves ? MomentStorage::halves : MomentStorage::floats);
-  model.set_learned_arrays(model.gaussians);
+  model.match_moments();
   model.statistics.has_sums = kind & kHasSums;
   model.gaussians.has_filter = kind & kHasFilter;
 }
@@ -180,16 +180,14 @@ void read_times(CheckedReader& file, std::vector<ViewRecord>& views) {
 
 // ---- arrays ------------------------------------------------------------------------------------
 
-template <class T>
-void write_array(CheckedWriter& file, const std::string& name, const T* data, std::size_t count,
-                 Memory& memory) {
-  std::size_t bytes = count * sizeof(T);
+void write_rows(CheckedWriter& file, const std::string& name, const ByteBuffer& rows) {
+  std::size_t bytes = rows.size_bytes();
   file.section(name, bytes);
-  if (&memory == &host_memory()) return file.write(data, bytes);
+  if (&rows.memory() == &host_memory()) return file.write(rows.bytes(), bytes);
   std::vector<std::byte> chunk(std::min(bytes, kChunkBytes));
-  for (const auto* at = reinterpret_cast<const std::byte*>(data); bytes > 0;) {
+  for (const std::byte* at = rows.bytes(); bytes > 0;) {
     const std::size_t some = std::min(bytes, chunk.size());
-    memory.download(chunk.data(), at, some);
+    rows.memory().download(chunk.data(), at, some);
     file.write(chunk.data(), some);
     at += some;
     bytes -= some;
@@ -218,18 +216,16 @@ void take_split(const std::vector<float>& values, float FloatMoments::*moment,
   for (std::size_t i = 0; i < values.size(); ++i) pairs[i].*moment = values[i];
 }
 
-void read_split_moments(CheckedReader& file, std::size_t count,
-                        AdamMoments<FloatMoments>& moments) {
+void read_split_moments(CheckedReader& file, std::size_t count, const Columns& moments) {
   for (const auto& [group, moment] : kSplitMoments)
-    for_each_array(
-        [&, group = group, moment = moment](const std::string& name, auto& array) {
-          constexpr std::size_t kInRow = sizeof(*array.data()) / sizeof(FloatMoments);
-          const std::vector<float> values = file.values<float>(group + ("." + name));
-          if (values.size() / kInRow != count || values.size() % kInRow) file.damaged();
-          array.resize(count);
-          take_split(values, moment, moments_in(array));
-        },
-        moments);
+    for (const Column& column : moments) {
+      const std::size_t in_row = column.rows->row_bytes() / sizeof(FloatMoments);
+      const auto values = file.values<float>(group + std::string(".") + column.name);
+      if (values.size() / in_row != count || values.size() % in_row) file.damaged();
+      column.rows->resize(count);
+      take_split(values, moment,
+                 {reinterpret_cast<FloatMoments*>(column.rows->bytes()), values.size()});
+    }
 }
 
 // So many numbers of photos.
@@ -259,27 +255,26 @@ std::vector<T> read_of_photos(CheckedReader& file, const std::string& name, std:
 }
 
 void read_model(CheckedReader& file, std::size_t count, TrainingModel& model) {
-  auto* split =
-      file.version() == 1 ? std::get_if<AdamMoments<FloatMoments>>(&model.moments) : nullptr;
-  const bool is_split = split != nullptr;
-  for_each_row_array(
-      [&](const RowArray& which, auto& array) {
-        if (is_split && which.role == RowRole::moment) {  // all of them at the first of them
-          if (split) read_split_moments(file, count, *std::exchange(split, nullptr));
-          return;
-        }
-        const std::size_t row = sizeof(*array.data());
-        const std::uint64_t bytes = file.section(which.key());
-        if constexpr (std::is_same_v<std::remove_cvref_t<decltype(array)>, Buffer<FragmentSums>>)
-          if (count > 0 && bytes == count * sizeof(Vec4f)) {
-            array.resize_discard(count);
-            return read_older_sums(file, array);
-          }
-        if (bytes / row != count || bytes % row) file.damaged();
-        array.resize_discard(count);
-        file.read(array.data(), bytes);
-      },
-      model);
+  const bool is_split = file.version() == 1 && model.moment_storage() == MomentStorage::floats;
+  Columns split;
+  for (const Column& column : model.columns()) {
+    if (is_split && column.role == RowRole::moment) {
+      split.push_back(column);
+      continue;
+    }
+    if (column.role == RowRole::statistic)  // split moments come before the first of these
+      read_split_moments(file, count, std::exchange(split, {}));
+    ByteBuffer& rows = *column.rows;
+    const std::uint64_t bytes = file.section(column.key());
+    const bool is_older = &rows == &model.statistics.sums && bytes == count * sizeof(Vec4f);
+    if (!is_older && (bytes / rows.row_bytes() != count || bytes % rows.row_bytes()))
+      file.damaged();
+    rows.resize_discard(count);
+    if (is_older)
+      read_older_sums(file, model.statistics.sums);
+    else
+      file.read(rows.bytes(), bytes);
+  }
 }
 
 void write_photometric(CheckedWriter& file, const PhotometricState& state) {
@@ -290,10 +285,7 @@ void write_photometric(CheckedWriter& file, const PhotometricState& state) {
       std::vector<std::uint32_t>{shape.photos, shape.photo_size, 0, 0,
                                  std::uint32_t(state.adam_steps), std::uint32_t(state.is_solved)});
   for_each_photometric_array(
-      [&](const char* name, const auto& array) {
-        write_array(file, name, array.data(), array.size(), array.memory());
-      },
-      state);
+      [&](const char* name, const auto& array) { write_rows(file, name, array); }, state);
 }
 
 [[noreturn]] void refuse_removed(const std::filesystem::path& path, const char* what) {
@@ -459,8 +451,7 @@ SceneRecord::SceneRecord(const Scene& scene)
 
 std::uint64_t checkpoint_bytes(const TrainingModel& model, std::size_t views) {
   std::uint64_t row = 0;
-  for_each_row_array([&](const RowArray&, const auto& array) { row += sizeof(*array.data()); },
-                     model);
+  for (const auto& column : model.columns()) row += column.rows->row_bytes();
   return model.count() * row + views * 512;
 }
 
@@ -478,11 +469,7 @@ void write_checkpoint(const std::filesystem::path& path, const Config& config,
   if (kind) count_and_kind.push_back(kind);
   write_values(file, "gaussians", count_and_kind);
   if (kind & kHasTime) write_times(file, scene.views);
-  for_each_row_array(
-      [&](const RowArray& which, const auto& array) {
-        write_array(file, which.key(), array.data(), array.size(), array.memory());
-      },
-      model);
+  for (const auto& column : model.columns()) write_rows(file, column.key(), *column.rows);
   if (kind & kHasPhotometric) write_photometric(file, model.photometric);
   if (kind & kHasPoses) write_poses(file, model.poses);
   file.commit();

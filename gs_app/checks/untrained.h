@@ -12,16 +12,7 @@ inline TrainingModel untrained(const GaussianModel& from, Memory& memory,
                                MomentStorage moments = MomentStorage::floats) {
   TrainingModel model(memory);
   model.store_moments_as(moments);
-  Gaussians& gaussians = model.gaussians;
-  take_learned_arrays(gaussians, from.gaussians);
-  gaussians.has_filter = from.gaussians.has_filter;
-  for_each_stored_array(
-      [](const char*, auto& to, const auto& array) {
-        to.resize_discard(array.size());
-        if (array.size())
-          to.memory().upload(to.data(), array.data(), array.size() * sizeof(*array.data()));
-      },
-      gaussians, from.gaussians);
+  model.gaussians = copy_of(from.gaussians, memory);
   clear_history(model);
   return model;
 }

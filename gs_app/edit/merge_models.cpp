@@ -91,11 +91,7 @@ Gaussians joined(const std::vector<NamedModel>& models) {
   std::size_t begin = 0;
   for (const NamedModel& named : models) {
     const Gaussians& part = named.model.model.gaussians;
-    for_each_stored_array(
-        [&](const char*, auto& to, const auto& from) {
-          std::copy(from.begin(), from.end(), to.begin() + std::ptrdiff_t(begin));
-        },
-        all, part);
+    copy_rows(part, 0, part.count(), all, begin);
     begin += part.count();
   }
   return all;

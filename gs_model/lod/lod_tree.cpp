@@ -121,11 +121,7 @@ LodLevel coarser(LodLevel& finer, std::size_t ratio,
     DecimateOptions options;
     options.merged_into = &merged_into;
     GS_CHECK(decimate(rows, level.count(leaf), options) == level.count(leaf));
-    for_each_stored_array(
-        [&](const char*, auto& to, const auto& from) {
-          for (std::size_t i = 0; i < from.size(); ++i) to[first + i] = from[i];
-        },
-        level.gaussians, rows);
+    copy_rows(rows, 0, rows.count(), level.gaussians, first);
     for (const std::uint32_t row : merged_into) finer.parent.push_back(std::uint32_t(first) + row);
     count(finer.count(leaf) - level.count(leaf));
   }

@@ -84,10 +84,12 @@ class Builder {
   SplatTree take() {
     SplatTree tree{rows_like(*sources_.front().from, sources_.size(), host_memory()),
                    std::move(start_), std::move(count_)};
-    for (std::size_t i = 0; i < sources_.size(); ++i)
-      for_each_stored_array(
-          [&](const char*, auto& to, const auto& from) { to[i] = from[sources_[i].row]; },
-          tree.gaussians, *sources_[i].from);
+    for (std::size_t i = 0, end = 0; i < sources_.size(); i = end) {  // one level after another
+      std::vector<std::uint32_t> rows;
+      for (; end < sources_.size() && sources_[end].from == sources_[i].from; ++end)
+        rows.push_back(sources_[end].row);
+      copy_rows(rows_of(*sources_[i].from, rows), 0, rows.size(), tree.gaussians, i);
+    }
     return tree;
   }
 

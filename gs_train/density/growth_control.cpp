@@ -107,7 +107,7 @@ class GrowthControl final : public DensityControl {
     if (const double share = schedule_.sensitivity_prune(step);
         share > 0 && model.statistics.has_sums) {
       const std::size_t pruned = backend.rows().prune_share(model, PruneOrder::sensitivity, share);
-      clear_statistics(model);
+      clear_columns(model, RowRole::statistic);
       return pruned;
     }
     if (const double share = schedule_.recovery_prune(step); share > 0)

@@ -129,9 +129,7 @@ TrainingModel initial_model(const Scene& scene, const Config& config, Memory& me
 
   TrainingModel model(memory);
   model.store_moments_as(config.optimizer.moments);
-  model.set_learned_arrays(start);
-  for_each_array([](const char*, auto& to, const auto& from) { to.upload(from.download()); },
-                 model.gaussians, start);
+  model.gaussians = copy_of(start, memory);
   clear_history(model);
   begin_photometric(config, scene, model);
   begin_poses(config, scene, model);

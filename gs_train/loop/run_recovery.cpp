@@ -34,23 +34,18 @@ std::vector<std::uint32_t> view_order(const TrainingRun& run, int step) {
 // Releases the capacity that arrays have beyond their rows, as far as there is memory for the
 // copies.
 void shrink(TrainingModel& model) {
-  for_each_row_array(
-      [](const RowArray&, auto& array) {
-        try {
-          array.shrink();
-        } catch (const Error&) {  // stays as it is
-        }
-      },
-      model);
+  for (const Column& column : model.columns()) {
+    try {
+      column.rows->shrink();
+    } catch (const Error&) {  // stays as it is
+    }
+  }
 }
 
 // Releases moments and statistics: a finished model needs its parameters alone.
 void release_history(TrainingModel& model) {
-  for_each_row_array(
-      [](const RowArray& which, auto& array) {
-        if (which.role != RowRole::parameter) array.release();
-      },
-      model);
+  for (const Column& column : model.columns())
+    if (column.role != RowRole::parameter) column.rows->release();
 }
 
 // Runs f(). Where memory runs out returns false, with the message in `error`.

@@ -32,7 +32,7 @@ void reserve_rows(TrainingModel& model, const Config& config, const Memory& memo
   const TrainingSize size = training_size(config, {}, double(count));
   if (state_bytes(size, double(count)) > kShareOfFree * double(memory.free_bytes())) return;
   try {
-    for_each_row_array([count](const RowArray&, auto& array) { array.reserve(count); }, model);
+    for (const Column& column : model.columns()) column.rows->reserve(count);
     if (size.has_sums) model.statistics.sums.reserve(count);  // the first step begins them
   } catch (const Error& error) {
     if (error.code() != ExitCode::out_of_memory) throw;

@@ -90,8 +90,9 @@ RefineReport grow(TrainingModel& model, const GrowthRules& rules, std::uint64_t 
   std::vector<std::uint32_t> source = survivors;
   source.insert(source.end(), clones.begin(), clones.end());
   for (const std::uint32_t child : children) source.push_back(parents[child / each]);
-  gather_rows(model, {source.data(), source.size()});  // from here on nothing can fail
-  start_new_rows(model, survivors.size());
+  const Columns columns = model.columns();
+  gather_rows(columns, {source.data(), source.size()});  // from here on nothing can fail
+  start_new_rows(columns, survivors.size());
 
   const GaussiansSpan rows = model.gaussians.span();
   const std::size_t first_child = survivors.size() + clones.size();

@@ -11,12 +11,10 @@
 namespace gs {
 namespace {
 
-void clear_moments(TrainingModel& model, std::size_t i) {
-  for_each_row_array(
-      [i](const RowArray& which, auto& array) {
-        if (which.role == RowRole::moment) array[i] = {};
-      },
-      model);
+void clear_moments(const Columns& columns, std::size_t i) {
+  for (const Column& column : columns)
+    if (column.role == RowRole::moment)
+      std::fill_n(column.rows->row(i), column.rows->row_bytes(), std::byte(0));
 }
 
 /// Prefix sums of the rows' weights, each row's own included.
@@ -55,26 +53,26 @@ void share_sources(TrainingModel& model, const std::vector<std::uint32_t>& sourc
   std::vector<int> drawn(model.count());
   for (const std::uint32_t i : source) ++drawn[i];
   const Gaussians& rows = model.gaussians;
+  const Columns columns = model.columns();
   parallel_for(drawn.size(), 4096, [&](std::size_t i) {
     if (!drawn[i]) return;
     const SharedGaussian shared =
         shared_gaussian(rows.logit_opacity[i], rows.log_scale[i], drawn[i] + 1, least_opacity);
     rows.logit_opacity[i] = shared.logit_opacity;
     rows.log_scale[i] = shared.log_scale;
-    clear_moments(model, i);
+    clear_moments(columns, i);
   });
 }
 
 /// Row to(k) becomes a copy of row source[k], with zero moments.
 template <class To>
 void copy_rows(TrainingModel& model, const std::vector<std::uint32_t>& source, const To& to) {
+  const Columns columns = model.columns();
   parallel_for(source.size(), 1024, [&](std::size_t k) {
-    for_each_row_array(
-        [&](const RowArray& which, auto& array) {
-          if (which.role == RowRole::parameter) array[to(k)] = array[source[k]];
-        },
-        model);
-    clear_moments(model, to(k));
+    for (const Column& column : columns)
+      if (column.role == RowRole::parameter)
+        std::copy_n(column.rows->row(source[k]), column.rows->row_bytes(), column.rows->row(to(k)));
+    clear_moments(columns, to(k));
   });
 }
 
@@ -109,11 +107,7 @@ RefineReport relocate(TrainingModel& model, const RelocationRules& rules, std::u
   RefineReport report;
   report.moved = move_dead_rows(model, rules, {seed, RandomStream::relocate}, step);
   report.cloned = add_copies(model, rules, {seed, RandomStream::grow}, step);
-  for_each_row_array(
-      [](const RowArray& which, auto& array) {
-        if (which.role == RowRole::statistic) array.fill_zero();
-      },
-      model);
+  clear_columns(model, RowRole::statistic);
   return report;
 }
 

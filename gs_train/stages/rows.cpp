@@ -15,19 +15,15 @@
 namespace gs {
 namespace {
 
-// Row i of an array becomes what row source[i] was. The array and the scratch have the capacity for
-// all rows, so that nothing can fail.
-template <class T>
-void gather_array(Buffer<T>& array, Span<const std::uint32_t> source, Buffer<std::byte>& scratch) {
-  T* const gathered = reinterpret_cast<T*>(scratch.data());
-  parallel_for(source.size, 4096, [&](std::size_t i) { gathered[i] = array[source[i]]; });
-  array.resize_discard(source.size);
-  std::copy(gathered, gathered + source.size, array.begin());
-}
-
-template <class T>
-void zero_rows_from(Buffer<T>& array, std::size_t first) {
-  std::fill(array.begin() + first, array.end(), T{});
+// Row i becomes what row source[i] was. The rows and the scratch have the capacity for all, so that
+// nothing can fail.
+void gather(ByteBuffer& rows, Span<const std::uint32_t> source, std::byte* scratch) {
+  const std::size_t bytes = rows.row_bytes();
+  parallel_for(source.size, 4096, [&](std::size_t i) {
+    std::copy_n(rows.row(source[i]), bytes, scratch + i * bytes);
+  });
+  rows.resize_discard(source.size);
+  std::copy_n(scratch, rows.size_bytes(), rows.bytes());
 }
 
 // True where every number of the row is finite.
@@ -104,7 +100,7 @@ class ScalarRowOps final : public RowOps {
   void sort_by_morton(TrainingModel& model) override {
     const Gaussians& rows = model.gaussians;
     gather_rows(
-        model,
+        model.columns(),
         morton_order(rows.mean.span(), rows.time_mean.span(), rows.log_time_scale.span()).span());
   }
 
@@ -125,33 +121,28 @@ class ScalarRowOps final : public RowOps {
     for (std::uint32_t i = 0; i < model.count(); ++i)
       if (!is_removed(i)) kept.push_back(i);
     const std::size_t removed = model.count() - kept.size();
-    if (removed) gather_rows(model, {kept.data(), kept.size()});
+    if (removed) gather_rows(model.columns(), {kept.data(), kept.size()});
     return removed;
   }
 };
 
 }  // namespace
 
-void start_new_rows(TrainingModel& model, std::size_t first) {
-  for_each_row_array(
-      [first](const RowArray& which, auto& array) {
-        if (which.role == RowRole::moment) zero_rows_from(array, first);
-        if (which.role == RowRole::statistic) array.fill_zero();
-      },
-      model);
+void start_new_rows(const Columns& columns, std::size_t first) {
+  for (const Column& column : columns) {
+    if (column.role == RowRole::moment) column.rows->zero_from(first);
+    if (column.role == RowRole::statistic) column.rows->fill_zero();
+  }
 }
 
-void gather_rows(TrainingModel& model, Span<const std::uint32_t> source) {
+void gather_rows(const Columns& columns, Span<const std::uint32_t> source) {
   std::size_t widest = 0;  // bytes of a row
-  for_each_row_array(
-      [&](const RowArray&, auto& array) {
-        array.reserve(source.size);
-        widest = std::max(widest, sizeof(*array.data()));
-      },
-      model);
-  Buffer<std::byte> scratch(source.size * widest, host_memory());
-  for_each_row_array([&](const RowArray&, auto& array) { gather_array(array, source, scratch); },
-                     model);
+  for (const Column& column : columns) {
+    column.rows->reserve(source.size);
+    widest = std::max(widest, column.rows->row_bytes());
+  }
+  const Buffer<std::byte> scratch(source.size * widest, host_memory());
+  for (const Column& column : columns) gather(*column.rows, source, scratch.data());
 }
 
 std::unique_ptr<RowOps> make_scalar_row_ops() { return std::make_unique<ScalarRowOps>(); }

@@ -60,11 +60,11 @@ void measure_filter(TrainingModel& model, const std::vector<Camera>& cameras, fl
 
 /// After a refinement: the moments of the rows from `first` on, which are new, and all statistics
 /// become zero.
-void start_new_rows(TrainingModel& model, std::size_t first);
+void start_new_rows(const Columns& columns, std::size_t first);
 
-/// Puts rows of `model` into a new order, or keeps some of them: row i becomes what row source[i]
-/// was, in every array.
-void gather_rows(TrainingModel& model, Span<const std::uint32_t> source);
+/// Puts rows into a new order, or keeps some of them: row i becomes what row source[i] was, in every
+/// column.
+void gather_rows(const Columns& columns, Span<const std::uint32_t> source);
 
 /// Row numbers along the Morton curve of the means in their bounding cube. Rows of equal codes keep
 /// their order. Rows in space and time are ordered by their bin of time first; both other arrays

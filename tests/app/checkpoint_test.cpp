@@ -186,8 +186,7 @@ Sections sections_of(const fs::path& checkpoint, const TrainingModel& model) {
   std::vector<std::string> names{"about",   "config",     "view_names", "views",
                                  "strikes", "view_order", "gaussians"};
   if (model.gaussians.has_time) names.push_back("view_times");
-  for_each_row_array([&](const RowArray& which, const auto&) { names.push_back(which.key()); },
-                     model);
+  for (const auto& column : model.columns()) names.push_back(column.key());
   const auto add = [&](const char* name, const auto&) { names.push_back(name); };
   if (!model.photometric.empty()) {
     names.push_back("photometric");

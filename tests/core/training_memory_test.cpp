@@ -3,8 +3,8 @@
 
 #include <gtest/gtest.h>
 
-#include "gs_render/render_pass.h"
-#include "gs_train/training_model.h"
+#include "gs_core/gpu_step.h"
+#include "gs_core/model_rows.h"
 
 namespace gs {
 namespace {
@@ -26,10 +26,9 @@ double bytes_of_gaussian(TrainingSize size) {
 }
 
 /// The bytes of a row of all arrays that a TrainingModel has.
-double row_bytes(const TrainingModel& model) {
+double row_bytes(const ModelRows& model) {
   double bytes = 0;
-  for_each_row_array([&](const RowArray&, const auto& array) { bytes += sizeof *array.data(); },
-                     model);
+  for (const auto& column : model.columns()) bytes += double(column.rows->row_bytes());
   return bytes;
 }
 
@@ -37,23 +36,22 @@ TEST(TrainingMemory, TheStateIsThatOfTheModelsArrays) {
   for (int form = 0; form < 16; ++form) {
     SCOPED_TRACE(form);
     TrainingSize size;
-    TrainingModel model;
+    ModelRows model;
     size.has_time = model.gaussians.has_time = form & 1;
     size.has_filter = model.gaussians.has_filter = form & 2;
     size.has_sums = model.statistics.has_sums = form & 4;
-    model.store_moments_as(MomentStorage(form / 8));
-    size.moment_bytes = moment_bytes(model.moment_storage());
-    model.set_learned_arrays(model.gaussians);
+    model.store_moments_as(size.moments = MomentStorage(form / 8));
+    model.match_moments();
     EXPECT_DOUBLE_EQ(state_bytes(size, 1000), 1000 * row_bytes(model));
   }
   EXPECT_DOUBLE_EQ(state_bytes({}, 1), 716);  // 59 * 4 * 3 + 8
-  EXPECT_DOUBLE_EQ(state_bytes({.moment_bytes = 2}, 1), 362);
+  EXPECT_DOUBLE_EQ(state_bytes({.moments = MomentStorage::halves}, 1), 362);
 }
 
 TEST(TrainingMemory, AGaussianTakesTheSumOfItsArrays) {
   // splat, rectangle, gradient and five words, and the places for instances
-  const double step = sizeof(Splat) + sizeof(Rect) + kGradientSumBytes + 5 * 4;
-  const double instances = kInstancePlaces * (kCheckpointBytesOfInstance + 4);
+  const double step = sizeof(Splat) + sizeof(Rect) + sizeof(SplatGradientSum) + 5 * 4;
+  const double instances = kInstancePlaces * (8 + 4);
   const TrainingSize plain = steady(0);
   EXPECT_NEAR(bytes_of_gaussian(plain), 716 + step + instances, 0.01);
 
@@ -108,9 +106,9 @@ TEST(TrainingMemory, PhotosWithDepthMapsKeepTheirForcesApart) {
 
 TEST(TrainingMemory, TakesTheBytesOfMomentsFromTheConfig) {
   Config config;
-  EXPECT_EQ(training_size(config, {}, 1).moment_bytes, 2);
+  EXPECT_EQ(training_size(config, {}, 1).moments, MomentStorage::halves);
   config.optimizer.moments = MomentStorage::floats;
-  EXPECT_EQ(training_size(config, {}, 1).moment_bytes, 8);
+  EXPECT_EQ(training_size(config, {}, 1).moments, MomentStorage::floats);
 }
 
 TEST(TrainingMemory, ARunHasItsFirstGaussiansForCertainAndACapThatItRisesTo) {
@@ -141,7 +139,7 @@ TEST(TrainingMemory, GrowingArraysHaveAReserve) {
   EXPECT_GT(reserved, 1.01 * none);
   // Of the old moments of SH, which are there for a while, a part is in place of the step.
   EXPECT_GT(by_need, reserved + 1e6 * (0.015 * 716 + 220));
-  size.moment_bytes = 2;  // the old coefficients are more than their moments
+  size.moments = MomentStorage::halves;  // the old coefficients are more than their moments
   const double of_halves = training_bytes(size);
   size.growth = RowGrowth::reserved;
   EXPECT_GT(of_halves, training_bytes(size) + 1e6 * (0.015 * 362 + 40));

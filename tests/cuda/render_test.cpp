@@ -228,7 +228,7 @@ TEST_F(CudaRender, GradientsAgree) {
       const std::size_t count = scene.gaussians.count();
       Gaussians cpu_gradients, gpu_gradients(gpu().memory());
       for (Gaussians* const gradients : {&cpu_gradients, &gpu_gradients}) {
-        take_learned_arrays(*gradients, scene.gaussians);
+        gradients->has_time = scene.gaussians.has_time;
         gradients->resize(count);
       }
       Buffer<Vec2f> cpu_mean2d(count, host_memory()), gpu_mean2d(count, gpu().memory());

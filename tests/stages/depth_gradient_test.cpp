@@ -59,7 +59,7 @@ struct Pipeline {
     blend_depth_backward(scene.settings, dL_dplanes.span(), planes, pass);
     Buffer<float> dL_dimage;
     dL_dimage.upload(scene.weights);
-    take_learned_arrays(gradients, scene.gaussians);
+    gradients.has_time = scene.gaussians.has_time;
     gradients.resize(scene.gaussians.count());
     dL_dmean2d.resize(scene.gaussians.count());
     renderer->backward(scene.gaussians.span(), scene.camera, scene.settings, pass, dL_dimage.span(),

@@ -56,7 +56,7 @@ void forward(const SmallScene& scene, Backward& result) {
                                   result.pass);
 }
 void backward(const SmallScene& scene, const Buffer<float>& dL_dimage, Backward& result) {
-  take_learned_arrays(result.gradients, scene.gaussians);
+  result.gradients.has_time = scene.gaussians.has_time;
   result.gradients.resize(scene.gaussians.count());
   result.dL_dmean2d.resize(scene.gaussians.count());
   make_scalar_renderer()->backward(scene.gaussians.span(), scene.camera, scene.settings,

@@ -22,15 +22,10 @@ inline bool same_bits(const PoseState& a, const PoseState& b) {
   return same;
 }
 inline bool same_bits(const StoredMoments& a, const StoredMoments& b) {
-  bool same = a.index() == b.index();
-  std::visit(
-      [&]<class Moments>(const Moments& of_a) {
-        if (!same) return;
-        for_each_array([&](const char*, const auto& x, const auto& y) { same &= same_bits(x, y); },
-                       of_a, std::get<Moments>(b));
-      },
-      a);
-  return same;
+  const auto columns = [](const StoredMoments& moments) {
+    return std::visit([](auto& of) { return columns_in(of, RowRole::moment, "moments"); }, moments);
+  };
+  return a.index() == b.index() && same_bits(columns(a), columns(b));
 }
 /// Compares parameters and moments, but not the statistics.
 inline bool same_bits(const TrainingModel& a, const TrainingModel& b) {
@@ -44,16 +39,15 @@ inline bool same_bits(const TrainingModel& a, const TrainingModel& b) {
 inline std::string differing_arrays(const TrainingModel& a, const TrainingModel& b) {
   std::string names;
   if (a.count() != b.count()) return "their counts";
-  for_each_row_array(
-      [&](const RowArray& array, const auto& x, const auto& y) {
-        for (std::size_t i = 0; i < x.size(); ++i)
-          if (std::memcmp(x.data() + i, y.data() + i, sizeof x[0]) != 0) {
-            names += std::string(array.group) + "." + array.name + " from row " +
-                     std::to_string(i) + ", ";
-            break;
-          }
-      },
-      a, b);
+  const ConstColumns of_a = a.columns(), of_b = b.columns();
+  for (std::size_t k = 0; k < of_a.size(); ++k) {
+    const ByteBuffer &x = *of_a[k].rows, &y = *of_b[k].rows;
+    for (std::size_t i = 0; i < x.size(); ++i)
+      if (std::memcmp(x.row(i), y.row(i), x.row_bytes()) != 0) {
+        names += of_a[k].key() + " from row " + std::to_string(i) + ", ";
+        break;
+      }
+  }
   return names;
 }
 

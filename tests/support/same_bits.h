@@ -8,16 +8,17 @@
 
 namespace gs {
 
-template <class T>
-bool same_bits(const Buffer<T>& a, const Buffer<T>& b) {
-  return a.size() == b.size() &&
-         (a.empty() || std::memcmp(a.data(), b.data(), a.size() * sizeof(T)) == 0);
+inline bool same_bits(const ByteBuffer& a, const ByteBuffer& b) {
+  return a.row_bytes() == b.row_bytes() && a.size() == b.size() &&
+         (a.empty() || std::memcmp(a.bytes(), b.bytes(), a.size_bytes()) == 0);
+}
+inline bool same_bits(const ConstColumns& a, const ConstColumns& b) {
+  bool same = a.size() == b.size();
+  for (std::size_t k = 0; same && k < a.size(); ++k) same = same_bits(*a[k].rows, *b[k].rows);
+  return same;
 }
 inline bool same_bits(const Gaussians& a, const Gaussians& b) {
-  bool same = a.has_filter == b.has_filter;
-  for_each_stored_array([&](const char*, const auto& x, const auto& y) { same &= same_bits(x, y); },
-                        a, b);
-  return same;
+  return same_bits(a.columns(), b.columns());
 }
 
 }  // namespace gs

@@ -203,7 +203,7 @@ inline Gaussians with_filters(const Gaussians& plain, std::uint64_t seed) {
 /// All rows of `a`, then all of `b`.
 inline Gaussians joined(const Gaussians& a, const Gaussians& b) {
   Gaussians all(host_memory());
-  take_learned_arrays(all, a);
+  all.has_time = a.has_time;
   all.resize(a.count() + b.count());
   for_each_array(
       [](const char*, auto& to, const auto& first, const auto& second) {

@@ -114,11 +114,7 @@ void place(GaussianModel& model, const GlbInstance& instance) {
 void append(const GaussianModel& part, GaussianModel& model) {
   const std::size_t before = model.gaussians.count(), more = part.gaussians.count();
   model.gaussians.resize(before + more);
-  for_each_stored_array(
-      [&](const char*, auto& to, const auto& from) {
-        std::copy_n(from.data(), more, to.data() + before);
-      },
-      model.gaussians, part.gaussians);
+  copy_rows(part.gaussians, 0, more, model.gaussians, before);
   model.sh_degree = std::max(model.sh_degree, part.sh_degree);
   model.antialiased = model.antialiased || part.antialiased;
 }

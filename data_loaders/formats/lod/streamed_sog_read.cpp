@@ -132,11 +132,7 @@ class Parts {
   void append(const Gaussians& from, const Interval& interval) {
     const std::size_t before = model_.gaussians.count();
     model_.gaussians.resize(before + interval.count);
-    for_each_stored_array(
-        [&](const char*, auto& to, const auto& array) {
-          std::copy_n(array.data() + interval.offset, interval.count, to.data() + before);
-        },
-        model_.gaussians, from);
+    copy_rows(from, interval.offset, interval.count, model_.gaussians, before);
   }
 
   const LodMeta& meta_;

@@ -14,7 +14,7 @@ TEST(InstanceForecast, AFirstViewHasFewPlacesForEachOfManyGaussians) {
   const View view{};
   const TrainingPhoto photo{&view, {}};
   const InstanceForecast forecast;
-  EXPECT_NEAR(forecast.capacity_for(photo, 1000), cuda::kLeastCapacity, kTwoSteps);
+  EXPECT_NEAR(forecast.capacity_for(photo, 1000), kLeastCapacity, kTwoSteps);
   EXPECT_NEAR(forecast.capacity_for(photo, 10'000'000), 13e6, kTwoSteps);
 }
 

@@ -38,9 +38,7 @@ TEST(HalfMomentsOfAModel, TakeAQuarterOfTheBytes) {
     const TrainingModel model =
         model_of(random_gaussians(kTypical, 10, random_camera(40, 30), 1), storage);
     std::size_t bytes = 0;
-    for_each_row_array(
-        [&](const RowArray&, const auto& array) { bytes += array.size() * sizeof(array[0]); },
-        model);
+    for (const auto& column : model.columns()) bytes += column.rows->size_bytes();
     EXPECT_EQ(bytes / 10, storage == MomentStorage::halves ? 362u : 716u);
   }
 }
@@ -82,10 +80,10 @@ TEST(HalfMomentsOfAModel, AreUpdatedNumberByNumberWithTheRandomNumbersOfTheirRow
 TEST(HalfMomentsOfAModel, FollowTheirRowsAndStartAtZeroInNewOnes) {
   TrainingModel model = numbered_model(6);
   const std::uint32_t source[] = {4, 1, 1, 5};
-  gather_rows(model, {source, 4});
+  gather_rows(model.columns(), {source, 4});
   ASSERT_EQ(model.count(), 4u);
   for (std::size_t i = 0; i < 4; ++i) EXPECT_TRUE(moments_are(model, i, source[i] + 1)) << i;
-  start_new_rows(model, 2);
+  start_new_rows(model.columns(), 2);
   for (std::size_t i = 0; i < 4; ++i)
     EXPECT_TRUE(moments_are(model, i, i < 2 ? source[i] + 1 : 0)) << i;
 }

@@ -46,14 +46,14 @@ void expect_rows(const TrainingModel& model, const std::vector<std::uint32_t>& s
 TEST(GatherRows, KeepsRowsWhole) {
   TrainingModel model = numbered_model(100);
   std::vector<std::uint32_t> order = random_permutation(100, 1);
-  gather_rows(model, {order.data(), order.size()});
+  gather_rows(model.columns(), {order.data(), order.size()});
   expect_rows(model, order);
 }
 
 TEST(GatherRows, TakesSomeRowsAndOthersTwice) {
   TrainingModel model = numbered_model(10);
   std::vector<std::uint32_t> order{9, 9, 0, 3, 3, 3};
-  gather_rows(model, {order.data(), order.size()});
+  gather_rows(model.columns(), {order.data(), order.size()});
   expect_rows(model, order);
 }
 
