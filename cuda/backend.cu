@@ -28,7 +28,7 @@
 #include "cuda/step/pending_steps.h"
 #include "gs_core/math/density/density.h"
 #include "gs_core/system/fnv1a.h"
-#include "gs_core/version.h"
+#include "gs_core/system/version.h"
 #include "gs_train/named_row.h"
 #include "gs_train/photometric/gains.h"
 #include "gs_train/poses/poses.h"
@@ -54,7 +54,7 @@ std::string_view bytes_of(const T& value) {
   return {reinterpret_cast<const char*>(&value), sizeof value};
 }
 
-// Of names, cameras and exposures.
+// The hash of names, cameras and exposures.
 std::uint64_t hash_of(const std::vector<View>& views) {
   Fnv1a hash;
   for (const View& view : views) {
@@ -426,7 +426,7 @@ class CudaBackend final : private Gpus, private StepLauncher, private Device, pu
     return {true, adam_step(state.adam_steps + rule.steps, update.pose_rate), rule};
   }
 
-  // Of runs that refine poses. A photo has the same row each time its step is launched.
+  // The row of a photo, in runs that refine poses. A photo has the same row each time its step is launched.
   std::optional<PoseRow> row_of(const TrainingPhoto& photo) const {
     const PoseState& state = model_->poses;
     if (state.empty()) return std::nullopt;

@@ -79,7 +79,7 @@ void release_photo(const View& view);
 /// Bytes of the view's photo and mask once they are decoded. If it is not known whether there is a
 /// mask, it counts.
 std::size_t photo_bytes(const View& view);
-/// The same of its depth map.
+/// Bytes of a view's depth map.
 std::size_t depth_bytes(const View& view);
 
 /// How many photos ahead to call prefetch_decode(): decoding takes some tenths of a second, a step

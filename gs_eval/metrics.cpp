@@ -58,8 +58,8 @@ double ssim_of(const ImageF& render, At&& at) {
   std::size_t count = 0;
   for (std::size_t i = 0; i < n; ++i) {
     if (!(at(i % plane, int(i / plane)).share > 0)) continue;
-    sum += ssim_index(LocalMoments<float>{moments[i], moments[n + i], moments[2 * n + i],
-                                          moments[3 * n + i], moments[4 * n + i]});
+    sum += ssim_index(WindowMeans<float>{moments[i], moments[n + i], moments[2 * n + i],
+                                         moments[3 * n + i], moments[4 * n + i]});
     ++count;
   }
   GS_CHECK(count > 0);

@@ -33,7 +33,7 @@ struct PerceptualMetrics {
 };
 PerceptualMetrics perceptual_metrics(const ImageF& render, const Image8& photo);
 
-/// The same for a view with a mask or an exposure, in front of this background. The render is
+/// The metrics of a view with a mask or an exposure, in front of this background. The render is
 /// multiplied by the view's exposure and clamped again. A mask of pixels that train removes all
 /// others from the metrics:
 ///   psnr  the mean of the squared error is weighted by the mask
@@ -100,7 +100,7 @@ inline const MetricSet MetricSet::quick{}, MetricSet::all{true};
 struct EvaluationOptions {
   MetricSet metrics = MetricSet::quick;
   AppearanceOf appearance_of = {};  // of a photometric model; measured where it gives one
-  // The same under exposures that were solved for; measured in place of the view's exposure alone
+  // The appearance under exposures that were solved for; measured in place of the view's exposure alone
   AppearanceOf solved_appearance_of = {};
   bool is_corrected = false;  // measure the picture with fitted colors, too
 
@@ -115,7 +115,7 @@ Evaluation evaluate(
     const RenderSettings& settings,
     const std::function<void(std::size_t, const View&, const ImageF&)>& on_view = {},
     const EvaluationOptions& options = {});
-/// The same for a model that was packed for viewing (Renderer::pack).
+/// Evaluates a model that was packed for viewing (Renderer::pack).
 Evaluation evaluate(
     Renderer& renderer, const PackedScene& scene, const std::vector<View>& views,
     const RenderSettings& settings,

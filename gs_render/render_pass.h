@@ -101,7 +101,7 @@ struct RenderPass {
     scratch_ = std::make_unique<Scratch>(image.memory());
     return static_cast<Scratch&>(*scratch_);
   }
-  /// The same where an earlier stage has made it.
+  /// The scratch of a backend where an earlier stage has made it.
   template <class Scratch>
   const Scratch& scratch() const {
     const auto* const mine = dynamic_cast<const Scratch*>(scratch_.get());

@@ -70,7 +70,7 @@ std::unique_ptr<Renderer> make_scalar_renderer();
 /// The pass's picture in host memory, (height, width, 3), multiplied by `exposure` and clamped to
 /// [0, 1].
 ImageF image_of(const RenderPass& pass, const Vec3f& exposure = Vec3f(1));
-/// The same of the picture's planes (3, height, width) in host memory.
+/// A picture from planes (3, height, width) in host memory.
 ImageF image_of(Span<const float> planes, int width, int height, const Vec3f& exposure = Vec3f(1));
 
 }  // namespace gs

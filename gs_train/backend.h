@@ -46,7 +46,7 @@ class Backend {
   /// runs out it throws Error (out of memory) and has changed nothing, so that the step can be
   /// repeated.
   virtual void step(TrainingModel& model, const TrainingStep& step) = 0;
-  /// The same for one photo.
+  /// A step by one photo.
   void step(TrainingModel& model, const View& view, const RenderSettings& settings,
             const LossSettings& loss_settings, const LearningRates& rates,
             const DensityStep& density) {

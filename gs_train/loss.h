@@ -24,7 +24,7 @@ namespace gs {
 /// members.
 struct LossSettings {
   float lambda_dssim;  // l1_ssim: weight of 1 - SSIM; L1 has the rest
-  // Of the depth loss (stages/depth_loss.cpp), for photos with a depth map; a backend adds it
+  // Weight of the depth loss (stages/depth_loss.cpp), for photos with a depth map; a backend adds it
   // to any loss. 0: maps teach nothing.
   float depth_weight = 0;
   // For devices that keep photos of their own: the picture is compared with the view's photo reduced
@@ -33,7 +33,7 @@ struct LossSettings {
   // With a photometric model, that of the view, which has shown the pass's picture. It replaces the
   // view's exposure: its shown() is compared with the photo, and the loss calls its pull_back().
   Appearance* appearance = nullptr;
-  // The same for losses of a device, which show the picture themselves.
+  // What losses of a device know of the appearance; they show the picture themselves.
   const PhotoOnDevice* photo_on_device = nullptr;
 };
 

@@ -8,7 +8,7 @@
 #include "gs_core/camera.h"
 #include "gs_core/math/density/density.h"
 #include "gs_core/math/density/growth.h"
-#include "gs_core/random.h"
+#include "gs_core/math/random.h"
 #include "gs_train/update.h"
 
 namespace gs {

@@ -15,12 +15,12 @@
 namespace gs {
 
 /// True where rows have times and those of the row cannot be used: it would never be visible.
-GS_HD bool is_without_moments(const GaussiansSpan& rows, std::size_t i, float time_mean,
-                              float log_time_scale) {
-  return rows.has_time && !has_moments(rows.right_rotation[i], time_mean, log_time_scale);
+GS_HD bool is_never_visible(const GaussiansSpan& rows, std::size_t i, float time_mean,
+                            float log_time_scale) {
+  return rows.has_time && !is_ever_visible(rows.right_rotation[i], time_mean, log_time_scale);
 }
-GS_HD bool is_without_moments(const GaussiansSpan& rows, std::size_t i) {
-  return rows.has_time && is_without_moments(rows, i, rows.time_mean[i], rows.log_time_scale[i]);
+GS_HD bool is_never_visible(const GaussiansSpan& rows, std::size_t i) {
+  return rows.has_time && is_never_visible(rows, i, rows.time_mean[i], rows.log_time_scale[i]);
 }
 
 /// The share of the opacity that the row's 3D filter would leave at these scales; 1 without one.
@@ -45,14 +45,14 @@ GS_HD float capped_logit_opacity(const GaussiansSpan& rows, std::size_t i, float
 GS_HD bool is_invisible(const GaussiansSpan& rows, std::size_t i, float min_opacity) {
   return is_invisible(rows.mean[i], rows.log_scale[i], rows.rotation[i], rows.logit_opacity[i],
                       min_opacity / filter_share(rows, i, rows.log_scale[i])) ||
-         is_without_moments(rows, i);
+         is_never_visible(rows, i);
 }
 
 /// True if a refinement removes the row: it cannot be visible, or it is too large.
 GS_HD bool is_pruned(const GaussiansSpan& rows, std::size_t i, const AdaptiveRules& rules) {
   return is_pruned(rows.mean[i], rows.log_scale[i], rows.rotation[i], rows.logit_opacity[i],
                    with_filter_share(rules, filter_share(rows, i, rows.log_scale[i]))) ||
-         is_without_moments(rows, i);
+         is_never_visible(rows, i);
 }
 
 /// The row's weight in the draw of sources for copies; see draw_weight() in mcmc.h. A live row
@@ -98,7 +98,7 @@ GS_HD bool is_pruned(const HalfRow& half, const GaussiansSpan& rows, std::size_t
                      const AdaptiveRules& rules) {
   return is_pruned(half.mean, half.log_scale, rows.rotation[parent], rows.logit_opacity[parent],
                    with_filter_share(rules, filter_share(rows, parent, half.log_scale))) ||
-         is_without_moments(rows, parent, half.time_mean, half.log_time_scale);
+         is_never_visible(rows, parent, half.time_mean, half.log_time_scale);
 }
 
 /// The row's parameters without color.
@@ -217,7 +217,7 @@ GS_HD bool is_pruned(const ChildRow& child, const GaussiansSpan& rows, std::size
   const HalfRow& half = child.half;
   return is_pruned(half.mean, half.log_scale, rows.rotation[parent], child.logit_opacity,
                    with_filter_share(rules, filter_share(rows, parent, half.log_scale))) ||
-         is_without_moments(rows, parent, half.time_mean, half.log_time_scale);
+         is_never_visible(rows, parent, half.time_mean, half.log_time_scale);
 }
 
 /// Gives a row that has its parent's values those of the child.

@@ -31,12 +31,12 @@ class Schedule {
   LearningRates learning_rates(int step) const;
   /// Adam's rule for an update by `photos` photos.
   AdamRule adam_rule(int photos) const;
-  /// Of the numbers of a photometric model; 0 while opacities recover from a reset, when pictures are
+  /// Learning rate of the photometric model; 0 while opacities recover from a reset, when pictures are
   /// dark and gains would answer.
   float photometric_rate(int step) const;
-  /// Of the poses; 0 where they are not refined, and at the times when those rest.
+  /// Learning rate of the poses; 0 where they are not refined, and at the times when those rest.
   float pose_rate(int step) const;
-  /// Of the depth loss.
+  /// Weight of the depth loss.
   float depth_weight(int step) const;
   /// The factor by which the photo of this camera is reduced in the step; 1: it is not.
   int photo_reduction(int step, const Camera& camera) const;

@@ -3,8 +3,8 @@
 #pragma once
 
 #include "gs_core/math/density/mcmc.h"
+#include "gs_core/math/random.h"
 #include "gs_core/math/update/adam.h"
-#include "gs_core/random.h"
 #include "gs_train/training_model.h"
 
 namespace gs {

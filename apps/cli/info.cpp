@@ -15,7 +15,7 @@
 #include "gs_app/run/provenance.h"
 #include "gs_core/error.h"
 #include "gs_core/system/log.h"
-#include "gs_core/version.h"
+#include "gs_core/system/version.h"
 
 namespace gs {
 namespace {

@@ -23,8 +23,8 @@
 #include "gs_core/error.h"
 #include "gs_core/system/files/move_aside.h"
 #include "gs_core/system/processes/signals.h"
+#include "gs_core/system/version.h"
 #include "gs_core/threads/parallel.h"
-#include "gs_core/version.h"
 
 namespace gs {
 namespace {

@@ -12,8 +12,8 @@
 #include "gs_app/checks/self_checks.h"
 #include "gs_app/run/text.h"
 #include "gs_core/error.h"
+#include "gs_core/system/version.h"
 #include "gs_core/threads/parallel.h"
-#include "gs_core/version.h"
 
 namespace gs {
 namespace {

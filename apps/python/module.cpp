@@ -16,8 +16,8 @@
 #include "gs_app/run/make_backend.h"
 #include "gs_core/error.h"
 #include "gs_core/system/log.h"
+#include "gs_core/system/version.h"
 #include "gs_core/threads/parallel.h"
-#include "gs_core/version.h"
 
 namespace py = pybind11;
 

@@ -14,7 +14,7 @@
 #include "cuda/density/relocate.cuh"
 #include "cuda/device/cub_scratch.cuh"
 #include "cuda/stages.cuh"
-#include "gs_core/training_memory.h"
+#include "gs_core/forecast/training_memory.h"
 #include "gs_train/row_rules.h"
 
 namespace gs::cuda {

@@ -3,7 +3,7 @@
 // integer additions does not depend on their order; that of floating-point additions does.
 #pragma once
 
-#include "gs_core/gpu_step.h"
+#include "gs_core/forecast/gpu_step.h"
 
 namespace gs::cuda {
 

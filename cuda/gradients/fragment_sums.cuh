@@ -5,7 +5,7 @@
 #pragma once
 
 #include "cuda/device/warp.cuh"
-#include "gs_core/gpu_step.h"
+#include "gs_core/forecast/gpu_step.h"
 
 namespace gs::cuda {
 

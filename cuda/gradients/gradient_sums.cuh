@@ -58,7 +58,7 @@ struct FloatSumsOfForces : FloatSums<true> {
     FloatSums<true>::add(count, gaussian, share, numbers);
   }
 };
-/// The same in fixed point: the order of additions does not matter.
+/// Gradient sums in fixed point: the order of additions does not matter.
 template <bool kAbsolute_>
 struct FixedSums {
   static constexpr bool kAbsolute = kAbsolute_;
@@ -84,7 +84,7 @@ struct FixedSums {
   }
 };
 
-/// The same with the score "force", whose sums go to memory of their own. They have kernels of their
+/// Gradient sums with the score "force", whose sums go to memory of their own. They have kernels of their
 /// own, so that other steps do not pay for them.
 template <class Sums>
 struct WithForces : Sums {

@@ -34,7 +34,7 @@ struct ShRows {
   alignas(16) Stored moments[kWarp * kShRowNumbers];
   std::uint32_t random[kWarp];
 
-  /// Of this lane's Gaussian.
+  /// The random word of this lane's Gaussian.
   __device__ const Vec3f* coefficients() const {
     return reinterpret_cast<const Vec3f*>(parameters + lane_of_thread() * kShRowNumbers);
   }

@@ -179,7 +179,7 @@ struct GatherStatistics {
     visits[i] = before.visits + 1.0f;
     gradient_norm[i] = before.gradient_norm + screen_gradient_norm(by_mean2d, width, height);
   }
-  /// The same for several photos at once, of which some show the row.
+  /// Stages the gradients of several photos at once, of which some show the row.
   __device__ void note_all(std::size_t i, const Statistics& before, float more_visits,
                            float more_norm) const {
     if (!visits || more_visits == 0) return;

@@ -135,7 +135,7 @@ __device__ inline ComparedValue compared(const Pictures& pictures, int channel, 
           x_weighted};
 }
 
-/// The same under the gain of the photo.
+/// The pixel under the gain of the photo.
 __device__ inline ComparedValue compared_gained(const Pictures& pictures, const ShownChannel& shown,
                                                 float X, float Y, const std::uint8_t* mask) {
   const PhotoWeight<float> weight = photo_weight(mask ? photo_value(__ldg(mask)) : 1.0f, shown.gain,
@@ -230,7 +230,7 @@ __device__ inline float column_moments(const Pictures& pictures, const Area& are
 }
 
 /// The moments at one pixel from those of p and q; their xx is that of xx + yy.
-__device__ inline LocalMoments<float> moments_of(float p, float q, float pp, float qq) {
+__device__ inline WindowMeans<float> moments_of(float p, float q, float pp, float qq) {
   return {0.5f * (p + q), 0.5f * (p - q), 0.5f * (pp + qq), 0.0f, 0.25f * (pp - qq)};
 }
 
@@ -241,7 +241,7 @@ __device__ inline float similarity_of_four(const Pictures& pictures, const Area&
   float d[3][kGroup], ssim_sum = 0;
 #pragma unroll
   for (int j = 0; j < kGroup; ++j) {
-    const LocalMoments<float> local =
+    const WindowMeans<float> local =
         moments_of(moments[0][j], moments[1][j], moments[2][j], moments[3][j]);
     const SsimGradient<float> gradient = ssim_index_vjp(local, dL_dssim);
     d[0][j] = gradient.x, d[1][j] = gradient.xx, d[2][j] = gradient.xy;

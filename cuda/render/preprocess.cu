@@ -206,7 +206,7 @@ struct BatchInput {
   PhotoInput of[kMostBatch];
 };
 
-// The same for several photos: parameters are read once for all of them.
+// Stage 1 for several photos: parameters are read once for all of them.
 template <int degree, bool has_time>
 __global__ void __launch_bounds__(kPreprocessThreads, degree == kMaxShDegree && !has_time ? 6 : 5)
     preprocess_batch_kernel(GaussiansSpan gaussians, const __grid_constant__ BatchInput in,

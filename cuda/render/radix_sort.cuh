@@ -82,7 +82,7 @@ void sort_pairs(Context& context, Buffer<T>& scratch, const char* what, const Ke
   });
 }
 
-/// The same between two arrays of keys and two of values, both of which it overwrites. The result
+/// Sorts between two arrays of keys and two of values, both of which it overwrites. The result
 /// is in Current() of either. The scratch is small: a 256th of the pairs, or less.
 template <class Key, class T>
 void sort_pairs(Context& context, Buffer<T>& scratch, const char* what,

@@ -35,7 +35,7 @@ class CudaRenderer final : public Renderer {
   /// `capacity` instances, without waiting; see create_instances().
   void finish_projected(const RenderSettings& settings, RenderPass& pass, std::uint32_t capacity,
                         StepReport* report, std::uint32_t step);
-  /// The same for as many instances as there are. Waits for the device.
+  /// Finishes a pass with as many instances as there are. Waits for the device.
   void finish_counted(const RenderSettings& settings, RenderPass& pass, StepReport* report,
                       std::uint32_t step);
   /// Reserves dL/d(splat) of so many Gaussians. New entries are zero.
@@ -51,7 +51,7 @@ class CudaRenderer final : public Renderer {
   template <class Project>
   void draw_frame(std::size_t gaussians, const Camera& camera, const RenderSettings& settings,
                   RenderPass& pass, const Project& project);
-  // The same for at most so many instances; false if there are more, and then the pass is
+  // Finishes a pass of at most so many instances; false if there are more, and then the pass is
   // undefined.
   template <class Project>
   bool draw_within(std::uint32_t capacity, const FrameKind& kind, const RenderSettings& settings,

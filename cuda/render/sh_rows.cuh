@@ -57,7 +57,7 @@ __device__ void start_copy(T* to, const T* from, int rows, Which which = {}) {
   }
 }
 
-/// The same for SH rows: copies the numbers of each row that a degree uses.
+/// Copies SH rows: the numbers of each row that a degree uses.
 template <int degree, class T, class Which = EveryRow>
 __device__ void start_sh_copy(T* to, const T* from, int rows, Which which = {}) {
   if constexpr (degree > 0)
@@ -76,7 +76,7 @@ void with_sh_degree(int degree, F&& f) {
   GS_CHECK(!"an SH degree from 0 to 3");
 }
 
-/// The same with std::true_type for Gaussians in space and time, else std::false_type.
+/// Calls f with std::true_type for Gaussians in space and time, else std::false_type.
 template <class F>
 void with_form(int degree, const GaussiansSpan& gaussians, F&& f) {
   GS_CHECK(!(gaussians.has_time && gaussians.has_filter));

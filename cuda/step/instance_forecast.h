@@ -7,7 +7,7 @@
 #include <cstdint>
 #include <unordered_map>
 
-#include "gs_core/gpu_step.h"
+#include "gs_core/forecast/gpu_step.h"
 #include "gs_train/backend.h"
 
 namespace gs::cuda {

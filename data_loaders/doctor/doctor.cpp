@@ -50,7 +50,7 @@ SceneSize size_of(const Examination& examination) {
 
 void add_forecast(Examination& examination, const ForecastDevice& device) {
   const SceneSize size = size_of(examination);
-  const Config config = settled_for(
+  const Config config = resolved_config(
       examination.config, {size.points, examination.usable.size(), size.training_pixels()});
   const Forecast run = forecast(config, size, device);
   examination.add(Level::note, "forecast", run.text);

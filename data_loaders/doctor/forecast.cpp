@@ -8,10 +8,10 @@
 #include <utility>
 
 #include "gs_core/config/scene_settings.h"
+#include "gs_core/forecast/training_memory.h"
 #include "gs_core/memory.h"
 #include "gs_core/system/bytes.h"
 #include "gs_core/system/host_ram.h"
-#include "gs_core/training_memory.h"
 
 namespace gs {
 namespace {
@@ -90,7 +90,7 @@ double bytes_on_cpu(const Config& config) {
 Config without_limits_of_one_run(Config config, const SceneSize& scene) {
   DensityConfig& density = config.density;
   density.max_gaussians = std::max<std::int64_t>(density.max_gaussians, 0);
-  return settled_for(std::move(config), {scene.points, kAnyPhotos, scene.training_pixels()});
+  return resolved_config(std::move(config), {scene.points, kAnyPhotos, scene.training_pixels()});
 }
 
 }  // namespace

@@ -40,7 +40,7 @@ std::vector<std::uint32_t> visible_rows(const Gaussians& gaussians, double time)
 void write_moment(const Gaussians& from, std::size_t from_row, double time, const Gaussians& to,
                   std::size_t i) {
   const SpacetimeShape<double> shape = spacetime_shape_of(from, from_row);
-  const Moment<double> moment = condition(covariance(shape), time - shape.time_mean);
+  const Instant<double> moment = condition(covariance(shape), time - shape.time_mean);
   const SymmetricEigen axes = symmetric_eigen(moment.covariance);
   const double least = kLeastShare * std::max({axes.value.x, axes.value.y, axes.value.z, 1e-300});
   to.mean[i] = Vec3f(shape.mean + moment.shift);

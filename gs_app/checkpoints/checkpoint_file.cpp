@@ -16,7 +16,7 @@
 #include "gs_core/system/files/checked_file.h"
 #include "gs_core/system/text/foreign_text.h"
 #include "gs_core/system/text/read_json.h"
-#include "gs_core/version.h"
+#include "gs_core/system/version.h"
 
 namespace gs {
 namespace {

@@ -9,11 +9,11 @@
 
 #include "gs_app/checks/untrained.h"
 #include "gs_core/error.h"
+#include "gs_core/forecast/training_memory.h"
 #include "gs_core/math/constants.h"
 #include "gs_core/math/view/view_splat.h"
 #include "gs_core/system/bytes.h"
 #include "gs_core/system/log.h"
-#include "gs_core/training_memory.h"
 #include "gs_train/loss.h"
 
 namespace gs {

@@ -8,7 +8,7 @@
 #include <nlohmann/json.hpp>
 
 #include "gs_app/run/text.h"
-#include "gs_core/version.h"
+#include "gs_core/system/version.h"
 
 namespace gs {
 namespace {

@@ -7,9 +7,9 @@
 #include <numbers>
 
 #include "gs_core/math/constants.h"
+#include "gs_core/math/random.h"
 #include "gs_core/math/render/activations.h"
 #include "gs_core/math/spacetime/spacetime.h"
-#include "gs_core/random.h"
 #include "gs_core/threads/parallel.h"
 
 namespace gs {

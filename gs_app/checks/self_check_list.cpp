@@ -5,7 +5,7 @@
 #include <cmath>
 #include <limits>
 
-#include "gs_core/random.h"
+#include "gs_core/math/random.h"
 
 namespace gs {
 namespace {

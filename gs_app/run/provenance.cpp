@@ -13,7 +13,7 @@
 #include "gs_core/system/files/text_file.h"
 #include "gs_core/system/fnv1a.h"
 #include "gs_core/system/processes/process.h"
-#include "gs_core/version.h"
+#include "gs_core/system/version.h"
 
 namespace gs {
 

@@ -7,7 +7,7 @@
 #include <nlohmann/json.hpp>
 
 #include "gs_app/run/provenance.h"
-#include "gs_core/version.h"
+#include "gs_core/system/version.h"
 
 #ifdef GS_HAVE_CUDA
 #include "cuda/backend.h"

@@ -7,8 +7,8 @@
 #include "data_loaders/photos/photos.h"
 #include "gs_app/pictures/comparison.h"
 #include "gs_app/pictures/pictures.h"
+#include "gs_core/forecast/training_memory.h"
 #include "gs_core/threads/parallel.h"
-#include "gs_core/training_memory.h"
 #include "gs_eval/depth_error.h"
 #include "gs_train/poses/poses.h"
 

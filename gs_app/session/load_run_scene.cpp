@@ -11,9 +11,9 @@
 #include "gs_app/run/text.h"
 #include "gs_app/session/measure_light.h"
 #include "gs_core/error.h"
+#include "gs_core/forecast/training_memory.h"
 #include "gs_core/memory.h"
 #include "gs_core/system/log.h"
-#include "gs_core/training_memory.h"
 #include "gs_train/photometric/gains.h"
 
 namespace gs {

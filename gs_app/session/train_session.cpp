@@ -226,7 +226,7 @@ void TrainSession::get_scene() {
   choose_photometric_model(config_, *scene_);
   if (lpips_)
     lpips_->check_sizes(scene_->test_views.empty() ? scene_->train_views : scene_->test_views);
-  if (!resumed_) config_ = settled_for(config_, *scene_);
+  if (!resumed_) config_ = resolved_config(config_, *scene_);
   log_forecast(config_, *scene_, *backend_);
   record_scene();
   if (!resumed_) return;

@@ -37,7 +37,7 @@ double gaussians_by_pixels(const DensityConfig& density, const SceneNumbers& sce
 
 }  // namespace
 
-Config settled_for(Config config, const SceneNumbers& scene) {
+Config resolved_config(Config config, const SceneNumbers& scene) {
   const bool has_random_start = scene.points == 0 && config.model.start_from.empty();
   if (config.train.iterations == 0)
     config.train.iterations = steps_for(config.train, scene.photos, has_random_start);
@@ -54,12 +54,12 @@ Config settled_for(Config config, const SceneNumbers& scene) {
   return config;
 }
 
-Config settled_for(Config config, const Scene& scene) {
+Config resolved_config(Config config, const Scene& scene) {
   SceneNumbers numbers{scene.points.size(), scene.train_views.size()};
   for (const View& view : scene.train_views)
     numbers.pixels += double(view.camera.width) * double(view.camera.height);
   numbers.points_outside = points_outside(scene, region_of(config.density, scene.world_offset));
-  return settled_for(std::move(config), numbers);
+  return resolved_config(std::move(config), numbers);
 }
 
 Config settled_as_in(const Config& run, Config now) {

@@ -33,8 +33,8 @@ struct SceneNumbers {
 ///                          points in proportion to the others
 ///
 /// Settings that have numbers already stay as they are.
-Config settled_for(Config config, const SceneNumbers& scene);
-Config settled_for(Config config, const Scene& scene);
+Config resolved_config(Config config, const SceneNumbers& scene);
+Config resolved_config(Config config, const Scene& scene);
 
 /// The config of a run that goes on: the run keeps the numbers that it began with, and the settings
 /// that they followed from.

@@ -37,7 +37,7 @@ struct SceneFrame {
 /// Both may be empty.
 SceneFrame scene_frame(const std::vector<Camera>& cameras, Span<const Vec3f> points);
 
-/// The same about a center that is known. `cameras` is not empty.
+/// A frame about a center that is known. `cameras` is not empty.
 SceneFrame scene_frame_about(const Vec3d& center, const std::vector<Camera>& cameras);
 
 }  // namespace gs

@@ -8,8 +8,8 @@
 #include "gs_core/error.h"
 #include "gs_core/geometry/symmetric_eigen.h"
 #include "gs_core/geometry/vectors.h"
+#include "gs_core/math/random.h"
 #include "gs_core/math/render/rotation.h"
-#include "gs_core/random.h"
 
 namespace gs {
 namespace {

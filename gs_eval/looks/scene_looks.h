@@ -27,7 +27,7 @@ struct SceneLooks {
   std::string rule;
 };
 
-/// Those that a run has learned; the state may be in any memory.
+/// The appearances that a run has learned; the state may be in any memory.
 SceneLooks looks_of(const PhotometricConfig& config, const PhotometricState& state,
                     const Scene& scene);
 
@@ -35,7 +35,7 @@ SceneLooks looks_of(const PhotometricConfig& config, const PhotometricState& sta
 using AppearanceOf = std::function<std::unique_ptr<Appearance>(const View&)>;
 AppearanceOf appearances(const SceneLooks& looks);
 
-/// The same under the exposures of the scene's views, which were solved for, in place of the learned
+/// Appearances under the exposures of the scene's views, which were solved for, in place of the learned
 /// or predicted numbers. Null for a photo without an exposure. Learned
 /// numbers differ from the solved ones by a common part, which is that of the training photos.
 AppearanceOf solved_appearances(const SceneLooks& looks, const Scene& scene);

@@ -3,8 +3,8 @@
 #pragma once
 
 #include "gs_core/config/config_words.h"
+#include "gs_core/forecast/training_memory.h"
 #include "gs_core/scene.h"
-#include "gs_core/training_memory.h"
 #include "gs_train/training_model.h"
 
 namespace gs {

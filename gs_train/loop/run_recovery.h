@@ -33,7 +33,7 @@ class RunRecovery {
   /// caches, and runs f() once more. Throws Error (out of memory) where that is not enough. `what`
   /// completes "out of memory in ...".
   void guarded(const std::string& what, const std::function<void()>& f);
-  /// The same for work that training can do without: it is skipped with a warning instead.
+  /// Runs work that training can do without: it is skipped with a warning instead.
   void guarded_or_skipped(const std::string& what, const std::function<void()>& f);
 
   /// False from the moment when a breakdown was seen until the run went back.

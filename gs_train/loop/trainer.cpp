@@ -9,10 +9,10 @@
 #include "gs_core/config/scene_settings.h"
 #include "gs_core/config/text/region_text.h"
 #include "gs_core/error.h"
+#include "gs_core/forecast/training_memory.h"
 #include "gs_core/math/render/activations.h"
 #include "gs_core/system/bytes.h"
 #include "gs_core/system/log.h"
-#include "gs_core/training_memory.h"
 #include "gs_render/render_settings.h"
 #include "gs_train/density/gaussian_budget.h"
 #include "gs_train/initialize/initialize.h"
@@ -128,12 +128,12 @@ Trainer::Trainer(const Scene& scene, const Config& config, Backend& backend, Tra
 }
 
 Trainer::Trainer(const Scene& scene, const Config& config, Backend& backend)
-    : Trainer(scene, settled_for(config, scene), backend,
-              initial_model(with_views(scene), settled_for(without_file(config), scene),
+    : Trainer(scene, resolved_config(config, scene), backend,
+              initial_model(with_views(scene), resolved_config(without_file(config), scene),
                             backend.memory())) {}
 
 Trainer::Trainer(const Scene& scene, const Config& config, Backend& backend, TrainingState from)
-    : Trainer(scene, with_known_cap(settled_for(config, scene), from.progress), backend,
+    : Trainer(scene, with_known_cap(resolved_config(config, scene), from.progress), backend,
               TrainingModel(backend.memory())) {
   recovery_.resume(std::move(from));
 }

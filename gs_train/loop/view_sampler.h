@@ -4,7 +4,7 @@
 
 #include <vector>
 
-#include "gs_core/random.h"
+#include "gs_core/math/random.h"
 
 namespace gs {
 

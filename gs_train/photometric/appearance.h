@@ -37,7 +37,7 @@ class Appearance {
 
   /// Computes what the photo shows of a picture: shown().
   void show(const Planes& picture);
-  /// The same of the background alone: behind(). Only photos over a background need it.
+  /// Computes what the photo shows of the background alone: behind(). Only photos over a background need it.
   void show_background(const Vec3f& background, int width, int height);
   /// (3, H, W), not clamped.
   const std::vector<float>& shown() const { return shown_; }
@@ -67,7 +67,7 @@ class Appearance {
 
 /// The picture of the pass, in any memory, as the photo shows it; in 0..1. Calls show().
 ImageF shown_image(const RenderPass& pass, Appearance& appearance);
-/// The same of a picture in host memory.
+/// What a photo shows of a picture in host memory.
 ImageF shown_image(const Planes& picture, Appearance& appearance);
 
 }  // namespace gs

@@ -32,7 +32,7 @@ namespace gs {
 class PhotometricModel {
  public:
   virtual ~PhotometricModel() = default;
-  /// Its word of photometric.model.
+  /// The word of photometric.model that names it.
   virtual std::string name() const = 0;
   /// Their names, of each photo.
   virtual std::vector<std::string> photo_names() const = 0;

@@ -19,7 +19,7 @@ void begin_poses(const Config& config, const Scene& scene, TrainingModel& model)
 
 /// The camera of a training photo as it is now; `given`, that of its view, where nothing is learned.
 Camera refined_camera(const PoseState& state, const Camera& given, std::size_t photo);
-/// The same of all training photos.
+/// The cameras of all training photos.
 std::vector<Camera> refined_cameras(const PoseState& state, const std::vector<View>& train_views);
 
 /// gradient += weight * dL/d(numbers) of the row of a photo, of which `dL` is the gradient by its

@@ -115,7 +115,7 @@ class L1SsimLoss final : public Loss {
     const std::size_t n = values_;
     const float dL_dssim = -lambda_dssim / float(n);
     ssim_sum_ = sum_over_rows([=](std::size_t i) {
-      const LocalMoments<float> local{m[i], m[n + i], m[2 * n + i], m[3 * n + i], m[4 * n + i]};
+      const WindowMeans<float> local{m[i], m[n + i], m[2 * n + i], m[3 * n + i], m[4 * n + i]};
       const SsimGradient<float> d = ssim_index_vjp(local, dL_dssim);
       m[i] = d.x;
       m[n + i] = d.xx;

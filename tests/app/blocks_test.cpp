@@ -14,7 +14,7 @@
 #include "gs_app/blocks/write_partition.h"
 #include "gs_app/run/run_folder.h"
 #include "gs_core/config/text/region_text.h"
-#include "gs_core/random.h"
+#include "gs_core/math/random.h"
 #include "tests/support/error_of.h"
 #include "tests/support/models.h"
 #include "tests/support/temp_folder.h"

@@ -7,7 +7,7 @@
 #include <cmath>
 
 #include "gs_core/geometry/vectors.h"
-#include "gs_core/random.h"
+#include "gs_core/math/random.h"
 
 namespace gs {
 namespace {

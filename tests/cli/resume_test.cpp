@@ -16,7 +16,7 @@
 #include <sstream>
 #include <thread>
 
-#include "gs_core/random.h"
+#include "gs_core/math/random.h"
 #include "tests/support/program.h"
 
 namespace gs {

@@ -9,7 +9,7 @@
 #include <limits>
 
 #include "gs_core/geometry/vectors.h"
-#include "gs_core/random.h"
+#include "gs_core/math/random.h"
 
 namespace gs {
 namespace {

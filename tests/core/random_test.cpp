@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "gs_core/random.h"
+#include "gs_core/math/random.h"
 
 #include <gtest/gtest.h>
 

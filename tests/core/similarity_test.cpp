@@ -7,8 +7,8 @@
 #include <cmath>
 
 #include "gs_core/geometry/vectors.h"
+#include "gs_core/math/random.h"
 #include "gs_core/math/render/rotation.h"
-#include "gs_core/random.h"
 
 namespace gs {
 namespace {

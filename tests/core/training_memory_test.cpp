@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "gs_core/training_memory.h"
+#include "gs_core/forecast/training_memory.h"
 
 #include <gtest/gtest.h>
 
-#include "gs_core/gpu_step.h"
+#include "gs_core/forecast/gpu_step.h"
 #include "gs_core/model_rows.h"
 
 namespace gs {

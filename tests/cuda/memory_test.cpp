@@ -3,7 +3,7 @@
 #include <gtest/gtest.h>
 
 #include "data_loaders/scene/load_scene.h"
-#include "gs_core/training_memory.h"
+#include "gs_core/forecast/training_memory.h"
 #include "gs_train/loop/trainer.h"
 #include "tests/support/adaptive.h"
 #include "tests/support/cuda.h"

@@ -6,8 +6,8 @@
 #include <cmath>
 #include <limits>
 
+#include "gs_core/math/random.h"
 #include "gs_core/math/render/covariance.h"
-#include "gs_core/random.h"
 
 namespace gs {
 namespace {

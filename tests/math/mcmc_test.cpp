@@ -6,7 +6,7 @@
 #include <cmath>
 #include <limits>
 
-#include "gs_core/random.h"
+#include "gs_core/math/random.h"
 #include "tests/support/jet_oracle.h"
 
 namespace gs {

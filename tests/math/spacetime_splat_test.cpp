@@ -126,7 +126,7 @@ TEST(IsFarInTime, IsOnlyWhatIsInvisible) {
                                       float(random.uniform(-1, 2)),
                                       float(random.uniform(-4, 0))};
     const float time = float(random.uniform(0, 1));
-    const Moment<float> moment = condition(covariance(shape), time - shape.time_mean);
+    const Instant<float> moment = condition(covariance(shape), time - shape.time_mean);
     invisible += !is_alive(moment.marginal);
     if (!is_far_in_time(shape.log_scale, shape.time_mean, shape.log_time_scale, time)) continue;
     ++far;

@@ -194,7 +194,7 @@ TEST(Condition, GradientMatchesJet) {
           [](const auto& x, const auto& g) {
             const auto S = spacetime_of(x, 0);
             const Sym3<double> by_entry{g[0], g[1], g[2], g[3], g[4], g[5]};
-            const Moment<double> dL_dmoment{gradient_matrix(by_entry), {g[6], g[7], g[8]}, g[9]};
+            const Instant<double> dL_dmoment{gradient_matrix(by_entry), {g[6], g[7], g[8]}, g[9]};
             const auto dL = condition_vjp(S, x[10], condition(S, x[10]), dL_dmoment);
             return flatten(by_entries(dL.S), dL.elapsed);
           },

@@ -9,10 +9,10 @@ namespace gs {
 namespace {
 
 /// Moments of two constant pictures.
-LocalMoments<double> constant_pictures(double x, double y) { return {x, y, x * x, y * y, x * y}; }
+WindowMeans<double> constant_pictures(double x, double y) { return {x, y, x * x, y * y, x * y}; }
 
 /// Moments that two pictures in [0, 1] may have: variances >= 0, correlation in [-1, 1].
-LocalMoments<double> draw_moments(TestRandom& random) {
+WindowMeans<double> draw_moments(TestRandom& random) {
   const double x = random.uniform(0.0, 1.0), y = random.uniform(0.0, 1.0);
   const double sx = std::pow(10.0, random.uniform(-4.0, -0.3)),
                sy = std::pow(10.0, random.uniform(-4.0, -0.3));
@@ -36,7 +36,7 @@ TEST(SsimWindow, SumsToOne) {
 TEST(SsimIndex, OfAPictureWithItselfIsOne) {
   TestRandom random;
   for (int i = 0; i < 1000; ++i) {
-    LocalMoments<double> m = draw_moments(random);
+    WindowMeans<double> m = draw_moments(random);
     m.y = m.x;
     m.yy = m.xy = m.xx;
     EXPECT_NEAR(ssim_index(m), 1.0, 1e-12);
@@ -50,7 +50,7 @@ TEST(SsimIndex, OfConstantPicturesComparesTheirMeans) {
 
 // Means 0.5, variances 0.04 and 0.01, covariance -0.02: (1) * (-0.04 + 9e-4) / (0.05 + 9e-4).
 TEST(SsimIndex, OfOppositePicturesIsNegative) {
-  EXPECT_NEAR(ssim_index(LocalMoments<double>{0.5, 0.5, 0.29, 0.26, 0.23}), -0.0391 / 0.0509,
+  EXPECT_NEAR(ssim_index(WindowMeans<double>{0.5, 0.5, 0.29, 0.26, 0.23}), -0.0391 / 0.0509,
               1e-9);  // C2 is a float
 }
 
@@ -59,14 +59,14 @@ TEST(SsimIndex, GradientByTheMomentsOfTheRenderedPictureMatchesJet) {
   const double worst = worst_gradient_error(
       [&](const auto& x) {
         using T = std::decay_t<decltype(x[0])>;
-        return flatten(ssim_index(LocalMoments<T>{x[0], T(y), x[1], T(yy), x[2]}));
+        return flatten(ssim_index(WindowMeans<T>{x[0], T(y), x[1], T(yy), x[2]}));
       },
       [&](const auto& x, const auto& g) {
-        const auto dL = ssim_index_vjp(LocalMoments<double>{x[0], y, x[1], yy, x[2]}, g[0]);
+        const auto dL = ssim_index_vjp(WindowMeans<double>{x[0], y, x[1], yy, x[2]}, g[0]);
         return flatten(dL.x, dL.xx, dL.xy);
       },
       [&](TestRandom& random) {
-        const LocalMoments<double> m = draw_moments(random);
+        const WindowMeans<double> m = draw_moments(random);
         y = m.y;
         yy = m.yy;
         return flatten(m.x, m.xx, m.xy);

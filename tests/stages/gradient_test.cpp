@@ -270,7 +270,7 @@ double photometric_loss(const std::vector<double>& X, const std::vector<double>&
   for (int c = 0; c < 3; ++c)
     for (int y = 0; y < kHeight; ++y)
       for (int x = 0; x < kWidth; ++x) {
-        LocalMoments<double> m{};
+        WindowMeans<double> m{};
         for (int v = std::max(y - 5, 0); v <= std::min(y + 5, kHeight - 1); ++v)
           for (int u = std::max(x - 5, 0); u <= std::min(x + 5, kWidth - 1); ++u) {
             const double w = window(u - x) * window(v - y);

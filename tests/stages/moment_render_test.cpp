@@ -23,7 +23,7 @@ std::vector<Ellipsoid> ellipsoids_at(const Gaussians& moving, float time) {
   std::vector<Ellipsoid> ellipsoids;
   for (std::size_t i = 0; i < moving.count(); ++i) {
     const SpacetimeShape<float> shape = shape_of(spacetime_parameters_of(moving.span(), i));
-    const Moment<float> moment = condition(covariance(shape), time - shape.time_mean);
+    const Instant<float> moment = condition(covariance(shape), time - shape.time_mean);
     const float opacity = sigmoid(shape.logit_opacity) * moment.marginal;
     ellipsoids.push_back(
         {shape.mean + moment.shift, moment.covariance, is_alive(moment.marginal) ? opacity : 0.0f});

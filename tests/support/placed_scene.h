@@ -6,8 +6,8 @@
 #include <vector>
 
 #include "gs_core/geodesy/georeference.h"
+#include "gs_core/math/random.h"
 #include "gs_core/math/render/rotation.h"
-#include "gs_core/random.h"
 #include "tests/support/colmap_writer.h"
 
 namespace gs {

@@ -15,7 +15,7 @@
 #include <string>
 
 #include "data_loaders/photos/photos.h"
-#include "gs_core/random.h"
+#include "gs_core/math/random.h"
 #include "tests/support/temp_folder.h"
 
 namespace gs {

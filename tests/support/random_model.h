@@ -9,7 +9,7 @@
 
 #include "data_loaders/formats/ply/ply_layout.h"
 #include "gs_core/error.h"
-#include "gs_core/random.h"
+#include "gs_core/math/random.h"
 
 namespace gs {
 

@@ -13,9 +13,9 @@
 #include "gs_core/gaussians.h"
 #include "gs_core/image.h"
 #include "gs_core/math/constants.h"
+#include "gs_core/math/random.h"
 #include "gs_core/math/render/activations.h"
 #include "gs_core/math/spacetime/spacetime.h"
-#include "gs_core/random.h"
 
 namespace gs {
 

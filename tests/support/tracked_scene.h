@@ -8,8 +8,8 @@
 #include <vector>
 
 #include "data_loaders/colmap/colmap_model.h"
+#include "gs_core/math/random.h"
 #include "gs_core/math/render/rotation.h"
-#include "gs_core/random.h"
 #include "tests/data_loaders/photos/lens_cases.h"
 
 namespace gs {

@@ -5,7 +5,7 @@
 
 #include <algorithm>
 
-#include "gs_core/version.h"
+#include "gs_core/system/version.h"
 
 namespace gs {
 namespace {

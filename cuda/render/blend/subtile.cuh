@@ -234,7 +234,7 @@ class ListWalkOf {
     __syncwarp();
     return __popc(hits);
   }
-  /// The same; writes the splats to a list.
+  /// Walks the list and writes the splats to another list.
   __device__ int list_next(ListedSplat* list) {
     return take_next([&](int k, const Splat& splat, std::uint32_t position,
                          std::uint32_t gaussian) { list[k] = listed(splat, position, gaussian); });
@@ -260,7 +260,7 @@ class ListWalkOf {
 
 using ListWalk = ListWalkOf<Splat>;
 
-/// The same for a warp that owns a part of the tile, of whose edge `edge` is the length, or pixels
+/// The walk of a warp that owns a part of the tile, of whose edge `edge` is the length, or pixels
 /// of it. It fetches only splats that hit the part, 32 at a time. 16 bits are enough for a Position
 /// where the walk is no longer than 65,536 places.
 template <class AnySplat, int edge, bool with_positions, class Position = std::uint32_t>

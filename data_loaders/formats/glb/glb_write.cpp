@@ -13,7 +13,7 @@
 #include "data_loaders/formats/coding/quantize.h"
 #include "gs_core/error.h"
 #include "gs_core/system/files/atomic_file.h"
-#include "gs_core/version.h"
+#include "gs_core/system/version.h"
 
 namespace gs {
 namespace {

@@ -13,8 +13,8 @@
 #include "data_loaders/formats/lod/rad_values.h"
 #include "gs_core/error.h"
 #include "gs_core/system/files/atomic_file.h"
+#include "gs_core/system/version.h"
 #include "gs_core/threads/parallel.h"
-#include "gs_core/version.h"
 
 namespace gs {
 namespace {

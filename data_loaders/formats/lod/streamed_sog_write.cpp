@@ -9,7 +9,7 @@
 #include "data_loaders/formats/lod/streamed_sog.h"
 #include "data_loaders/formats/sog/sog.h"
 #include "gs_core/system/files/atomic_file.h"
-#include "gs_core/version.h"
+#include "gs_core/system/version.h"
 #include "gs_model/edit/merge_gaussians.h"
 
 namespace gs {

@@ -3,7 +3,7 @@
 
 #include "gs_app/experiment/tables/table_settings.h"
 #include "gs_app/run/provenance.h"
-#include "gs_core/version.h"
+#include "gs_core/system/version.h"
 
 namespace gs {
 namespace {

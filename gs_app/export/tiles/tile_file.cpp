@@ -11,7 +11,7 @@
 #include "data_loaders/formats/spz/spz.h"
 #include "gs_core/error.h"
 #include "gs_core/system/files/atomic_file.h"
-#include "gs_core/version.h"
+#include "gs_core/system/version.h"
 
 namespace gs {
 namespace {

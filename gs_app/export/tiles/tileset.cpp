@@ -20,7 +20,7 @@
 #include "gs_core/system/files/move_aside.h"
 #include "gs_core/system/files/output_lock.h"
 #include "gs_core/system/log.h"
-#include "gs_core/version.h"
+#include "gs_core/system/version.h"
 
 namespace gs {
 namespace {

@@ -71,7 +71,7 @@ GS_HD Vec3<T> position_noise(const Sym3<T>& sigma, const T& logit_opacity, const
   const T gate = sigmoid(T(-kNoiseSteepness) * (sigmoid(logit_opacity) - T(kNoiseOpacity)));
   return rate * gate * multiply(sigma, normal);
 }
-/// The same from the stored parameters. Zero for a Gaussian without a rotation.
+/// The noise of a Gaussian, from its stored parameters. Zero for a Gaussian without a rotation.
 template <class T>
 GS_HD Vec3<T> position_noise(const Vec3<T>& log_scale, const Quat<T>& rotation,
                              const T& logit_opacity, const Vec3<T>& normal, const T& rate) {

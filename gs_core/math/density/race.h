@@ -5,7 +5,7 @@
 // GPU draw the same rows.   Efraimidis & Spirakis 2006, "Weighted random sampling with a reservoir"
 #pragma once
 
-#include "gs_core/random.h"
+#include "gs_core/math/random.h"
 
 #ifndef __CUDA_ARCH__
 #include <bit>

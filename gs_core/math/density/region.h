@@ -19,7 +19,7 @@ struct HalfSpace {
   }
 };
 
-/// The same in double, for places far from the origin.
+/// A half-space in double, for places far from the origin.
 struct WideHalfSpace {
   Vec3d normal{0.0, 0.0, 0.0};
   double offset = 0;

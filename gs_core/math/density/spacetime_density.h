@@ -11,7 +11,7 @@ namespace gs {
 
 /// False if the Gaussian has no moment at which it is visible: no right rotation, or a time that is
 /// not finite.
-GS_HD bool has_moments(const Quatf& right_rotation, float time_mean, float log_time_scale) {
+GS_HD bool is_ever_visible(const Quatf& right_rotation, float time_mean, float log_time_scale) {
   const float time = time_mean + log_time_scale;
   return !is_degenerate(right_rotation) && time - time == 0.0f;
 }

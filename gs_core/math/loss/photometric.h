@@ -32,7 +32,7 @@ GS_HD GainedGradient<T> gained_vjp(T y, T gain, T dL_dy) {
 ///
 ///   weight/2 ((a - solved) / spread)^2
 ///
-/// Its gradient by a.
+/// Returns the gradient by a.
 template <class T>
 GS_HD T gain_prior_vjp(T a, T solved, T weight, T spread) {
   return weight * (a - solved) / (spread * spread);

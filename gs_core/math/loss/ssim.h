@@ -16,13 +16,13 @@ inline constexpr float kSsimWindow[kSsimRadius + 1] = {0.2660117149f, 0.21300552
 
 /// Windowed means of x, y, x^2, y^2 and xy around a pixel; x the rendered picture, y the photo.
 template <class T>
-struct LocalMoments {
+struct WindowMeans {
   T x, y, xx, yy, xy;
 };
 
 /// SSIM = (2 mx my + C1)(2 sxy + C2) / ((mx^2 + my^2 + C1)(sxx + syy + C2))   Wang et al. 2004, Eq. 13
 template <class T>
-GS_HD T ssim_index(const LocalMoments<T>& m) {
+GS_HD T ssim_index(const WindowMeans<T>& m) {
   const T A = m.x * m.x + m.y * m.y + T(kSsimC1);
   const T B = (m.xx - m.x * m.x) + (m.yy - m.y * m.y) + T(kSsimC2);
   const T C = T(2) * m.x * m.y + T(kSsimC1);
@@ -35,7 +35,7 @@ struct SsimGradient {
   T x, xx, xy;
 };
 template <class T>
-GS_HD SsimGradient<T> ssim_index_vjp(const LocalMoments<T>& m, const T& dL_dssim) {
+GS_HD SsimGradient<T> ssim_index_vjp(const WindowMeans<T>& m, const T& dL_dssim) {
   const T A = m.x * m.x + m.y * m.y + T(kSsimC1);
   const T B = (m.xx - m.x * m.x) + (m.yy - m.y * m.y) + T(kSsimC2);
   const T C = T(2) * m.x * m.y + T(kSsimC1);

@@ -47,7 +47,7 @@ GS_HD Ellipsoid ellipsoid_at(const GaussiansSpan& gaussians, std::size_t i, floa
                                     logit_opacity,
                                     gaussians.time_mean[i],
                                     gaussians.log_time_scale[i]};
-  const Moment<float> moment = condition(covariance(shape), time - shape.time_mean);
+  const Instant<float> moment = condition(covariance(shape), time - shape.time_mean);
   return {mean + moment.shift, moment.covariance, sigmoid(logit_opacity) * moment.marginal};
 }
 

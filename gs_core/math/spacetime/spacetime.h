@@ -157,7 +157,7 @@ GS_HD SpacetimeCovarianceGradient<T> covariance_vjp(const Mat4<T>& R, const Vec4
 
 /// A Gaussian of space and time at one moment.
 template <class T>
-struct Moment {
+struct Instant {
   Sym3<T> covariance;  // of the 3D Gaussian, world units^2
   Vec3<T> shift;       // its mean is mu + shift, world units
   T marginal;          // its opacity is o * marginal; below kMinMarginal it is not rendered
@@ -184,7 +184,7 @@ GS_HD SpacetimeCovariance<T> velocity_vjp(const SpacetimeCovariance<T>& S,
 ///   shift = s dt / S_tt,  covariance = S_xyz - s s^T / S_tt,  marginal = exp(-dt^2 / (2 S_tt)),
 ///   with s = S_xyz,t and dt = elapsed
 template <class T>
-GS_HD Moment<T> condition(const SpacetimeCovariance<T>& S, const T& elapsed) {
+GS_HD Instant<T> condition(const SpacetimeCovariance<T>& S, const T& elapsed) {
   using std::exp;
   const Vec3<T>& s = S.mixed;
   const Vec3<T> v = velocity(S);
@@ -205,7 +205,7 @@ struct ConditionGradient {
 ///   dS_tt = a^2 (s^T D s - dt g.s + m dL/dm dt^2 / 2),  ddt = a (g.s - m dL/dm dt)
 template <class T>
 GS_HD ConditionGradient<T> condition_vjp(const SpacetimeCovariance<T>& S, const T& elapsed,
-                                         const Moment<T>& moment, const Moment<T>& dL_dmoment) {
+                                         const Instant<T>& moment, const Instant<T>& dL_dmoment) {
   const Sym3<T>& D = dL_dmoment.covariance;
   const T a = T(1) / S.time;
   const T along = inner(dL_dmoment.shift, S.mixed);

@@ -18,7 +18,7 @@ struct SpacetimeParameters {
   T log_time_scale;  // log of the standard deviation along the fourth axis
 };
 
-/// The same without color. A gradient by the parameters has this type, too.
+/// Parameters of a Gaussian in space and time, without color. A gradient by the parameters has this type, too.
 template <class T>
 struct SpacetimeShape {
   Vec3<T> mean, log_scale;
@@ -94,7 +94,7 @@ GS_HD ProjectedMoment<T> project_shape(const PinholeCamera<T>& camera,
                                        const SpacetimeShape<T>& shape, const T& time,
                                        const SplatSettings& settings) {
   if (is_degenerate(shape.rotations)) return {};
-  const Moment<T> moment = condition(covariance(shape), time - shape.time_mean);
+  const Instant<T> moment = condition(covariance(shape), time - shape.time_mean);
   if (!is_alive(moment.marginal)) return {};
   ProjectedMoment<T> result{};
   result.mean = shape.mean + moment.shift;
@@ -128,7 +128,7 @@ GS_HD SpacetimeShape<T> project_shape_vjp(const PinholeCamera<T>& camera,
   const Vec4<T> variances = variance(shape.log_scale, shape.log_time_scale);
   const SpacetimeCovariance<T> S = covariance(R, variances);
   const T elapsed = time - shape.time_mean;
-  const Moment<T> moment = condition(S, elapsed);
+  const Instant<T> moment = condition(S, elapsed);
   const T opacity = sigmoid(shape.logit_opacity);
   const EllipsoidGradient<T> dL =
       project_ellipsoid_vjp(camera, to_camera(camera, shape.mean + moment.shift), moment.covariance,
@@ -139,7 +139,7 @@ GS_HD SpacetimeShape<T> project_shape_vjp(const PinholeCamera<T>& camera,
   gradient.logit_opacity = sigmoid_vjp(opacity, dL.opacity * moment.marginal);
   // The moment: to the covariance in 4D and the mean in time.
   const ConditionGradient<T> dL_condition =
-      condition_vjp(S, elapsed, moment, Moment<T>{dL.sigma, gradient.mean, dL.opacity * opacity});
+      condition_vjp(S, elapsed, moment, Instant<T>{dL.sigma, gradient.mean, dL.opacity * opacity});
   gradient.time_mean = -dL_condition.elapsed;
   const SpacetimeCovarianceGradient<T> dL_covariance = covariance_vjp(R, variances, dL_condition.S);
   const Vec4<T> dL_dlog = T(2) * variances * dL_covariance.variance;

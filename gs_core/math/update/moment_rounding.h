@@ -3,7 +3,7 @@
 #pragma once
 
 #include "gs_core/gaussians.h"
-#include "gs_core/random.h"
+#include "gs_core/math/random.h"
 
 namespace gs {
 

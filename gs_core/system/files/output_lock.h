@@ -26,9 +26,9 @@ class OutputLock {
   static OutputLock of_folder(const std::filesystem::path& folder, Kind kind = Kind::alone) {
     return {folder, folder, kind};
   }
-  /// The same for a folder that must be new or empty. Throws UsageError if it is not.
+  /// Locks a folder that must be new or empty. Throws UsageError if it is not.
   static OutputLock of_new_folder(const std::filesystem::path& folder);
-  /// The same for a folder that holds nothing from here on: what an older one held is moved to
+  /// Locks a folder that holds nothing from here on: what an older one held is moved to
   /// FOLDER.bak-N. Throws UsageError if a path of `needed` lies in it.
   static OutputLock of_freed_folder(const std::filesystem::path& folder,
                                     const std::vector<std::filesystem::path>& needed);

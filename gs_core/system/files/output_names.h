@@ -12,7 +12,7 @@ class OutputNames {
  public:
   /// Throws UsageError if the file is one of the names already, or lies in a folder of them.
   void add_file(const std::filesystem::path& file);
-  /// The same for a folder that the command makes and fills as a whole.
+  /// Takes the name of a folder that the command makes and fills as a whole.
   void add_folder(const std::filesystem::path& folder);
 
  private:

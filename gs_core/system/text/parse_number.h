@@ -16,7 +16,7 @@ bool parse_number(std::string_view word, T& value) {
   return error == std::errc() && rest == end;
 }
 
-/// The same for floats. A number beyond the range of float becomes 0 or infinity.
+/// Parses a float. A number beyond the range of float becomes 0 or infinity.
 inline bool parse_float(std::string_view word, float& value) {
   if (parse_number(word, value)) return true;
   double wide;

@@ -9,7 +9,7 @@
 #include <nlohmann/json.hpp>
 
 #include "gs_core/error.h"
-#include "gs_core/random.h"
+#include "gs_core/math/random.h"
 #include "tests/support/temp_folder.h"
 
 namespace gs {

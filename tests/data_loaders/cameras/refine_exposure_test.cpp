@@ -8,7 +8,7 @@
 
 #include "data_loaders/scene/load_scene.h"
 #include "gs_core/error.h"
-#include "gs_core/random.h"
+#include "gs_core/math/random.h"
 #include "gs_core/threads/parallel.h"
 #include "tests/support/colmap_writer.h"
 

@@ -10,8 +10,8 @@
 
 #include "data_loaders/formats/ply/ply.h"
 #include "gs_core/error.h"
+#include "gs_core/math/random.h"
 #include "gs_core/math/render/rotation.h"
-#include "gs_core/random.h"
 #include "tests/support/colmap_writer.h"
 
 namespace gs {

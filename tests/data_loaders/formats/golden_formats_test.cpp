@@ -8,7 +8,7 @@
 #include "data_loaders/formats/coding/compression.h"
 #include "data_loaders/formats/coding/little_endian.h"
 #include "data_loaders/formats/formats.h"
-#include "gs_core/version.h"
+#include "gs_core/system/version.h"
 #include "tests/support/random_model.h"
 #include "tests/support/temp_folder.h"
 

@@ -16,7 +16,7 @@
 #include "data_loaders/formats/model_info.h"
 #include "data_loaders/formats/ply/mip_filter.h"
 #include "gs_core/bake_filter.h"
-#include "gs_core/version.h"
+#include "gs_core/system/version.h"
 #include "tests/support/captured_log.h"
 #include "tests/support/error_of.h"
 #include "tests/support/random_model.h"

@@ -10,7 +10,7 @@
 #include <set>
 
 #include "gs_core/error.h"
-#include "gs_core/random.h"
+#include "gs_core/math/random.h"
 
 namespace gs {
 namespace {

@@ -186,10 +186,10 @@ TEST(SceneSettings, BecomeNumbers) {
   config.train.epochs = 100;
   config.train.least_iterations = 200;
   config.density.gaussians_per_point = 1.5f;
-  const Config settled = settled_for(config, scene);
+  const Config settled = resolved_config(config, scene);
   EXPECT_EQ(settled.train.iterations, 300);
   EXPECT_EQ(settled.density.max_gaussians, 750);
-  EXPECT_TRUE(config_diff(settled, settled_for(settled, scene)).empty());
+  EXPECT_TRUE(config_diff(settled, resolved_config(settled, scene)).empty());
 }
 
 TEST(SceneSettings, StayWithinTheLimitsGiven) {
@@ -198,12 +198,12 @@ TEST(SceneSettings, StayWithinTheLimitsGiven) {
   config.train.epochs = 100;
   config.train.least_iterations = 200;
   config.train.most_iterations = 250;
-  EXPECT_EQ(settled_for(config, scene).train.iterations, 250);
+  EXPECT_EQ(resolved_config(config, scene).train.iterations, 250);
   config.train.most_iterations = 5000;
   config.train.least_iterations = 1000;
-  EXPECT_EQ(settled_for(config, scene).train.iterations, 1000);
+  EXPECT_EQ(resolved_config(config, scene).train.iterations, 1000);
   config.train.most_iterations = 400;
-  EXPECT_EQ(settled_for(config, scene).train.iterations, 400);
+  EXPECT_EQ(resolved_config(config, scene).train.iterations, 400);
 }
 
 TEST(SceneSettings, DoNotReplaceNumbersThatAreGiven) {
@@ -211,10 +211,10 @@ TEST(SceneSettings, DoNotReplaceNumbersThatAreGiven) {
   Config config;
   config.train.iterations = 77;
   config.density.max_gaussians = 600;
-  EXPECT_EQ(settled_for(config, scene).train.iterations, 77);
-  EXPECT_EQ(settled_for(config, scene).density.max_gaussians, 600);
+  EXPECT_EQ(resolved_config(config, scene).train.iterations, 77);
+  EXPECT_EQ(resolved_config(config, scene).density.max_gaussians, 600);
   config.density.max_gaussians = kAutoCount;
-  EXPECT_EQ(settled_for(config, scene).density.max_gaussians, kAutoCount);
+  EXPECT_EQ(resolved_config(config, scene).density.max_gaussians, kAutoCount);
 }
 
 TEST(SceneSettings, CountPointsOutsideOfTheRegionOnce) {
@@ -226,14 +226,14 @@ TEST(SceneSettings, CountPointsOutsideOfTheRegionOnce) {
   ASSERT_GT(inside, 100);
   ASSERT_LT(inside, 400);
   config.density.gaussians_per_point = 3;
-  EXPECT_EQ(settled_for(config, scene).density.max_gaussians, 3 * inside + 500 - inside);
+  EXPECT_EQ(resolved_config(config, scene).density.max_gaussians, 3 * inside + 500 - inside);
 }
 
 TEST(SceneSettings, CountRandomPointsWhereTheSceneHasNone) {
   Config config;
   config.density.gaussians_per_point = 2;
   config.model.random_points = 100;
-  EXPECT_EQ(settled_for(config, scene_with({})).density.max_gaussians, 200);
+  EXPECT_EQ(resolved_config(config, scene_with({})).density.max_gaussians, 200);
 }
 
 TEST(SceneSettings, TakeMoreStepsFromARandomStart) {
@@ -242,19 +242,19 @@ TEST(SceneSettings, TakeMoreStepsFromARandomStart) {
   config.train.least_iterations = 20;
   config.train.most_iterations = 600;
   config.train.random_start_factor = 2.5f;
-  EXPECT_EQ(settled_for(config, scene_with({})).train.iterations, 750);  // 3 photos
+  EXPECT_EQ(resolved_config(config, scene_with({})).train.iterations, 750);  // 3 photos
   config.train.most_iterations = 200;
-  EXPECT_EQ(settled_for(config, scene_with({})).train.iterations, 500);
+  EXPECT_EQ(resolved_config(config, scene_with({})).train.iterations, 500);
   config.model.start_from = "model.ply";  // which is no random start
-  EXPECT_EQ(settled_for(config, scene_with({})).train.iterations, 200);
+  EXPECT_EQ(resolved_config(config, scene_with({})).train.iterations, 200);
 }
 
 TEST(SceneSettings, GiveDenseCloudsNoMultipleOfTheirPoints) {
   Config config;
   config.density.gaussians_per_point = 25;
-  EXPECT_EQ(settled_for(config, {100'000, 50}).density.max_gaussians, 2'500'000);
-  EXPECT_EQ(settled_for(config, {1'000'000, 50}).density.max_gaussians, 10'000'000);
-  EXPECT_EQ(settled_for(config, {12'000'000, 50}).density.max_gaussians, 12'000'000);
+  EXPECT_EQ(resolved_config(config, {100'000, 50}).density.max_gaussians, 2'500'000);
+  EXPECT_EQ(resolved_config(config, {1'000'000, 50}).density.max_gaussians, 10'000'000);
+  EXPECT_EQ(resolved_config(config, {12'000'000, 50}).density.max_gaussians, 12'000'000);
 }
 
 // A blank wall has hardly any points.
@@ -263,7 +263,7 @@ TEST(SceneSettings, GiveASceneOfFewPointsGaussiansByThePixelsOfItsPhotos) {
   config.density.gaussians_per_point = 25;
   config.density.pixels_per_gaussian = 100;
   const auto limit = [&](const SceneNumbers& scene) {
-    return settled_for(config, scene).density.max_gaussians;
+    return resolved_config(config, scene).density.max_gaussians;
   };
   EXPECT_EQ(limit({1'000, 50, 5e7}), 500'000);
   EXPECT_EQ(limit({100'000, 50, 5e7}), 2'500'000);         // the points ask for more

@@ -115,7 +115,7 @@ struct Pair {
           const auto photo = [&](int u, int v) { return compared_photo(c, index(u, v)); };
           const auto mean = [&](auto&& f) { return window_mean(x, y, pass.width, pass.height, f); };
           l1 += std::abs(at(x, y) - photo(x, y));
-          ssim += ssim_index(LocalMoments<double>{
+          ssim += ssim_index(WindowMeans<double>{
               mean(at), mean(photo), mean([&](int u, int v) { return at(u, v) * at(u, v); }),
               mean([&](int u, int v) { return photo(u, v) * photo(u, v); }),
               mean([&](int u, int v) { return at(u, v) * photo(u, v); })});

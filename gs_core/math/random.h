@@ -78,7 +78,7 @@ struct Random {
                             std::uint32_t minor = 0) const {
     return std::uint32_t((std::uint64_t(bits(major, minor).word[0]) * bound) >> 32);
   }
-  /// The same for bounds beyond 32 bits.
+  /// An integer below a bound, for bounds beyond 32 bits.
   GS_HD std::uint64_t below64(std::uint64_t bound, std::uint64_t major,
                               std::uint32_t minor = 0) const {
     const RandomBits b = bits(major, minor);

@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "gs_core/training_memory.h"
+#include "gs_core/forecast/training_memory.h"
 
 #include <algorithm>
 
 #include "gs_core/density/growth_method.h"
-#include "gs_core/gpu_step.h"
+#include "gs_core/forecast/gpu_step.h"
 #include "gs_core/math/constants.h"
 #include "gs_core/model_rows.h"
 #include "gs_core/system/bytes.h"
