@@ -154,7 +154,8 @@ TEST_F(CudaMcmc, AddsTheSameNoise) {
   view.camera.cam_from_world_translation = {0, 0, -1e3f};
   view.photo = random_photo(40, 30, 3);
   const DensityStep density{.noise = {5e5f, {1, RandomStream::position_noise}, kStep}};
-  const LearningRates rates{1e-4f};
+  LearningRates rates{};
+  rates.mean = 1e-4f;
   cpu().step(host, view, {}, {0.2f}, rates, density);
   gpu().step(device, view, {}, {0.2f}, rates, density);
   gpu().synchronize(device);
