@@ -11,7 +11,7 @@
 #include "gs_eval/color_correction.h"
 #include "gs_eval/flip/flip.h"
 #include "gs_eval/lpips/lpips.h"
-#include "gs_train/window.h"
+#include "gs_train/stages/window.h"
 
 namespace gs {
 namespace {

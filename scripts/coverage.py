@@ -16,7 +16,7 @@ from collections import defaultdict
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[1]
-LIBRARIES = ("gs_core", "gs_render", "gs_train", "data_loaders", "gs_app", "apps")
+LIBRARIES = ("gs_core", "gs_render", "gs_train", "gs_eval", "gs_model", "data_loaders", "gs_app", "apps")
 AT_ONCE = 40  # files of one call of gcov
 
 

@@ -5,7 +5,7 @@
 
 #include "gs_core/config/config.h"
 #include "gs_core/scene.h"
-#include "gs_train/checkpoint.h"
+#include "gs_train/loop/checkpoint.h"
 
 namespace gs {
 

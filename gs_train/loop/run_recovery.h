@@ -5,7 +5,7 @@
 #include <functional>
 #include <string>
 
-#include "gs_train/checkpoint.h"
+#include "gs_train/loop/checkpoint.h"
 #include "gs_train/loop/checkpoint_timer.h"
 #include "gs_train/loop/run_guard.h"
 #include "gs_train/loop/training_run.h"

@@ -17,7 +17,7 @@
 #include "gs_render/stage_clock.h"
 #include "gs_train/stages/scalar_stages.h"
 #include "gs_train/stages/shown_values.h"
-#include "gs_train/window.h"
+#include "gs_train/stages/window.h"
 
 namespace gs {
 namespace {

@@ -7,6 +7,7 @@
 #include <benchmark/benchmark.h>
 
 #include "gs_train/backend.h"
+#include "gs_train/stages/scalar_stages.h"
 #include "tests/support/models.h"
 
 namespace gs {

@@ -7,7 +7,7 @@
 #include <string>
 #include <vector>
 
-#include "gs_train/checkpoint.h"
+#include "gs_train/loop/checkpoint.h"
 #include "gs_train/loop/view_sampler.h"
 #include "tests/support/adaptive.h"
 #include "tests/support/poses.h"

@@ -6,7 +6,7 @@
 #include <cmath>
 
 #include "gs_core/math/loss/photometric.h"
-#include "gs_train/checkpoint.h"
+#include "gs_train/loop/checkpoint.h"
 #include "gs_train/loop/view_sampler.h"
 #include "tests/support/adaptive.h"
 #include "tests/support/models.h"

@@ -8,7 +8,7 @@
 
 #include "gs_core/math/loss/ssim.h"
 #include "gs_train/stages/scalar_stages.h"
-#include "gs_train/window.h"
+#include "gs_train/stages/window.h"
 #include "tests/support/scenes.h"
 
 namespace gs {
@@ -31,12 +31,12 @@ double window_mean(int x, int y, int width, int height, F&& f) {
   return sum;
 }
 
-class WindowMeans : public ::testing::TestWithParam<std::pair<int, int>> {};
-INSTANTIATE_TEST_SUITE_P(Sizes, WindowMeans,
+class WindowedMeans : public ::testing::TestWithParam<std::pair<int, int>> {};
+INSTANTIATE_TEST_SUITE_P(Sizes, WindowedMeans,
                          ::testing::Values(std::pair{1, 1}, std::pair{3, 20}, std::pair{20, 3},
                                            std::pair{10, 11}, std::pair{5, 6}, std::pair{37, 26}));
 
-TEST_P(WindowMeans, AreTheTwoDimensionalConvolution) {
+TEST_P(WindowedMeans, AreTheTwoDimensionalConvolution) {
   const auto [width, height] = GetParam();
   constexpr int kPlanes = 2;
   Buffer<float> stack(std::size_t(kPlanes) * width * height, host_memory()), scratch;

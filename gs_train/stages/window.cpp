@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "gs_train/window.h"
+#include "gs_train/stages/window.h"
 
 #include "gs_core/error.h"
 #include "gs_core/math/loss/ssim.h"
