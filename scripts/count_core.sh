@@ -21,7 +21,7 @@ kernels() { nm "$library" 2>/dev/null | sed -n 's/^.* [bBuV] _ZGVZ.*__device_stu
 
 show "$(grep -c '^  field("' $fields)" settings
 show "$(grep -c '^  field("density\.' $fields)" "of these in [density]"
-for folder in "${folders[@]}"; do show "$(lines_of $folder)" "lines in $folder"; done
+for folder in "${folders[@]}"; do show "$(lines_of "$folder")" "lines in $folder"; done
 show "$(lines_of "${folders[@]}")" "lines in all of these"
 if [[ -n $library ]]; then
   names=$(kernels)
