@@ -76,12 +76,12 @@ bool ScratchFolder::make(const std::string& pattern) {
   folder_ = name;
   path_ = folder_ / kFiles;
   lock_ = ::open((folder_ / kLock).c_str(), O_RDWR | O_CREAT | O_EXCL | O_CLOEXEC, 0600);
-  const int error = errno;
-  if (lock_ < 0 && error == ENOENT) return false;
-  if (lock_ < 0 || ::mkdir(path_.c_str(), 0700) != 0) {
-    const int reason = lock_ < 0 ? error : errno;
+  int error = lock_ < 0 ? errno : 0;
+  if (!error && ::mkdir(path_.c_str(), 0700) != 0) error = errno;
+  if (error == ENOENT) return false;
+  if (error) {
     remove();
-    refuse(name, reason);
+    refuse(name, error);
   }
   const bool is_locked = ::flock(lock_, LOCK_EX | LOCK_NB) == 0 || errno != EWOULDBLOCK;
   return is_locked && ::access(path_.c_str(), F_OK) == 0;
