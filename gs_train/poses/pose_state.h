@@ -45,11 +45,4 @@ void for_each_pose_array(F&& f, First&& first, Rest&&... rest) {
   f("poses.moments", first.moments, rest.moments...);
 }
 
-/// Takes over what has been learned, of the same photos.
-inline void take_learned(const PoseState& from, PoseState& to) {
-  for_each_pose_array([](const char*, auto& array, const auto& learned) { array = learned; }, to,
-                      from);
-  to.adam_steps = from.adam_steps;
-}
-
 }  // namespace gs
