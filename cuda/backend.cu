@@ -426,7 +426,8 @@ class CudaBackend final : private Gpus, private StepLauncher, private Device, pu
     return {true, adam_step(state.adam_steps + rule.steps, update.pose_rate), rule};
   }
 
-  // The row of a photo, in runs that refine poses. A photo has the same row each time its step is launched.
+  // The row of a photo, in runs that refine poses. A photo has the same row each time its step is
+  // launched.
   std::optional<PoseRow> row_of(const TrainingPhoto& photo) const {
     const PoseState& state = model_->poses;
     if (state.empty()) return std::nullopt;

@@ -32,8 +32,8 @@ ColumnsIn<Statistics> statistic_columns(Statistics& of) {
 }
 
 /// The parameters, Adam's moments and the statistics of N Gaussians. A new array is a member and a
-/// row of for_each_array(), columns_in() or statistic_columns(): row operations, checkpoints, copies
-/// and forecasts then treat it like the others.
+/// row of for_each_array(), columns_in() or statistic_columns(): row operations, checkpoints,
+/// copies and forecasts then treat it like the others.
 struct ModelRows {
   Gaussians gaussians;
   StoredMoments moments;  // of Adam, as optimizer.moments says

@@ -10,8 +10,8 @@
 
 namespace gs {
 
-/// The appearances of the scene's photos as they are now; empty without photometric.model. Waits for
-/// the device.
+/// The appearances of the scene's photos as they are now; empty without photometric.model. Waits
+/// for the device.
 std::optional<SceneLooks> looks_of(Trainer& trainer);
 /// What to measure of the run's views: with photometric.model, the appearances and pictures with
 /// fitted colors, too.

@@ -100,7 +100,8 @@ inline const MetricSet MetricSet::quick{}, MetricSet::all{true};
 struct EvaluationOptions {
   MetricSet metrics = MetricSet::quick;
   AppearanceOf appearance_of = {};  // of a photometric model; measured where it gives one
-  // The appearance under exposures that were solved for; measured in place of the view's exposure alone
+  // The appearance under exposures that were solved for; measured in place of the view's exposure
+  // alone
   AppearanceOf solved_appearance_of = {};
   bool is_corrected = false;  // measure the picture with fitted colors, too
 

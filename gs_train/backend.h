@@ -37,14 +37,15 @@ class Backend {
   /// that may have to be repeated.
   virtual RowOps& rows() = 0;
 
-  /// Takes the loss and the photometric model of a run from now on; check_supported() has passed its
-  /// config. At first these are those of an empty RunChoices. A loss that stays keeps its last value.
+  /// Takes the loss and the photometric model of a run from now on; check_supported() has passed
+  /// its config. At first these are those of an empty RunChoices. A loss that stays keeps its last
+  /// value.
   virtual void use(const RunChoices& choices) = 0;
   /// One training step: renders, compares and differentiates each photo, updates by the mean of
   /// their gradients, and does what density control adds. The statistics count each photo.
-  /// train_step.cpp is the algorithm; a GPU has a fused sequence that computes the same. Where memory
-  /// runs out it throws Error (out of memory) and has changed nothing, so that the step can be
-  /// repeated.
+  /// train_step.cpp is the algorithm; a GPU has a fused sequence that computes the same. Where
+  /// memory runs out it throws Error (out of memory) and has changed nothing, so that the step can
+  /// be repeated.
   virtual void step(TrainingModel& model, const TrainingStep& step) = 0;
   /// A step by one photo.
   void step(TrainingModel& model, const View& view, const RenderSettings& settings,

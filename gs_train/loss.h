@@ -5,7 +5,8 @@
 //   1. The formula goes into gs_core/math. The class (derived from Loss) and the function that makes
 //      it go into a file of gs_train/stages; scalar_stages.h declares the function.
 //   2. It becomes a row of kLosses in scalar_backend.cpp and a word of kLossWords in
-//      gs_core/config/config_words.h. It compares what LossSettings::appearance shows, if there is one.
+//      gs_core/config/config_words.h. It compares what LossSettings::appearance shows, if there is
+//      one.
 //   3. Weights of its own are members of LossSettings and LossConfig, copied by loss_settings().
 //   4. Its GPU twin is a row of kLosses in cuda/backend.cu. Without a twin, training on a GPU with
 //      this loss is refused when the run starts.
@@ -24,8 +25,8 @@ namespace gs {
 /// members.
 struct LossSettings {
   float lambda_dssim;  // l1_ssim: weight of 1 - SSIM; L1 has the rest
-  // Weight of the depth loss (stages/depth_loss.cpp), for photos with a depth map; a backend adds it
-  // to any loss. 0: maps teach nothing.
+  // Weight of the depth loss (stages/depth_loss.cpp), for photos with a depth map; a backend adds
+  // it to any loss. 0: maps teach nothing.
   float depth_weight = 0;
   // For devices that keep photos of their own: the picture is compared with the view's photo reduced
   // so many times. On the CPU the view is reduced already.

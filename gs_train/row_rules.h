@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Stage 9 for row i of the Gaussians, as both backends apply it: who is pruned, what splitting
-// makes, who is drawn. The formulas are in gs_core/math/density/density.h, mcmc.h and spacetime_density.h.
+// makes, who is drawn. The formulas are in gs_core/math/density/density.h, mcmc.h and
+// spacetime_density.h.
 #pragma once
 
 #include "gs_core/gaussians.h"

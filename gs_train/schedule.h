@@ -31,8 +31,8 @@ class Schedule {
   LearningRates learning_rates(int step) const;
   /// Adam's rule for an update by `photos` photos.
   AdamRule adam_rule(int photos) const;
-  /// Learning rate of the photometric model; 0 while opacities recover from a reset, when pictures are
-  /// dark and gains would answer.
+  /// Learning rate of the photometric model; 0 while opacities recover from a reset, when pictures
+  /// are dark and gains would answer.
   float photometric_rate(int step) const;
   /// Learning rate of the poses; 0 where they are not refined, and at the times when those rest.
   float pose_rate(int step) const;

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // In a score pass of density control: sums of the values of the pixels over the fragments of each
-// Gaussian, twin of gs_render/stages/blend_values.cpp. subtile.cuh describes the work of a warp. Sums are in
-// fixed point, so that they do not depend on the order of additions.
+// Gaussian, twin of gs_render/stages/blend_values.cpp. subtile.cuh describes the work of a warp.
+// Sums are in fixed point, so that they do not depend on the order of additions.
 #include "cuda/gradients/fragment_sums.cuh"
 #include "cuda/render/blend/subtile.cuh"
 #include "cuda/stages.cuh"

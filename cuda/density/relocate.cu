@@ -65,7 +65,8 @@ __global__ void share_kernel(GaussiansSpan rows, Span<const std::uint32_t> drawn
   rows.log_scale[i] = shared.log_scale;
 }
 
-// Rows of so many words: row to[k], or first + k where `to` is null, becomes row source[k], or zero.
+// Rows of so many words: row to[k], or first + k where `to` is null, becomes row source[k], or
+// zero.
 template <class Word>
 __global__ void set_rows_kernel(Word* rows, unsigned words, Span<const std::uint32_t> source,
                                 bool is_zero, const std::uint32_t* to, std::size_t first) {

@@ -94,7 +94,8 @@ struct Gpu {
   Buffer<float> dL_dimage;
   DepthMaps depth_maps;
   DepthStage depth;
-  // The shard of one of several GPUs. A GPU that is alone trains the model itself, and these are empty.
+  // The shard of one of several GPUs. A GPU that is alone trains the model itself, and these are
+  // empty.
   TrainingModel shard;
   Shard place;
   cudaEvent_t launched = nullptr;  // of meet()

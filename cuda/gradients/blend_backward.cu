@@ -194,8 +194,8 @@ __device__ void add_shares(WarpShared& shared, const ListedSplat* list, int coun
   __syncwarp();
 }
 
-// The state of one pixel during the walk. gs_core/math/render/blend.h has the same formulas with the color
-// behind a fragment; here its inner product with dL/d(pixel) is enough.
+// The state of one pixel during the walk. gs_core/math/render/blend.h has the same formulas with
+// the color behind a fragment; here its inner product with dL/d(pixel) is enough.
 struct PixelWalk {
   Vec3f dL_dpixel{0, 0, 0};
   float behind = 0;       // <color behind without background, dL/dpixel> - background_term

@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 // The sums over the fragments of each Gaussian that scores of density control are made of
-// (FragmentSums in gs_core/math/density/growth.h). blend_backward() adds forces to them, in floating point or,
-// for deterministic steps, in fixed point. A score pass adds values of pixels in fixed point.
+// (FragmentSums in gs_core/math/density/growth.h). blend_backward() adds forces to them, in
+// floating point or, for deterministic steps, in fixed point. A score pass adds values of pixels in
+// fixed point.
 #pragma once
 
 #include "cuda/device/warp.cuh"

@@ -84,8 +84,8 @@ struct FixedSums {
   }
 };
 
-/// Gradient sums with the score "force", whose sums go to memory of their own. They have kernels of their
-/// own, so that other steps do not pay for them.
+/// Gradient sums with the score "force", whose sums go to memory of their own. They have kernels of
+/// their own, so that other steps do not pay for them.
 template <class Sums>
 struct WithForces : Sums {
   static constexpr FragmentStatistic kStatistic = FragmentStatistic::force;

@@ -70,7 +70,8 @@ __device__ inline Row<false> pull_back(const Camera& camera, const Row<false>& r
                         filter_scale, settings, dL_dsplat));
   return gradient;
 }
-/// Pulls back a Gaussian in space and time. `by_color` is the color's part of dL/d(mean at the moment).
+/// Pulls back a Gaussian in space and time. `by_color` is the color's part of dL/d(mean at the
+/// moment).
 __device__ inline Row<true> pull_back(const Camera& camera, const Row<true>& row,
                                       const SplatSettings& settings, const SplatGradient& dL_dsplat,
                                       const Vec3f& by_color) {

@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 // Stage 7 for runs that refine poses: the gradients of all splats pulled back to the camera, and
-// added up. Twin of gs_render/stages/camera_gradient.cpp. A thread takes one Gaussian, a block adds up its
-// threads' shares, and a single block those of all blocks, which it pulls back to the motion of the
-// photo's row. Each sum has an order of its own, so that the same bits come out each time.
+// added up. Twin of gs_render/stages/camera_gradient.cpp. A thread takes one Gaussian, a block adds
+// up its threads' shares, and a single block those of all blocks, which it pulls back to the motion
+// of the photo's row. Each sum has an order of its own, so that the same bits come out each time.
 #include "cuda/device/warp.cuh"
 #include "cuda/stages.cuh"
 #include "gs_core/math/pose/camera_gradient.h"

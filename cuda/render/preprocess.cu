@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
-// Stage 1: one splat per Gaussian; see gs_core/math/render/splat.h for the formulas, and spacetime_splat.h
-// for those of Gaussians in space and time. A thread projects one Gaussian. The threads of a warp
-// read the parameters of their 32 Gaussians together, in whole cache lines. They also share the
-// tile rows of the 32 splats evenly when they count tiles.
+// Stage 1: one splat per Gaussian; see gs_core/math/render/splat.h for the formulas, and
+// spacetime_splat.h for those of Gaussians in space and time. A thread projects one Gaussian. The
+// threads of a warp read the parameters of their 32 Gaussians together, in whole cache lines. They
+// also share the tile rows of the 32 splats evenly when they count tiles.
 // Faster-GS, fused activations, exact and balanced tile culling
 #include <algorithm>
 

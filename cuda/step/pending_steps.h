@@ -60,7 +60,8 @@ class StepLauncher {
   virtual void wait_for_launches() = 0;
   /// After a step that failed, and wait_for_launches(): sums and gradients are zero again.
   virtual void clear_failed_step() = 0;
-  /// After steps that were halted: sums and gradients are zero again, and no step is halted any more.
+  /// After steps that were halted: sums and gradients are zero again, and no step is halted any
+  /// more.
   virtual void clear_halted_steps() = 0;
 };
 

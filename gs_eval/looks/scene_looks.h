@@ -35,8 +35,8 @@ SceneLooks looks_of(const PhotometricConfig& config, const PhotometricState& sta
 using AppearanceOf = std::function<std::unique_ptr<Appearance>(const View&)>;
 AppearanceOf appearances(const SceneLooks& looks);
 
-/// Appearances under the exposures of the scene's views, which were solved for, in place of the learned
-/// or predicted numbers. Null for a photo without an exposure. Learned
+/// Appearances under the exposures of the scene's views, which were solved for, in place of the
+/// learned or predicted numbers. Null for a photo without an exposure. Learned
 /// numbers differ from the solved ones by a common part, which is that of the training photos.
 AppearanceOf solved_appearances(const SceneLooks& looks, const Scene& scene);
 

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Stage 1: one splat per Gaussian; see gs_core/math/render/splat.h for the formulas, and spacetime_splat.h
-// for those of Gaussians in space and time.
+// Stage 1: one splat per Gaussian; see gs_core/math/render/splat.h for the formulas, and
+// spacetime_splat.h for those of Gaussians in space and time.
 #include "gs_core/threads/parallel.h"
 #include "gs_render/stage_clock.h"
 #include "gs_render/stages.h"

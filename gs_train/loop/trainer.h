@@ -124,10 +124,11 @@ class Trainer {
 /// device.
 /// A 3D filter is part of its scales and opacities (bake_filter.h).
 GaussianModel trained_model(Trainer& trainer);
-/// The model with the 3D filter beside scales and opacities, for training on. The run has model.filter_3d.
+/// The model with the 3D filter beside scales and opacities, for training on. The run has
+/// model.filter_3d.
 GaussianModel raw_model(Trainer& trainer);
-/// trained_model() in two steps: the copy, which waits for the device, and the part of it that can be
-/// seen.
+/// trained_model() in two steps: the copy, which waits for the device, and the part of it that can
+/// be seen.
 GaussianModel copied_model(Trainer& trainer);
 GaussianModel visible_part(const GaussianModel& model);
 

@@ -37,7 +37,8 @@ class Appearance {
 
   /// Computes what the photo shows of a picture: shown().
   void show(const Planes& picture);
-  /// Computes what the photo shows of the background alone: behind(). Only photos over a background need it.
+  /// Computes what the photo shows of the background alone: behind(). Only photos over a background
+  /// need it.
   void show_background(const Vec3f& background, int width, int height);
   /// (3, H, W), not clamped.
   const std::vector<float>& shown() const { return shown_; }

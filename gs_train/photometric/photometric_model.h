@@ -9,9 +9,9 @@
 //   2. It becomes a row of kModels in photometric_model.cpp and a word of kPhotometricWords in
 //      gs_core/config/config_words.h.
 //   3. Settings of its own are members of PhotometricConfig.
-//   4. Its GPU twin is in cuda/photo_terms/photometric.cu and ssim.cu, beside gains, and
-//      photometric_stage.cu knows its name. Without a twin, training on a GPU with this model is
-//      refused when the run starts.
+//   4. Its GPU twin is in cuda/photo_terms/photometric.cu and cuda/loss/ssim.cu, beside gains, and
+//      features_of() in cuda/backend.cu has its name. Without a twin, training on a GPU with this
+//      model is refused when the run starts.
 // Adam, the mean of zero, checkpoints, held-out photos, metrics and photometric.json then take it as
 // they take the others.
 #pragma once
@@ -28,7 +28,7 @@
 namespace gs {
 
 /// All numbers of a model are 0 where a photo shows the scene's own colors. This is the scalar twin;
-/// a device has kernels of its own and takes the models that it knows by name().
+/// a device has kernels of its own and says in Features which models it knows.
 class PhotometricModel {
  public:
   virtual ~PhotometricModel() = default;

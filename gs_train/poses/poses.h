@@ -17,7 +17,8 @@ namespace gs {
 /// those are of other photos.
 void begin_poses(const Config& config, const Scene& scene, TrainingModel& model);
 
-/// The camera of a training photo as it is now; `given`, that of its view, where nothing is learned.
+/// The camera of a training photo as it is now; `given`, that of its view, where nothing is
+/// learned.
 Camera refined_camera(const PoseState& state, const Camera& given, std::size_t photo);
 /// The cameras of all training photos.
 std::vector<Camera> refined_cameras(const PoseState& state, const std::vector<View>& train_views);

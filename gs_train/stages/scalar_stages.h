@@ -26,8 +26,8 @@ void find_pixel_values(const View& view, const PixelRule& rule, const RenderPass
 
 std::unique_ptr<RowOps> make_scalar_row_ops();  // 9  rows.cpp, 10 morton.cpp
 
-/// 8  adam.cpp: one update of every row, visible or not (dense semantics). Adds update.rule.steps to
-/// model.adam_steps.
+/// 8  adam.cpp: one update of every row, visible or not (dense semantics). Adds update.rule.steps
+/// to model.adam_steps.
 void update_by_adam(TrainingModel& model, const Gaussians& gradients, const Update& update);
 /// 8  langevin.cpp, what the MCMC strategy adds: gradients += those of the regularizers, for every
 /// row, and after the update means += noise.
@@ -62,8 +62,8 @@ void measure_filter(TrainingModel& model, const std::vector<Camera>& cameras, fl
 /// become zero.
 void start_new_rows(const Columns& columns, std::size_t first);
 
-/// Puts rows into a new order, or keeps some of them: row i becomes what row source[i] was, in every
-/// column.
+/// Puts rows into a new order, or keeps some of them: row i becomes what row source[i] was, in
+/// every column.
 void gather_rows(const Columns& columns, Span<const std::uint32_t> source);
 
 /// Row numbers along the Morton curve of the means in their bounding cube. Rows of equal codes keep

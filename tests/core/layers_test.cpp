@@ -2,7 +2,8 @@
 // Includes and link lines go one way, and only the folder that owns a library sees it:
 //
 //   gs_core <- gs_render <- gs_train <- gs_eval, cuda;   gs_core <- gs_model <- data_loaders;
-//   apps/web is text alone;   all of these <- gs_app <- apps/cli, apps/python;   tests see everything
+//   apps/web is text alone;   all of these <- gs_app <- apps/cli, apps/python;
+//   tests see everything
 //
 // Within most of them the subfolders have an order, too.
 //

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// One batch of a warp of cuda/render/blend/blend_gemm.cu, emulated on the CPU in double: each lane gets the
-// entries that the hardware gives it (cuda/render/blend/gemm_layout.h), composites its own splats, and exchanges
-// the same values as blend_gemm.cu.
+// One batch of a warp of cuda/render/blend/blend_gemm.cu, emulated on the CPU in double: each lane
+// gets the entries that the hardware gives it (cuda/render/blend/gemm_layout.h), composites its own
+// splats, and exchanges the same values as blend_gemm.cu.
 #include "cuda/render/blend/gemm_layout.h"
 
 #include <gtest/gtest.h>

@@ -18,7 +18,8 @@ struct SpacetimeParameters {
   T log_time_scale;  // log of the standard deviation along the fourth axis
 };
 
-/// Parameters of a Gaussian in space and time, without color. A gradient by the parameters has this type, too.
+/// Parameters of a Gaussian in space and time, without color. A gradient by the parameters has this
+/// type, too.
 template <class T>
 struct SpacetimeShape {
   Vec3<T> mean, log_scale;
