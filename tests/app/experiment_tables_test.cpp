@@ -233,11 +233,11 @@ TEST(TableLatex, EscapesNamesAndGroupsDigits) {
 TEST_F(ExperimentTables, SayWhatTheyWereMadeWith) {
   finish_all();
   const SortedJson provenance = written().at("provenance");
-  EXPECT_THAT(provenance.at("command").at(0), HasSubstr("experiment_tables_test"));
+  EXPECT_THAT(provenance.at("command").at(0), HasSubstr("app_tests"));
   EXPECT_EQ(provenance.at("folder"), fs::current_path().string());
   EXPECT_THAT(provenance.at("compiler"), ::testing::AnyOf(HasSubstr("GCC"), HasSubstr("clang")));
   EXPECT_TRUE(provenance.contains("cuda"));
-  EXPECT_THAT(markdown(), AllOf(HasSubstr("- command: `"), HasSubstr("experiment_tables_test")));
+  EXPECT_THAT(markdown(), AllOf(HasSubstr("- command: `"), HasSubstr("app_tests")));
 }
 
 // git's output, shortened. The hash is that of Python's FNV-1a of these bytes.

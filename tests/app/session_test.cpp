@@ -293,9 +293,9 @@ TEST_F(Session, AFullDiskAtASaveStepCostsThatModelAndIsSaidAgainAtTheEnd) {
     return config;
   };
   const FullDisk full("iteration_8");
-  testing::internal::CaptureStdout();
+  CapturedLog logged;
   EXPECT_EQ(run(asked), SessionEnd::finished);
-  const std::string log = testing::internal::GetCapturedStdout();
+  const std::string log = logged.text();
   EXPECT_FALSE(fs::exists(ply("out", 8)));
   EXPECT_TRUE(fs::exists(ply("out", 12)));
   EXPECT_TRUE(fs::exists(ply("out")));
@@ -311,9 +311,9 @@ TEST_F(Session, RowsWithoutAPlaceOnTheDiskComeWithALaterOne) {
   fs::create_symlink("/dev/full", path("a.csv"));
   file.add("2,0.4\n");
   file.add("3,0.3\n");
-  testing::internal::CaptureStdout();
+  CapturedLog logged;
   lost.say_again();
-  EXPECT_THAT(testing::internal::GetCapturedStdout(), HasSubstr("a.csv is missing"));
+  EXPECT_THAT(logged.text(), HasSubstr("a.csv is missing"));
   fs::remove(path("a.csv"));
   write_bytes(path("a.csv"), "step,loss\n1,0");  // half of a row
   file.add("4,0.2\n");
@@ -321,9 +321,9 @@ TEST_F(Session, RowsWithoutAPlaceOnTheDiskComeWithALaterOne) {
   file.cut_after(2);
   file.add("3,0.1\n");
   EXPECT_EQ(read_bytes(path("a.csv")), "step,loss\n1,0.5\n2,0.4\n3,0.1\n");
-  testing::internal::CaptureStdout();
+  CapturedLog logged_again;
   lost.say_again();
-  EXPECT_EQ(testing::internal::GetCapturedStdout(), "");
+  EXPECT_EQ(logged_again.text(), "");
 }
 
 TEST_F(Session, AnOlderSidecarIsNeverBesideANewerFile) {

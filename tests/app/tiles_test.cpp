@@ -10,6 +10,7 @@
 #include "gs_core/geometry/vectors.h"
 #include "gs_core/system/log.h"
 #include "gs_core/system/text/json.h"
+#include "tests/support/captured_log.h"
 #include "tests/support/error_of.h"
 #include "tests/support/models.h"
 #include "tests/support/placed_scene.h"
@@ -258,10 +259,9 @@ TEST_F(Tileset, ModelsThatDoNotFitAreRefused) {
 TEST_F(Tileset, FarGaussiansTakeCoarserStepsAndStayWhereTheyAre) {
   GaussianModel model = scattered(5);
   model.gaussians.mean[3] = {1000, 0, 0};  // 7.5 km: two bits fewer
-  setup_log(Verbosity::quiet);             // to stderr
-  testing::internal::CaptureStderr();
+  CapturedLog logged;
   export_tileset(model, request(100));
-  EXPECT_THAT(testing::internal::GetCapturedStderr(), HasSubstr("1 Gaussians stand up to"));
+  EXPECT_THAT(logged.text(), HasSubstr("1 Gaussians stand up to"));
   const ReadTile tile(path("tiles/0/0.glb"));
   const Vec3d expected = true_georeference().enu_from_input(Vec3d(1000.0, 0.0, 0.0));
   EXPECT_LT(length(Vec3d(tile.model.gaussians.mean[3]) - expected), 0.002);

@@ -121,8 +121,9 @@ TEST_F(Experiment, TablesHaveEveryRunMeansOverSeedsAndProvenance) {
   const Outcome outcome = experiment();
   ASSERT_EQ(outcome.code, 0) << outcome.err;
   EXPECT_THAT(outcome.out, HasSubstr("8 of 8 runs finished"));
-  if (fs::exists(path("out/report.html")))
+  if (fs::exists(path("out/report.html"))) {
     EXPECT_THAT(outcome.out, HasSubstr("report: " + path("out/report.html").string()));
+  }
   EXPECT_THAT(outcome.err, AllOf(HasSubstr("[8/8] b/flat/seed2: psnr "), HasSubstr("train.log")));
   expect_complete_tables();
 

@@ -1,25 +1,23 @@
 // SPDX-License-Identifier: Apache-2.0
+// What the log says while a test does something, whatever tests before it have done with the log.
 #pragma once
 
+#include <gtest/gtest.h>
+
 #include <string>
-#include <string_view>
 
 #include "gs_core/system/log.h"
 
 namespace gs {
 
-/// Keeps the lines of the log while it lives.
+/// Everything that is logged from here to text(), which is called once.
 class CapturedLog {
  public:
   CapturedLog() {
-    text_.clear();
-    detail::set_log_sink([](detail::LogLevel, std::string_view line) { text_ += line; });
+    setup_log(Verbosity::normal);
+    testing::internal::CaptureStderr();
   }
-  ~CapturedLog() { detail::set_log_sink(nullptr); }
-  const std::string& text() const { return text_; }
-
- private:
-  static inline std::string text_;
+  std::string text() { return testing::internal::GetCapturedStderr(); }
 };
 
 }  // namespace gs

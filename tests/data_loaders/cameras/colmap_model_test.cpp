@@ -7,6 +7,7 @@
 #include <limits>
 
 #include "gs_core/error.h"
+#include "tests/support/captured_log.h"
 #include "tests/support/colmap_writer.h"
 #include "tests/support/error_of.h"
 
@@ -221,9 +222,9 @@ TEST(ColmapModel, PointsWithoutAFinitePositionAreLeftOutAndCounted) {
               "5 1 2 3 10 20 30 0.5\n6 -nan(ind) 0 0 1 2 3 nan\n7 0 -inf nan 1 2 3 0.5\n"
               "8 nan nan nan 1 2 3 0\n900000000000 -1 0.5 4 255 0 1 -nan(ind)\n");
   for (const auto& [name, count] : {std::pair{"bin", "2 of 4 points"}, {"txt", "3 of 5 points"}}) {
-    testing::internal::CaptureStdout();
+    CapturedLog logged;
     const ColmapModel read = read_colmap_model(temp.path() / name);
-    EXPECT_THAT(testing::internal::GetCapturedStdout(),
+    EXPECT_THAT(logged.text(),
                 AllOf(HasSubstr(count), HasSubstr("points3D"), HasSubstr("left out")));
     expect_same(read, small_model(1));
   }

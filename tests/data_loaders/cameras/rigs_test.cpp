@@ -6,6 +6,7 @@
 #include "data_loaders/scene/load_scene.h"
 #include "data_loaders/scene/scene_model.h"
 #include "gs_core/error.h"
+#include "tests/support/captured_log.h"
 #include "tests/support/colmap_writer.h"
 
 namespace gs {
@@ -62,13 +63,13 @@ void expect_same_rigs(const ColmapModel& a, const ColmapModel& b) {
 
 /// The message of reading `folder`: an Error, or else a warning that the rigs are left out.
 std::string complaint_of(const std::filesystem::path& folder) {
-  testing::internal::CaptureStdout();
+  CapturedLog logged;
   try {
     EXPECT_THAT(read_colmap_model(folder).rigs, IsEmpty());
   } catch (const Error& error) {
-    return testing::internal::GetCapturedStdout() + error.what();
+    return logged.text() + error.what();
   }
-  const std::string log = testing::internal::GetCapturedStdout();
+  const std::string log = logged.text();
   EXPECT_THAT(log, HasSubstr("going on without rigs"));
   return log;
 }

@@ -23,6 +23,7 @@
 #include "gs_core/system/files/output_lock.h"
 #include "gs_core/system/processes/subprocess.h"
 #include "tests/support/avi_writer.h"
+#include "tests/support/captured_log.h"
 #include "tests/support/error_of.h"
 #include "tests/support/foreign_leaks.h"
 #include "tests/support/scenes.h"
@@ -569,10 +570,9 @@ TEST_F(VideoColmap, FramesBecomeThePhotosAndNeighborsAreMatched) {
 }
 
 TEST_F(VideoColmap, AShortFilmGivesAllOfItsFramesAndSaysSo) {
-  testing::internal::CaptureStdout();
+  CapturedLog logged;
   run_colmap(video_job(100), kSilent);
-  EXPECT_THAT(testing::internal::GetCapturedStdout(),
-              AllOf(HasSubstr("all 12 frames of"), HasSubstr("--frames 3")));
+  EXPECT_THAT(logged.text(), AllOf(HasSubstr("all 12 frames of"), HasSubstr("--frames 3")));
   EXPECT_THAT(images(), SizeIs(12));
 }
 
@@ -672,9 +672,9 @@ TEST(PhotoFolder, EveryFormatOfTrainingIsTakenAndAFileThatIsLeftOutIsNamed) {
     write_png(temp.path() / name, plain_photo(4, 4, 9));
   write_bytes(temp.path() / "f.DNG", "raw");
   std::vector<std::string> names;
-  testing::internal::CaptureStdout();
+  CapturedLog logged;
   for (const PhotoFile& photo : find_photos(temp.path(), {})) names.push_back(photo.name);
-  const std::string log = testing::internal::GetCapturedStdout();
+  const std::string log = logged.text();
   EXPECT_THAT(names, ElementsAre("a.heic.jpg", "a.jpg", "b.png", "c.jpg", "d.png", "e.bmp"));
   EXPECT_THAT(log, HasSubstr("f.DNG"));
 }
@@ -754,9 +754,9 @@ TEST(PhotoFolder, PhotosThatAreCutShortAndPanoramasAreLeftOutAndNamed) {
                           "<GPano:ProjectionType>equirectangular</GPano:ProjectionType>";
   sphere.insert(2, std::string("\xff\xe1\0", 3) + char(2 + xmp.size()) + xmp);
   write_bytes(temp.path() / "sphere.jpg", sphere);
-  testing::internal::CaptureStdout();
+  CapturedLog logged;
   const std::vector<PhotoFile> photos = find_photos(temp.path(), {});
-  const std::string log = testing::internal::GetCapturedStdout();
+  const std::string log = logged.text();
   ASSERT_THAT(photos, SizeIs(1));
   EXPECT_EQ(photos[0].name, "a.png");
   EXPECT_THAT(log, AllOf(HasSubstr("cut.png is cut short"), HasSubstr("wide.png is a panorama"),

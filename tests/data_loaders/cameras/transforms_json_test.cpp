@@ -12,6 +12,7 @@
 #include "gs_core/math/random.h"
 #include "gs_core/math/render/rotation.h"
 #include "gs_core/system/text/json.h"
+#include "tests/support/captured_log.h"
 #include "tests/support/colmap_writer.h"
 
 namespace gs {
@@ -406,12 +407,11 @@ TEST_F(Transforms, ListsOfFilenamesSplit) {
 }
 
 TEST_F(Transforms, APhotoInBothListsIsForTestingWithAWarning) {
-  testing::internal::CaptureStdout();
+  CapturedLog logged;
   const TransformsScene scene = read(small_file(R"({
       "train_filenames": ["images/a.png", "images/b.png"], "test_filenames": ["images/b.png"]})"));
-  EXPECT_THAT(testing::internal::GetCapturedStdout(),
-              AllOf(HasSubstr("1 photo is listed both for training and for testing"),
-                    HasSubstr("transforms.json")));
+  EXPECT_THAT(logged.text(), AllOf(HasSubstr("1 photo is listed both for training and for testing"),
+                                   HasSubstr("transforms.json")));
   EXPECT_THAT(scene.test_names, ElementsAre("images/b.png"));
   EXPECT_EQ(scene.model.images.size(), 2u);
 }
@@ -453,10 +453,9 @@ TEST_F(Transforms, ColorsMayBeRealNumbersOrAbsent) {
 
 TEST_F(Transforms, PointsThatAreNotFiniteAreLeftOutAndCounted) {
   write_point_ply(folder() / "p.ply", {{{1, NAN, 3}, {1, 1, 1}}, {{4, 5, 6}, {2, 2, 2}}});
-  testing::internal::CaptureStdout();
+  CapturedLog logged;
   const ColmapModel model = read(small_file(R"({"ply_file_path": "p.ply"})")).model;
-  EXPECT_THAT(testing::internal::GetCapturedStdout(),
-              AllOf(HasSubstr("1 of 2 points"), HasSubstr("left out")));
+  EXPECT_THAT(logged.text(), AllOf(HasSubstr("1 of 2 points"), HasSubstr("left out")));
   ASSERT_EQ(model.points.size(), 1u);
   EXPECT_EQ(model.points[0].id, 1u);
   EXPECT_THAT(model.points[0].color, ElementsAre(2, 2, 2));
@@ -468,9 +467,9 @@ TEST_F(Transforms, AnUnreadablePlyIsAWarning) {
                             "ply\nformat ascii 1.0\nelement vertex 1\n"
                             "property float x\nend_header\n1\n"}) {
     if (*bytes) write_bytes(folder() / "p.ply", bytes);
-    testing::internal::CaptureStdout();
+    CapturedLog logged;
     const ColmapModel model = read(file).model;
-    EXPECT_THAT(testing::internal::GetCapturedStdout(),
+    EXPECT_THAT(logged.text(),
                 AllOf(HasSubstr((folder() / "p.ply").string()), HasSubstr("without points")));
     EXPECT_EQ(model.images.size(), 2u);
     EXPECT_THAT(model.points, IsEmpty());

@@ -8,6 +8,7 @@
 #include "data_loaders/lenses/undistort.h"
 #include "data_loaders/scene/load_scene.h"
 #include "gs_core/error.h"
+#include "tests/support/captured_log.h"
 #include "tests/support/colmap_writer.h"
 #include "tests/support/load_scene.h"
 #include "tests/support/tiny_photos.h"
@@ -25,10 +26,9 @@ constexpr int kWidth = 12, kHeight = 8;  // of small_model()'s photos
 
 /// The log of load_scene().
 std::string log_of(const DatasetConfig& dataset) {
-  testing::internal::CaptureStdout();
-  testing::internal::CaptureStderr();
+  CapturedLog logged;
   load_scene(dataset);
-  return testing::internal::GetCapturedStdout() + testing::internal::GetCapturedStderr();
+  return logged.text();
 }
 
 /// White on the left `white` columns, black on the others.

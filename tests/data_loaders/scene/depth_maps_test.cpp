@@ -11,6 +11,7 @@
 #include "data_loaders/scene/depth/depth_map.h"
 #include "data_loaders/scene/load_scene.h"
 #include "data_loaders/scene/undistort_scene.h"
+#include "tests/support/captured_log.h"
 #include "tests/support/colmap_writer.h"
 #include "tests/support/depth_png.h"
 #include "tests/support/load_scene.h"
@@ -73,10 +74,9 @@ class DepthMaps : public testing::Test {
     return *with_photo(load_scene(dataset).train_views.at(i));
   }
   std::string log_of(const DatasetConfig& dataset) {
-    testing::internal::CaptureStdout();
-    testing::internal::CaptureStderr();
+    CapturedLog logged;
     load_scene(dataset);
-    return testing::internal::GetCapturedStdout() + testing::internal::GetCapturedStderr();
+    return logged.text();
   }
   fs::path folder() const { return temp_.path() / "scene"; }
 

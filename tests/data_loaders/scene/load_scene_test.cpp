@@ -5,6 +5,7 @@
 
 #include "data_loaders/lenses/undistort.h"
 #include "gs_core/error.h"
+#include "tests/support/captured_log.h"
 #include "tests/support/colmap_writer.h"
 #include "tests/support/exif_photo.h"
 #include "tests/support/load_scene.h"
@@ -90,13 +91,13 @@ TEST(LoadScene, ModelIsFoundInAllItsPlaces) {
 
 /// The log of load_scene().
 std::string log_of(const DatasetConfig& dataset) {
-  testing::internal::CaptureStdout();
+  CapturedLog logged;
   try {
     load_scene(dataset);
   } catch (const Error& error) {
     ADD_FAILURE() << error.what();
   }
-  return testing::internal::GetCapturedStdout();
+  return logged.text();
 }
 
 TEST(LoadScene, SubModelWithTheMostPhotosIsTakenAndSaid) {
@@ -205,9 +206,9 @@ std::pair<PhotoSize, std::string> trained_size(const PhotoSize& photo,
   write_scene(dataset.source, model);
   write_png(std::filesystem::path(dataset.source) / "images" / model.images[0].name,
             plain_photo(photo.width, photo.height, 50));
-  testing::internal::CaptureStdout();
+  CapturedLog logged;
   const View view = load_scene(dataset).train_views[0];
-  const std::string log = testing::internal::GetCapturedStdout();
+  const std::string log = logged.text();
   EXPECT_EQ(view.photo.width, view.camera.width);
   return {{view.camera.width, view.camera.height}, log};
 }

@@ -13,6 +13,7 @@
 #include "data_loaders/video/video_frames.h"
 #include "gs_core/error.h"
 #include "tests/support/avi_writer.h"
+#include "tests/support/captured_log.h"
 #include "tests/support/colmap_writer.h"
 #include "tests/support/foreign_leaks.h"
 #include "tests/support/load_scene.h"
@@ -225,9 +226,9 @@ TEST_F(VideosOfCameras, AnotherVideoOfTheSameNameHasItsOwnFrames) {
 
 TEST_F(VideosOfCameras, WithoutMemoryAndCacheAreStillRight) {
   write_videos(folder(), {10, 10});
-  testing::internal::CaptureStdout();
+  CapturedLog logged;
   const Scene scene = load_scene(dataset_of_little_memory());
-  EXPECT_THAT(testing::internal::GetCapturedStdout(), HasSubstr("20 of 20 frames of videos fit"));
+  EXPECT_THAT(logged.text(), HasSubstr("20 of 20 frames of videos fit"));
   expect_frames(scene, 10);
 }
 
