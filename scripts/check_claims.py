@@ -1,6 +1,6 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: Apache-2.0
-"""Checks that docs/reliability.md and SECURITY.md claim nothing but what a test shows.
+"""Checks that docs/develop/reliability.md and SECURITY.md claim nothing but what a test shows.
 
     scripts/check_claims.py                          # against the sources
     scripts/check_claims.py --build build/default    # and against the tests that this build has
@@ -19,7 +19,7 @@ import sys
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[1]
-PAGES = ("docs/reliability.md", "SECURITY.md")
+PAGES = ("docs/develop/reliability.md", "SECURITY.md")
 # `folder/file_test` Name, Name and Name; also a script of tests/faults, which needs no names.
 MENTION = re.compile(r"`((?:[a-z_0-9]+/)+[a-z_0-9]+_test|faults/(?:inject|kills))`"
                      r"((?:(?:,| and|\s)+(?!`)[A-Z]\w*[a-z]\w*)*)")
@@ -106,7 +106,7 @@ def promises_without_a_test(security, reliability):
     rows = {row["promise"] for _, row in tables(reliability) if "promise" in row}
     for promise in re.findall(r"^- \*\*(.+?)\.\*\*", re.sub(r"\n  ", " ", section), re.M):
         if promise not in rows:
-            yield f"SECURITY.md promises \"{promise}\", for which docs/reliability.md has no row"
+            yield f"SECURITY.md promises \"{promise}\", for which docs/develop/reliability.md has no row"
 
 
 def fuzz_targets():
@@ -125,9 +125,9 @@ def wrong_fuzz_targets(security, reliability, developing):
     described = {name for _, row in tables(developing) if "reads" in row
                  for name in re.findall(r"`(\w+)`", row.get("target", ""))}
     if described != targets:
-        yield f"docs/developing.md describes other fuzz targets: {sorted(described ^ targets)}"
-    for page, text, count in (("docs/reliability.md", reliability, r"the (\d+) \[fuzz targets\]"),
-                              ("docs/developing.md", developing, r"has (\d+) targets for libFuzzer")):
+        yield f"docs/develop/developing.md describes other fuzz targets: {sorted(described ^ targets)}"
+    for page, text, count in (("docs/develop/reliability.md", reliability, r"the (\d+) \[fuzz targets\]"),
+                              ("docs/develop/developing.md", developing, r"has (\d+) targets for libFuzzer")):
         stated = re.search(count, re.sub(r"\s+", " ", text))
         if not stated or int(stated.group(1)) != len(targets):
             yield f"{page} does not say that there are {len(targets)} fuzz targets"
@@ -144,7 +144,7 @@ def wrong_mends(reliability):
     table = subprocess.run([sys.executable, ROOT / "tests/faults/undo_mends.py", "--table"],
                            capture_output=True, text=True, check=True).stdout
     if table not in reliability:
-        yield "docs/reliability.md has another table of mends than undo_mends.py --table"
+        yield "docs/develop/reliability.md has another table of mends than undo_mends.py --table"
     for mend in MENDS:
         count = (ROOT / mend.file).read_text().count(mend.before)
         if count != 1:
@@ -179,7 +179,7 @@ def main():
     parser.add_argument("--ctest", default="ctest", help="the program ctest")
     parser.add_argument("--run", action="store_true", help="run the tests that the pages name")
     arguments = parser.parse_args()
-    text = {page: (ROOT / page).read_text() for page in (*PAGES, "docs/developing.md")}
+    text = {page: (ROOT / page).read_text() for page in (*PAGES, "docs/develop/developing.md")}
     reliability, security = text[PAGES[0]], text[PAGES[1]]
     listed = tests_in_build(arguments.build, arguments.ctest) if arguments.build else []
     in_sources = tests_in_sources()
@@ -190,7 +190,7 @@ def main():
         if arguments.build:
             wrong += tests_that_do_not_run(page, text[page], listed)
     wrong += promises_without_a_test(security, reliability)
-    wrong += wrong_fuzz_targets(security, reliability, text["docs/developing.md"])
+    wrong += wrong_fuzz_targets(security, reliability, text["docs/develop/developing.md"])
     wrong += wrong_mends(reliability)
     wrong += wrong_filter_of_threads()
     print("\n".join(wrong) or "every line of the pages names a test that exists")

@@ -1,6 +1,6 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: Apache-2.0
-"""Draws docs/benchmarks/quality.csv as docs/images/quality.svg: quality over the seconds of training. Needs nothing but
+"""Draws docs/lab/benchmarks/quality.csv as docs/images/quality.svg: quality over the seconds of training. Needs nothing but
 Python 3.
 
     python3 scripts/plot_quality.py            # writes the picture
@@ -16,7 +16,7 @@ from xml.sax.saxutils import escape
 
 from plot_history import ROOT, line, number, text, ticks
 
-TABLE = ROOT / "docs/benchmarks/quality.csv"
+TABLE = ROOT / "docs/lab/benchmarks/quality.csv"
 PICTURE = ROOT / "docs/images/quality.svg"
 
 METRICS = [("psnr", "PSNR of the test views / dB"), ("ssim", "SSIM of the test views")]

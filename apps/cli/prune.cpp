@@ -226,7 +226,7 @@ void add_prune(CLI::App& program) {
       ->type_name("RUN|MODEL")
       ->required();
   verb.add_option("-o,--output", command->output,
-                  "file to write; its ending chooses the format (docs/formats.md)")
+                  "file to write; its ending chooses the format (docs/reference/formats.md)")
       ->type_name("FILE")
       ->required();
   verb.add_option("--iteration", command->step,

@@ -234,7 +234,7 @@ void add_train(CLI::App& program) {
               "Training", "largest number of Gaussians; auto: as many as fit into memory");
   verb.add_option("--gpus", command->gpus,
                   "train on so many GPUs, or on all; a new run updates by as many photos at once "
-                  "(docs/gpus.md)")
+                  "(docs/guide/several_gpus.md)")
       ->type_name("N|all")
       ->group("Training");
   add_setting(verb, line, "--seed", "train.seed", "Training");

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The viewer's answers to HTTP requests: the page and its data. docs/viewer.md lists the addresses.
+// The viewer's answers to HTTP requests: the page and its data. docs/guide/view.md lists the addresses.
 // Start reading here.
 #pragma once
 

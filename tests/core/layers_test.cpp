@@ -7,7 +7,7 @@
 //
 // Within most of them the subfolders have an order, too.
 //
-// This test reads the source tree. The rules are the two tables below; docs/developing.md explains
+// This test reads the source tree. The rules are the two tables below; docs/develop/developing.md explains
 // them.
 #include <gmock/gmock.h>
 

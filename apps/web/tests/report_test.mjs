@@ -12,7 +12,7 @@ import {Browser, finish} from './browser.mjs';
 const SKIPPED = 77;  // as CTest is told
 const [modules, program, scene, out] = process.argv.slice(2, 6).map(path => resolve(path));
 const chromium = process.argv[6];
-const MOST_BYTES = 16 * 2 ** 20;  // of a report: docs/report.md
+const MOST_BYTES = 16 * 2 ** 20;  // of a report: docs/guide/report.md
 
 if (!chromium || !existsSync(chromium)) {
   console.log('skipped: no Chromium was found; install the package chromium');
