@@ -1,6 +1,6 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: Apache-2.0
-"""Checks that docs/develop/reliability.md and SECURITY.md claim nothing but what a test shows.
+"""Checks that reliability.md, the table of mends and SECURITY.md claim only what a test shows.
 
     scripts/check_claims.py                          # against the sources
     scripts/check_claims.py --build build/default    # and against the tests that this build has
@@ -19,7 +19,8 @@ import sys
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[1]
-PAGES = ("docs/develop/reliability.md", "SECURITY.md")
+PAGES = ("docs/develop/reliability.md", "SECURITY.md", "docs/lab/2026-11-mends.md")
+TESTING = "docs/develop/testing.md"  # which lists the fuzz targets
 # `folder/file_test` Name, Name and Name; also a script of tests/faults, which needs no names.
 MENTION = re.compile(r"`((?:[a-z_0-9]+/)+[a-z_0-9]+_test|faults/(?:inject|kills))`"
                      r"((?:(?:,| and|\s)+(?!`)[A-Z]\w*[a-z]\w*)*)")
@@ -106,7 +107,7 @@ def promises_without_a_test(security, reliability):
     rows = {row["promise"] for _, row in tables(reliability) if "promise" in row}
     for promise in re.findall(r"^- \*\*(.+?)\.\*\*", re.sub(r"\n  ", " ", section), re.M):
         if promise not in rows:
-            yield f"SECURITY.md promises \"{promise}\", for which docs/develop/reliability.md has no row"
+            yield f"SECURITY.md promises \"{promise}\", for which {PAGES[0]} has no row"
 
 
 def fuzz_targets():
@@ -114,7 +115,7 @@ def fuzz_targets():
     return set(words.group(1).split())
 
 
-def wrong_fuzz_targets(security, reliability, developing):
+def wrong_fuzz_targets(security, reliability, testing):
     targets = fuzz_targets()
     for number, row in tables(security):
         for target in re.findall(r"`(\w+)`", row.get("fuzz targets", "")):
@@ -122,12 +123,12 @@ def wrong_fuzz_targets(security, reliability, developing):
                 yield f"SECURITY.md:{number}: there is no fuzz target {target}"
         if not re.search(r"`\w+`", row.get("fuzz targets", "`any`")):
             yield f"SECURITY.md:{number}: no fuzz target reads this"
-    described = {name for _, row in tables(developing) if "reads" in row
+    described = {name for _, row in tables(testing) if "reads" in row
                  for name in re.findall(r"`(\w+)`", row.get("target", ""))}
     if described != targets:
-        yield f"docs/develop/developing.md describes other fuzz targets: {sorted(described ^ targets)}"
-    for page, text, count in (("docs/develop/reliability.md", reliability, r"the (\d+) \[fuzz targets\]"),
-                              ("docs/develop/developing.md", developing, r"has (\d+) targets for libFuzzer")):
+        yield f"{TESTING} describes other fuzz targets: {sorted(described ^ targets)}"
+    for page, text, count in ((PAGES[0], reliability, r"the (\d+) \[fuzz targets\]"),
+                              (TESTING, testing, r"has (\d+) targets for libFuzzer")):
         stated = re.search(count, re.sub(r"\s+", " ", text))
         if not stated or int(stated.group(1)) != len(targets):
             yield f"{page} does not say that there are {len(targets)} fuzz targets"
@@ -137,14 +138,14 @@ def wrong_fuzz_targets(security, reliability, developing):
                 yield f"there is no {place}"
 
 
-def wrong_mends(reliability):
+def wrong_mends(page, text):
     sys.path.insert(0, str(ROOT / "tests/faults"))
     sys.dont_write_bytecode = True
     from mends import MENDS
     table = subprocess.run([sys.executable, ROOT / "tests/faults/undo_mends.py", "--table"],
                            capture_output=True, text=True, check=True).stdout
-    if table not in reliability:
-        yield "docs/develop/reliability.md has another table of mends than undo_mends.py --table"
+    if table not in text:
+        yield f"{page} has another table of mends than undo_mends.py --table"
     for mend in MENDS:
         count = (ROOT / mend.file).read_text().count(mend.before)
         if count != 1:
@@ -179,8 +180,8 @@ def main():
     parser.add_argument("--ctest", default="ctest", help="the program ctest")
     parser.add_argument("--run", action="store_true", help="run the tests that the pages name")
     arguments = parser.parse_args()
-    text = {page: (ROOT / page).read_text() for page in (*PAGES, "docs/develop/developing.md")}
-    reliability, security = text[PAGES[0]], text[PAGES[1]]
+    text = {page: (ROOT / page).read_text() for page in (*PAGES, TESTING)}
+    reliability, security, _ = (text[page] for page in PAGES)
     listed = tests_in_build(arguments.build, arguments.ctest) if arguments.build else []
     in_sources = tests_in_sources()
     wrong = []
@@ -190,13 +191,13 @@ def main():
         if arguments.build:
             wrong += tests_that_do_not_run(page, text[page], listed)
     wrong += promises_without_a_test(security, reliability)
-    wrong += wrong_fuzz_targets(security, reliability, text["docs/develop/developing.md"])
-    wrong += wrong_mends(reliability)
+    wrong += wrong_fuzz_targets(security, reliability, text[TESTING])
+    wrong += wrong_mends(PAGES[2], text[PAGES[2]])
     wrong += wrong_filter_of_threads()
     print("\n".join(wrong) or "every line of the pages names a test that exists")
     if wrong or not arguments.run:
         return 1 if wrong else 0
-    return run_named_tests([reliability, security], arguments.build, arguments.ctest, listed)
+    return run_named_tests([text[page] for page in PAGES], arguments.build, arguments.ctest, listed)
 
 
 if __name__ == "__main__":

@@ -2,9 +2,9 @@
 # SPDX-License-Identifier: Apache-2.0
 # Checks that CI has no time for: threads under ThreadSanitizer, all tests under AddressSanitizer and
 # UndefinedBehaviorSanitizer, all tests of a program that clang++ has compiled, and clang-tidy over
-# the whole tree, calls that fail and kills (docs/develop/reliability.md), tests that have to notice when a
-# mend is gone, each test that docs/develop/reliability.md and SECURITY.md name, and the lines that the tests
-# reach. They take some five hours on 2 cores.
+# the whole tree, calls that fail and kills (docs/develop/reliability.md), tests that have to notice
+# when a mend is gone, each test that docs/develop/reliability.md and SECURITY.md name, and the
+# lines that the tests reach. They take some five hours on 2 cores.
 #   scripts/check_more.sh [CHECK...]      only these; without names, all of: threads sanitizers clang tidy
 #                                         faults mends claims coverage
 #   scripts/check_more.sh faults-asan                    the faults with a program under AddressSanitizer

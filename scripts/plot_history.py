@@ -1,6 +1,6 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: Apache-2.0
-"""Draws docs/lab/benchmarks/history.csv as docs/images/benchmark_history.svg. Needs nothing but Python 3.
+"""Draws docs/lab/benchmarks/history.csv as docs/images/benchmark_history.svg. Needs Python 3 alone.
 
     python3 scripts/plot_history.py            # writes the picture
     python3 scripts/plot_history.py --check    # changes nothing; fails if a row is wrong or the picture is not that of the table

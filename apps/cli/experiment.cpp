@@ -284,7 +284,7 @@ void add_experiment(CLI::App& program) {
       ->type_name("N")
       ->check(CLI::Range(1, 1024));
   verb.add_option("--gpus-per-run", command->gpus_per_run,
-                  "train each run on so many GPUs that follow each other (docs/guide/several_gpus.md)")
+                  "GPUs for each run, with consecutive numbers (docs/guide/several_gpus.md)")
       ->type_name("N")
       ->check(CLI::Range(1, kMostBatch));
   auto* only = verb.add_option("--only", command->only,

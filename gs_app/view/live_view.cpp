@@ -26,7 +26,7 @@ namespace {
 using Json = nlohmann::ordered_json;
 
 // The fastest to write of the formats that the page reads and that keep all SH coefficients:
-// docs/guide/view.md has times.
+// docs/reference/viewer.md has times.
 const ModelFormat& snapshot_format(bool has_time) {
   return format_named(has_time ? "gs4d" : "compressed.ply");
 }

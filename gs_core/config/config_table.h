@@ -9,8 +9,8 @@
 
 namespace gs {
 
-/// docs/reference/settings.md: every setting in tables, and the presets. A test holds the file against
-/// it.
+/// docs/reference/settings.md: every setting in tables, and the presets. A test holds the file
+/// against it.
 std::string config_markdown();
 
 /// Value, origin, meaning, unit, range, default and source of the settings that `wanted` names: a

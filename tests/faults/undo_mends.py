@@ -8,7 +8,7 @@ and must pass.
 
     tests/faults/undo_mends.py --build build/default             # all; some 40 minutes on 2 cores
     tests/faults/undo_mends.py --build build/default 3a 21       # these; 21 stands for 21a and 21b
-    tests/faults/undo_mends.py --table                           # the table of docs/develop/reliability.md
+    tests/faults/undo_mends.py --table                           # that of docs/lab/2026-11-mends.md
 """
 import argparse
 import contextlib

@@ -14,7 +14,8 @@ from support import SOURCE, TestCase
 
 
 def python_blocks():
-    return re.findall(r"^```python\n(.*?)^```", (SOURCE / "docs" / "reference" / "python.md").read_text(), re.M | re.S)
+    page = SOURCE / "docs" / "reference" / "python.md"
+    return re.findall(r"^```python\n(.*?)^```", page.read_text(), re.M | re.S)
 
 
 class Docs(TestCase):

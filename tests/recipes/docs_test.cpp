@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// docs/develop/extending.md shows code that is compiled: each block stands word for word in the file that
-// the comment above it names.
+// docs/develop/extending.md shows code that is compiled: each block stands word for word in the
+// file that the comment above it names.
 #include <gtest/gtest.h>
 
 #include <filesystem>

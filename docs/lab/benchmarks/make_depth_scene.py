@@ -3,7 +3,8 @@
 
     python3 make_depth_scene.py OUT [--seed 1] [--photos 30] [--train 6] [--points 400]
 
-OUT becomes a COLMAP scene with a folder of depth maps for each case of the table in docs/method/depth.md:
+OUT becomes a COLMAP scene with a folder of depth maps for each case of the table in
+docs/lab/2026-11-depth.md:
 
     depth_metric    16-bit PNG, millimeters along the viewing axis
     depth_scaled    the same times a factor of each photo

@@ -61,7 +61,7 @@ GS_HD void add_to(FragmentSums& sum, const FragmentSums& part) {
   sum.second += part.second;
 }
 /// How much the pixels of a Gaussian disagree about its opacity: the number of fragments times the
-/// variance of their forces f.                                      after LiteGS (see docs/method/density.md)
+/// variance of their forces f.                          after LiteGS (docs/method/density.md)
 ///
 ///   n (Q / (n + 1) - (F / (n + 1))^2) = n (Q (n + 1) - F^2) / (n + 1)^2
 ///
