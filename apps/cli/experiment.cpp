@@ -299,8 +299,7 @@ void add_experiment(CLI::App& program) {
       "--dry-run", command->dry_run,
       "list the runs and train nothing; with --slurm, write the script without submitting it");
   verb.add_option("--status-every", command->status_every,
-                  "without a terminal, say every so many seconds how far the runs are; 0: never "
-                  "[60]")
+                  "without a terminal, seconds between two lines of progress; 0: none [60]")
       ->type_name("SECONDS")
       ->check(CLI::NonNegativeNumber);
   verb.add_flag("-q,--quiet", command->quiet, "print warnings and errors only");

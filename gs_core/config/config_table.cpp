@@ -114,7 +114,7 @@ std::string changes_of(const Preset& preset) {
 std::string presets_table() {
   std::string text =
       "\n## Presets\n"
-      "Presets are files of [configs/](../configs) that are part of the program. Use one by `-c "
+      "Presets are files of [configs/](../../configs) that are part of the program. Use one by `-c "
       "fast`, or\nby `base = \"fast\"` in a file of your own.\n\n" +
       markdown_header({"preset", "what it is", "what differs (from)"});
   for (const Preset& preset : presets())
