@@ -252,7 +252,7 @@ void add_prune(CLI::App& program) {
       ->type_name("SHARE")
       ->check(CLI::NonNegativeNumber);
   verb.add_option("--witnesses", command->witnesses,
-                  "with --floaters: keep Gaussians that at least this many training photos show "
+                  "with --floaters: spare a Gaussian that this many training photos show "
                   "among their own scene points [1]")
       ->type_name("VIEWS")
       ->check(CLI::PositiveNumber);
