@@ -14,10 +14,14 @@
 #include "cuda/photo_terms/poses.cuh"
 #include "cuda/render/refined_camera.cuh"
 #include "cuda/step/photos.cuh"
+#include "gs_core/math/density/pixel_rule.h"
 #include "gs_core/math/update/adam.h"
 #include "gs_core/math/update/moment_rounding.h"
 #include "gs_core/math/view/view_splat.h"
-#include "gs_train/backend.h"
+#include "gs_render/renderer.h"
+#include "gs_train/row_ops.h"
+#include "gs_train/step.h"
+#include "gs_train/training_model.h"
 
 namespace gs::cuda {
 

@@ -1,19 +1,14 @@
 // SPDX-License-Identifier: Apache-2.0
-// How long the stages take: the times of a backend, and the clock of stages on the host.
+// The clock of stages on the host.
 #pragma once
 
 #include <chrono>
 #include <mutex>
-#include <string>
 #include <vector>
 
-namespace gs {
+#include "gs_render/stage_time.h"
 
-/// The durations of one stage.
-struct StageTime {
-  std::string stage;
-  std::vector<float> milliseconds;  // one per run
-};
+namespace gs {
 
 /// Times the scalar stages while it is on. The process has one clock, since its stages share the
 /// cores.

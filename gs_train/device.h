@@ -9,7 +9,7 @@
 
 #include "gs_core/memory.h"
 #include "gs_core/scene.h"
-#include "gs_render/stage_clock.h"
+#include "gs_render/stage_time.h"
 
 namespace gs {
 

@@ -6,6 +6,7 @@
 
 #include <algorithm>
 
+#include "gs_core/config/config.h"
 #include "gs_core/error.h"
 
 namespace gs {

@@ -5,9 +5,9 @@
 #include <string>
 #include <vector>
 
-#include "gs_core/config/config.h"
-
 namespace gs {
+
+struct Config;
 
 struct Features {
   std::vector<std::string> losses;       // words of loss.kind

@@ -7,13 +7,12 @@
 //   2. It becomes a row of kLosses in scalar_backend.cpp and a word of kLossWords in
 //      gs_core/config/config_words.h. It compares what LossSettings::appearance shows, if there is
 //      one.
-//   3. Weights of its own are members of LossSettings and LossConfig, copied by loss_settings().
+//   3. Weights of its own are members of LossSettings and LossConfig, copied by Trainer::take_batch().
 //   4. Its GPU twin is a row of kLosses in cuda/backend.cu. Without a twin, training on a GPU with
 //      this loss is refused when the run starts.
 #pragma once
 
 #include "gs_core/buffer.h"
-#include "gs_core/config/config.h"
 #include "gs_core/scene.h"
 #include "gs_render/render_pass.h"
 #include "gs_train/photometric/appearance.h"
@@ -37,8 +36,6 @@ struct LossSettings {
   // What losses of a device know of the appearance; they show the picture themselves.
   const PhotoOnDevice* photo_on_device = nullptr;
 };
-
-inline LossSettings loss_settings(const Config& config) { return {config.loss.lambda_dssim}; }
 
 /// A backend has one at a time, the one that Backend::use() named.
 class Loss {

@@ -2,6 +2,7 @@
 // What one training step takes: its photos, how they are compared, and what it updates.
 #pragma once
 
+#include "gs_core/math/constants.h"
 #include "gs_core/math/density/growth.h"
 #include "gs_core/scene.h"
 #include "gs_render/render_pass.h"

@@ -1,71 +1,104 @@
 #!/usr/bin/env bash
 # SPDX-License-Identifier: Apache-2.0
-# Checks that CI has no time for: threads under ThreadSanitizer, all tests under AddressSanitizer and
-# UndefinedBehaviorSanitizer, all tests of a program that clang++ has compiled, and clang-tidy over
-# the whole tree, calls that fail and kills (docs/develop/reliability.md), tests that have to notice
-# when a mend is gone, each test that docs/develop/reliability.md and SECURITY.md name, and the
-# lines that the tests reach. They take some five hours on 2 cores.
-#   scripts/check_more.sh [CHECK...]      only these; without names, all of: threads sanitizers clang tidy
-#                                         faults mends claims coverage
-#   scripts/check_more.sh faults-asan                    the faults with a program under AddressSanitizer
+# Checks that CI has no time for; they run before a release. All take some six hours on 2 cores.
+#   scripts/check_more.sh [CHECK...]     only these; without names, all that `checks` lists below
+# The last result of each check stands in docs/develop/checks.csv, with its date and commit. A check of a tree
+# with changes is not written there.
 set -euo pipefail
 source "$(dirname "$0")/common.sh"
 
-# The second compiler, clang++, makes the CPU half with every library, under ThreadSanitizer: the
-# tests of the thread pool, the photo pool and the viewer's server, and the program, which they run.
-test_threads_with_clang() {
+readonly checks=(minimal threads sanitizers fuzz clang tidy cccl programs faults coverage)
+readonly results=docs/develop/checks.csv
+
+run_tests() { ctest --test-dir "build/$1" --output-on-failure --no-tests=error --progress -j"$(nproc)" "${@:2}"; }
+
+# The program from packed headers alone, as on a GPU server without packages. It is compiled by
+# clang++ and under ThreadSanitizer, which watches the pools of threads and photos and the server.
+check_minimal() {
+  install_clang
+  scripts/pack_headers.sh
+  build minimal_thread gemsplat thread_tests
+  grep -q "^gs_glm_DIR_FOUND:PATH=$PWD/.deps/include$" build/minimal_thread/CMakeCache.txt || die "GLM is not from .deps"
+  if ldd build/minimal_thread/bin/gemsplat | grep -E 'opencv|OpenImageIO|ceres|fmt|spdlog|zstd|xxhash|libz\.|webp|httplib'; then
+    die "the minimal program needs the libraries above"
+  fi
+  build/minimal_thread/bin/gemsplat report --help >/dev/null
+  ctest --preset minimal_thread --progress
+}
+
+# The same tests with every library, and the program's own.
+check_threads() {
   install_clang
   gs_configure_args=(-DCMAKE_CXX_COMPILER=clang++)
-  build thread thread_tests
+  build thread gemsplat thread_tests
   gs_configure_args=()
-  ctest --preset thread --progress -j"$(nproc)"
+  ctest --preset thread --progress
   build/thread/bin/gemsplat selftest --device cpu
 }
 
-test_with_sanitizers() {
+# All tests under AddressSanitizer and UndefinedBehaviorSanitizer.
+check_sanitizers() {
   build debug all
-  ctest --test-dir build/debug --output-on-failure --no-tests=error --progress -j"$(nproc)"
+  run_tests debug
 }
 
-test_with_clang() {
+# Each fuzz target reads the same 100,000 inputs, and the tests that damage files run, all under the
+# sanitizers and compiled by clang++.
+check_fuzz() {
+  install_clang
+  build fuzz data_loaders_scene_tests data_loaders_formats_tests fuzz_targets
+  build/fuzz/tests/data_loaders_scene_tests --gtest_filter='Fuzz.*'
+  build/fuzz/tests/data_loaders_formats_tests --gtest_filter='*FormatsFuzz*'
+  scripts/fuzz.sh --runs 100000
+}
+
+check_clang() {
   install_clang
   build clang all
-  ctest --test-dir build/clang --output-on-failure --no-tests=error --progress -j"$(nproc)"
+  run_tests clang
 }
 
-# test_faults preset: 1,200 calls that fail one after the other, and 500 kills.
-test_faults() {
-  build "$1" faults_tests
-  local campaign=(--program "build/$1/bin/gemsplat" --library "build/$1/tests/libfail_nth.so")
-  tests/faults/inject.py "${campaign[@]}" --faults 1200 --json "build/$1/faults.json"
-  tests/faults/kills.py "${campaign[@]}" --kills 500 --json "build/$1/kills.json"
-}
+check_tidy() { scripts/tidy.sh; }
 
-test_mends() {
+# CUDA files against the versions of CUB in GS_CCCL_DIRS.
+check_cccl() { scripts/check_cccl.sh; }
+
+# Every browser test, our files in the programs of others, and packages.
+check_programs() {
+  command -v chromium >/dev/null || apt_install chromium || die "chromium cannot be installed"
+  gs_configure_args=(-DGS_MORE_TESTS=ON)
+  rm -f build/default/.configured
   build default all
-  tests/faults/undo_mends.py --build build/default
+  gs_configure_args=()
+  run_tests default -L 'browser|interop|release'
 }
 
-test_claims() {
-  build default all
-  scripts/check_claims.py --build build/default --run
+# 1,200 calls that fail one after the other, and 500 kills, of a program under AddressSanitizer.
+check_faults() {
+  build debug faults_tests
+  local campaign=(--program build/debug/bin/gemsplat --library build/debug/tests/libfail_nth.so)
+  tests/faults/inject.py "${campaign[@]}" --faults 1200 --json build/debug/faults.json
+  tests/faults/kills.py "${campaign[@]}" --kills 500 --json build/debug/kills.json
 }
 
+check_coverage() { scripts/coverage.sh; }
+
+# record CHECK SECONDS: its row in the table of results, instead of an older one.
+record() {
+  [[ -z $(git status --porcelain -- . ":!$results") ]] || { say "not written to $results, since the tree has changes"; return; }
+  { head -n 1 "$results"
+    { tail -n +2 "$results" | grep -v "^$1," || true
+      printf '%s,passed,%s,%s,%d\n' "$1" "$(date -u +%F)" "$(git rev-parse --short=8 HEAD)" "$2"; } | sort; } >"$results.new"
+  mv "$results.new" "$results"
+}
+
+for name in "$@"; do
+  [[ " ${checks[*]} " == *" $name "* ]] || die "there is no check $name; there are: ${checks[*]}"
+done
 install_packages
-for check in "${@:-threads sanitizers clang tidy faults mends claims coverage}"; do
-  for name in $check; do
-    say "$name"
-    case $name in
-      threads) test_threads_with_clang ;;
-      sanitizers) test_with_sanitizers ;;
-      clang) test_with_clang ;;
-      tidy) scripts/tidy.sh ;;
-      faults) test_faults default ;;
-      faults-asan) test_faults debug ;;
-      mends) test_mends ;;
-      claims) test_claims ;;
-      coverage) scripts/coverage.sh ;;
-      *) die "there is no check $name; there are threads, sanitizers, clang, tidy, faults, faults-asan, mends, claims and coverage" ;;
-    esac
-  done
+for name in "${@:-${checks[@]}}"; do
+  say "$name"
+  begin=$SECONDS
+  "check_$name"
+  record "$name" $((SECONDS - begin))
 done

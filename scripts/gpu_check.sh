@@ -71,10 +71,10 @@ find_sanitizer() {
 # sanitize TOOL: small scenes, and models with odd numbers, under that tool of compute-sanitizer.
 sanitize() {
   local check=("$sanitizer" --tool "$1" --error-exitcode 9)
-  part "$1-render" "${check[@]}" build/minimal/tests/cuda_render_test --gtest_filter='CudaEdge.*-*65536*'
-  part "$1-blend" "${check[@]}" build/minimal/tests/cuda_blend_gemm_test --gtest_filter='*TwoOpaque*:*AtItsCenter'
-  part "$1-step" "${check[@]}" build/minimal/tests/cuda_step_test --gtest_filter='*FusedStep*:*ModelsOfAnyNumbers*'
-  part "$1-photometric" "${check[@]}" build/minimal/tests/cuda_photometric_test --gtest_filter='*AStepIs*:*ABatchIs*'
+  part "$1-render" "${check[@]}" build/minimal/tests/cuda_tests --gtest_filter='CudaEdge.*-*65536*'
+  part "$1-blend" "${check[@]}" build/minimal/tests/cuda_tests --gtest_filter='*TwoOpaque*:*AtItsCenter'
+  part "$1-step" "${check[@]}" build/minimal/tests/cuda_tests --gtest_filter='CudaStep.*FusedStep*:CudaStep.*ModelsOfAnyNumbers*'
+  part "$1-photometric" "${check[@]}" build/minimal/tests/cuda_tests --gtest_filter='CudaPhotometric.AStepIs*:CudaPhotometric.ABatchIs*'
 }
 
 # bench NAME ARGUMENT...: what to time; figures into DIR/bench-NAME.json.

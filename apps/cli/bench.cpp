@@ -22,13 +22,12 @@
 #include "gs_core/math/constants.h"
 #include "gs_core/system/files/output_lock.h"
 #include "gs_core/system/files/output_names.h"
+#include "gs_core/system/text/json.h"
 #include "gs_core/threads/parallel.h"
 #include "gs_render/render_settings.h"
 
 namespace gs {
 namespace {
-
-using Json = nlohmann::ordered_json;
 
 constexpr int kMostGaussians = 100'000'000, kMostViews = 1000, kMostRuns = 1'000'000;
 

@@ -7,7 +7,6 @@
 #include <CLI/CLI.hpp>
 #include <iostream>
 #include <memory>
-#include <nlohmann/json.hpp>
 
 #include "apps/cli/options.h"
 #include "apps/cli/verbs.h"
@@ -16,6 +15,7 @@
 #include "gs_app/session/load_run_scene.h"
 #include "gs_core/error.h"
 #include "gs_core/system/text/foreign_text.h"
+#include "gs_core/system/text/json.h"
 #include "gs_core/threads/parallel.h"
 
 namespace gs {
@@ -63,14 +63,13 @@ std::string text_of(const Diagnosis& diagnosis) {
 }
 
 std::string json_of(const Diagnosis& diagnosis) {
-  nlohmann::ordered_json json = {{"can_train", diagnosis.can_train()},
-                                 {"findings", nlohmann::ordered_json::array()}};
+  Json json = {{"can_train", diagnosis.can_train()}, {"findings", Json::array()}};
   for (const Finding& finding : diagnosis.findings)
     json["findings"].push_back({{"level", word_of(finding.level)},
                                 {"topic", finding.topic},
                                 {"text", finding.text},
                                 {"names", finding.names}});
-  return json.dump(2, ' ', false, nlohmann::json::error_handler_t::replace) + "\n";
+  return json.dump(2, ' ', false, SortedJson::error_handler_t::replace) + "\n";
 }
 
 /// The device of a run with these settings. If there is none, the forecast does without it, and

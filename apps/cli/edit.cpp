@@ -8,7 +8,6 @@
 #include <iostream>
 #include <map>
 #include <memory>
-#include <nlohmann/json.hpp>
 
 #include "apps/cli/help_format.h"
 #include "apps/cli/options.h"
@@ -24,6 +23,7 @@
 #include "gs_core/error.h"
 #include "gs_core/system/files/output_lock.h"
 #include "gs_core/system/files/output_names.h"
+#include "gs_core/system/text/json.h"
 #include "gs_core/threads/parallel.h"
 #include "gs_render/render_settings.h"
 
@@ -105,7 +105,7 @@ std::vector<EditCamera> cameras_of(const EditCommand& command, const Config& con
 struct Opened {
   EditModel model;
   Config config;  // that of the first
-  nlohmann::ordered_json inputs = nlohmann::ordered_json::array();
+  Json inputs = Json::array();
 };
 
 /// Models of one scene share a frame; those of two have nothing to do with each other.
@@ -148,7 +148,7 @@ Opened open_all(const EditCommand& command, bool with_cameras) {
   return result;
 }
 
-RenderSettings settings_of(const EditModel& model, Config config) {
+RenderSettings picture_settings_of(const EditModel& model, Config config) {
   config.model.sh_degree = model.model.sh_degree;
   config.render.antialias = model.model.antialiased;
   RenderSettings settings = render_settings(config);
@@ -169,9 +169,8 @@ std::string line_of(const StepReport& report) {
   return line_of(report.text, report.after, note);
 }
 
-nlohmann::ordered_json json_of(const StepReport& report) {
-  nlohmann::ordered_json json = {
-      {"step", report.text}, {"before", report.before}, {"after", report.after}};
+Json json_of(const StepReport& report) {
+  Json json = {{"step", report.text}, {"before", report.before}, {"after", report.after}};
   if (!report.note.empty()) json["note"] = report.note;
   return json;
 }
@@ -183,19 +182,19 @@ std::optional<ExportedFile> write(const EditCommand& command, const EditModel& m
   return export_model(model.model, request);
 }
 
-void print_json(const EditCommand& command, const nlohmann::ordered_json& inputs,
+void print_json(const EditCommand& command, const Json& inputs,
                 const std::vector<StepReport>& reports, const EditModel& model,
                 const std::optional<ExportedFile>& written) {
-  nlohmann::ordered_json steps = nlohmann::ordered_json::array();
+  Json steps = Json::array();
   for (const StepReport& report : reports) steps.push_back(json_of(report));
-  nlohmann::ordered_json json = {{"inputs", inputs},
-                                 {"steps", steps},
-                                 {"gaussians", model.model.gaussians.count()},
-                                 {"sh_degree", model.model.sh_degree},
-                                 {"was_moved", model.input_from_model.has_value()}};
+  Json json = {{"inputs", inputs},
+               {"steps", steps},
+               {"gaussians", model.model.gaussians.count()},
+               {"sh_degree", model.model.sh_degree},
+               {"was_moved", model.input_from_model.has_value()}};
   if (written) json["output"] = written->file.string(), json["bytes"] = written->bytes;
   if (!command.picture.empty()) json["picture"] = command.picture;
-  std::cout << json.dump(2, ' ', false, nlohmann::ordered_json::error_handler_t::replace) << "\n";
+  std::cout << json.dump(2, ' ', false, Json::error_handler_t::replace) << "\n";
 }
 
 bool wants_cameras(const EditCommand& command, const std::vector<EditStep>& steps) {
@@ -241,7 +240,7 @@ void edit(const EditCommand& command) {
                      if (!backend) backend = make_backend(opened.config.train.device);
                      return *backend;
                    },
-                   settings_of(session.model, opened.config), !command.quiet};
+                   picture_settings_of(session.model, opened.config), !command.quiet};
   std::optional<EditPicture> picture;
   if (!command.picture.empty()) picture.emplace(session.model, session.tools, command.picture_view);
 

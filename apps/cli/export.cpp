@@ -172,12 +172,6 @@ bool is_any_lossy(const std::vector<ExportRequest>& requests, int sh_degree) {
                      [&](const ExportRequest& request) { return is_lossy(request, sh_degree); });
 }
 
-// Both sides of the comparison are rendered at the model's own degree: what the file lacks counts.
-RenderSettings settings_of(const OpenedModel& opened, Config config) {
-  config.model.sh_degree = opened.model.sh_degree;
-  return view_settings(opened, config);
-}
-
 // The test views of --data or of the run, or all views where there are no test views.
 std::vector<NamedCamera> cameras_of(const ExportCommand& command, const OpenedModel& opened,
                                     const Config& config, const char*& what) {
@@ -288,7 +282,7 @@ void run_export(const ExportCommand& command) {
     return write(nullptr);
   const std::unique_ptr<Backend> backend = make_backend(config.train.device);
   const Gaussians gaussians = copy_to(backend->memory(), opened.model);
-  Viewpoints viewpoints{*backend, gaussians.span(), settings_of(opened, config), {}};
+  Viewpoints viewpoints{*backend, gaussians.span(), settings_of_model(opened, config), {}};
   for (const NamedCamera& named : cameras_of(command, opened, config, viewpoints.what))
     viewpoints.cameras.push_back(named.camera);
   write(&viewpoints);

@@ -28,7 +28,7 @@ struct GeorefCommand : CommandLine {
   bool force = false, has_geoid = false;
 };
 
-constexpr std::size_t kNamesShown = 10;
+constexpr std::size_t kOutliersShown = 10;
 
 bool is_above_sea(const GeorefCommand& command) { return command.heights == "sea-level"; }
 
@@ -77,10 +77,10 @@ GeorefFile by_gps(const GeorefCommand& command, const ColmapModel& model,
     places = read_gps_file(command.gps);
   }
   const GpsFit fit = fit_to_gps(model, places, {command.most_distance, command.geoid});
-  for (std::size_t i = 0; i < std::min(fit.outliers.size(), kNamesShown); ++i)
+  for (std::size_t i = 0; i < std::min(fit.outliers.size(), kOutliersShown); ++i)
     log_warning("{} does not fit its GPS place", shown_word(fit.outliers[i]));
-  if (fit.outliers.size() > kNamesShown)
-    log_warning("nor do {} more photos", fit.outliers.size() - kNamesShown);
+  if (fit.outliers.size() > kOutliersShown)
+    log_warning("nor do {} more photos", fit.outliers.size() - kOutliersShown);
   return {fit.georeference, fmt::format("GPS of {} photos", fit.quality.cameras), "", fit.quality};
 }
 

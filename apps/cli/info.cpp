@@ -5,7 +5,6 @@
 #include <CLI/CLI.hpp>
 #include <iostream>
 #include <memory>
-#include <nlohmann/json.hpp>
 
 #include "apps/cli/devices.h"
 #include "apps/cli/options.h"
@@ -15,6 +14,7 @@
 #include "gs_app/run/provenance.h"
 #include "gs_core/error.h"
 #include "gs_core/system/log.h"
+#include "gs_core/system/text/json.h"
 #include "gs_core/system/version.h"
 
 namespace gs {
@@ -28,10 +28,10 @@ struct InfoCommand {
 
 void print_build(bool as_json) {
   const CudaBuild cuda = built_cuda();
-  nlohmann::ordered_json json = {{"version", kVersion},
-                                 {"commit", built_commit()},
-                                 {"cuda_toolkit", cuda.toolkit},
-                                 {"cuda_architectures", cuda.architectures}};
+  Json json = {{"version", kVersion},
+               {"commit", built_commit()},
+               {"cuda_toolkit", cuda.toolkit},
+               {"cuda_architectures", cuda.architectures}};
   std::string text = describe_build() + "\n";
   for (const Capability& capability : capabilities()) {
     json[capability.name] = {{"available", capability.available}, {"detail", capability.detail}};

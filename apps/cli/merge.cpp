@@ -5,13 +5,13 @@
 #include <CLI/CLI.hpp>
 #include <iostream>
 #include <memory>
-#include <nlohmann/json.hpp>
 
 #include "apps/cli/verbs.h"
 #include "gs_app/blocks/merge_blocks.h"
 #include "gs_app/export/export_model.h"
 #include "gs_app/run/text.h"
 #include "gs_core/system/log.h"
+#include "gs_core/system/text/json.h"
 
 namespace gs {
 namespace {
@@ -24,17 +24,17 @@ struct MergeCommand {
 };
 
 void print_json(const MergedBlocks& merged, const ExportedFile& written) {
-  nlohmann::ordered_json blocks = nlohmann::ordered_json::array();
+  Json blocks = Json::array();
   for (const BlockShare& share : merged.shares)
     blocks.push_back({{"name", share.name},
                       {"run", share.run.string()},
                       {"gaussians", share.gaussians},
                       {"kept", share.owned}});
-  const nlohmann::ordered_json json = {{"blocks", blocks},
-                                       {"gaussians", merged.model.model.gaussians.count()},
-                                       {"output", written.file.string()},
-                                       {"bytes", written.bytes}};
-  std::cout << json.dump(2, ' ', false, nlohmann::ordered_json::error_handler_t::replace) << "\n";
+  const Json json = {{"blocks", blocks},
+                     {"gaussians", merged.model.model.gaussians.count()},
+                     {"output", written.file.string()},
+                     {"bytes", written.bytes}};
+  std::cout << json.dump(2, ' ', false, Json::error_handler_t::replace) << "\n";
 }
 
 void print_text(const MergedBlocks& merged, const ExportedFile& written) {

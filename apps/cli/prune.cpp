@@ -8,7 +8,6 @@
 #include <cmath>
 #include <iostream>
 #include <memory>
-#include <nlohmann/json.hpp>
 #include <numeric>
 
 #include "apps/cli/devices.h"
@@ -23,6 +22,7 @@
 #include "gs_app/run/text.h"
 #include "gs_core/error.h"
 #include "gs_core/math/render/activations.h"
+#include "gs_core/system/text/json.h"
 #include "gs_core/threads/parallel.h"
 #include "gs_eval/metrics.h"
 #include "gs_model/edit/select.h"
@@ -133,7 +133,7 @@ void check_not_empty(const PruneCommand& command, const Kept& kept, const Remove
       with_commas(removed.floaters)));
 }
 
-nlohmann::ordered_json json_of(std::size_t gaussians, const Evaluation& evaluation) {
+Json json_of(std::size_t gaussians, const Evaluation& evaluation) {
   return {{"num_gaussians", gaussians}, {"psnr", evaluation.psnr}, {"ssim", evaluation.ssim}};
 }
 
@@ -145,17 +145,17 @@ struct Measured {
 
 void print_json(const PruneCommand& command, const OpenedModel& opened, const char* split,
                 const Removed& removed, const Measured& before, const Measured& after) {
-  const nlohmann::ordered_json json = {{"model", opened.ply.string()},
-                                       {"output", command.output},
-                                       {"split", split},
-                                       {"removed",
-                                        {{"outside", removed.outside},
-                                         {"faint", removed.faint},
-                                         {"unseen", removed.unseen},
-                                         {"floaters", removed.floaters}}},
-                                       {"before", json_of(before.gaussians, before.evaluation)},
-                                       {"after", json_of(after.gaussians, after.evaluation)}};
-  std::cout << json.dump(2, ' ', false, nlohmann::ordered_json::error_handler_t::replace) << "\n";
+  const Json json = {{"model", opened.ply.string()},
+                     {"output", command.output},
+                     {"split", split},
+                     {"removed",
+                      {{"outside", removed.outside},
+                       {"faint", removed.faint},
+                       {"unseen", removed.unseen},
+                       {"floaters", removed.floaters}}},
+                     {"before", json_of(before.gaussians, before.evaluation)},
+                     {"after", json_of(after.gaussians, after.evaluation)}};
+  std::cout << json.dump(2, ' ', false, Json::error_handler_t::replace) << "\n";
 }
 
 void print_text(const PruneCommand& command, const char* split, const Removed& removed,
@@ -167,13 +167,6 @@ void print_text(const PruneCommand& command, const char* split, const Removed& r
       with_commas(removed.outside), with_commas(removed.faint), with_commas(removed.unseen),
       with_commas(removed.floaters), split, summary(before.evaluation), split,
       summary(after.evaluation), command.output);
-}
-
-// The config's SH degree is that of the result. Pictures are rendered at the model's own, so that
-// the loss of a lower degree is measured, too.
-RenderSettings settings_of(const OpenedModel& opened, Config config) {
-  config.model.sh_degree = opened.model.sh_degree;
-  return view_settings(opened, config);
 }
 
 void prune(const PruneCommand& command) {
@@ -189,7 +182,7 @@ void prune(const PruneCommand& command) {
   set_thread_count(config.train.threads);
   const std::unique_ptr<Backend> backend = make_backend(config.train.device);
   const Scene scene = scene_for(opened, config.dataset, command.has("dataset.source"));
-  const RenderSettings settings = settings_of(opened, config);
+  const RenderSettings settings = settings_of_model(opened, config);
   const char* split = scene.test_views.empty() ? "training" : "test";
   const auto measured = [&](const Gaussians& gaussians) {
     const auto& views = scene.test_views.empty() ? scene.train_views : scene.test_views;

@@ -23,13 +23,12 @@
 #include "gs_core/error.h"
 #include "gs_core/system/files/move_aside.h"
 #include "gs_core/system/processes/signals.h"
+#include "gs_core/system/text/json.h"
 #include "gs_core/system/version.h"
 #include "gs_core/threads/parallel.h"
 
 namespace gs {
 namespace {
-
-using Json = nlohmann::ordered_json;
 
 // --- Cameras
 
@@ -113,10 +112,10 @@ DepthRange depth_range(const RenderCommand& command, ViewPictures& pictures,
 constexpr const char* kLikeEach = "each";  // --like: every picture as the photo of its own name
 
 // Gives the appearance of each picture, on a lens of its size; nothing where colors are neutral.
-using LookOf = std::function<std::unique_ptr<Appearance>(const NamedCamera&)>;
+using LookOfCamera = std::function<std::unique_ptr<Appearance>(const NamedCamera&)>;
 
-LookOf look_of(const OpenedModel& opened, const RenderCommand& command,
-               const std::vector<NamedCamera>& cameras) {
+LookOfCamera look_of(const OpenedModel& opened, const RenderCommand& command,
+                     const std::vector<NamedCamera>& cameras) {
   if (command.like.empty()) return {};
   if (!opened.run || !std::filesystem::exists(opened.run->photometric()))
     throw UsageError(
@@ -199,7 +198,7 @@ std::vector<std::string> names_of(const std::vector<NamedCamera>& cameras) {
 volatile std::sig_atomic_t g_is_interrupted = 0;
 
 void render_views(const RenderCommand& command, const std::vector<NamedCamera>& cameras,
-                  const LookOf& look_of, ViewPictures& pictures, RenderOutput& output) {
+                  const LookOfCamera& look_of, ViewPictures& pictures, RenderOutput& output) {
   ProgressBar bar(std::int64_t(cameras.size()), !command.quiet);
   const SignalHandlers handlers([](int) { g_is_interrupted = 1; });
   if (!command.output.is_film()) put_descriptions_aside(command, output);
@@ -259,7 +258,7 @@ void render(const RenderCommand& command) {
   }
   fit_cameras(command, cameras);
   set_times(command, opened.model.gaussians.has_time, key_times, cameras);
-  const LookOf look = look_of(opened, command, cameras);
+  const LookOfCamera look = look_of(opened, command, cameras);
   const DepthRange range = depth_range(command, pictures, cameras);
   RenderOutput output(command.output, names_of(cameras), range);
   if (is_described(command))

@@ -3,12 +3,12 @@
 #include <CLI/CLI.hpp>
 #include <iostream>
 #include <memory>
-#include <nlohmann/json.hpp>
 
 #include "apps/cli/verbs.h"
 #include "gs_app/report/report_folder.h"
 #include "gs_core/system/files/output_lock.h"
 #include "gs_core/system/log.h"
+#include "gs_core/system/text/json.h"
 
 namespace gs {
 namespace {
@@ -22,9 +22,7 @@ void report(const ReportCommand& command) {
   setup_log(Verbosity::normal);
   const std::filesystem::path folder = command.folder;
   if (command.json) {
-    std::cout << folder_report(folder).dump(2, ' ', false,
-                                            nlohmann::ordered_json::error_handler_t::replace)
-              << '\n';
+    std::cout << folder_report(folder).dump(2, ' ', false, Json::error_handler_t::replace) << '\n';
     return;
   }
   const std::filesystem::path file =

@@ -4,7 +4,6 @@
 #include <algorithm>
 #include <iostream>
 #include <memory>
-#include <nlohmann/json.hpp>
 
 #include "apps/cli/devices.h"
 #include "apps/cli/options.h"
@@ -12,6 +11,7 @@
 #include "gs_app/checks/self_checks.h"
 #include "gs_app/run/text.h"
 #include "gs_core/error.h"
+#include "gs_core/system/text/json.h"
 #include "gs_core/system/version.h"
 #include "gs_core/threads/parallel.h"
 
@@ -59,8 +59,8 @@ SelftestReport run_checks(const std::string& device) {
   return report;
 }
 
-nlohmann::ordered_json checks_json(const std::vector<SelfCheck>& checks) {
-  auto list = nlohmann::ordered_json::array();
+Json checks_json(const std::vector<SelfCheck>& checks) {
+  auto list = Json::array();
   for (const SelfCheck& check : checks)
     list.push_back({{"what", check.what},
                     {"numbers", check.numbers},
@@ -73,11 +73,11 @@ nlohmann::ordered_json checks_json(const std::vector<SelfCheck>& checks) {
 }
 
 std::string report_json(const SelftestReport& report) {
-  nlohmann::ordered_json json = {{"device", report.device},
-                                 {"version", kVersion},
-                                 {"agrees", report.failures() == 0},
-                                 {"gradients", checks_json(report.gradients)},
-                                 {"parity", checks_json(report.parity)}};
+  Json json = {{"device", report.device},
+               {"version", kVersion},
+               {"agrees", report.failures() == 0},
+               {"gradients", checks_json(report.gradients)},
+               {"parity", checks_json(report.parity)}};
   if (!report.left_out.empty()) json["parity_left_out"] = report.left_out;
   return json.dump(2) + "\n";
 }

@@ -67,7 +67,7 @@ std::string description(const Model& model) {
 
 // ---- files -------------------------------------------------------------------------------------
 
-ModelPointer load(const std::filesystem::path& path, std::optional<int> step) {
+ModelPointer load_model(const std::filesystem::path& path, std::optional<int> step) {
   const Work work;
   return std::make_shared<Model>(open_model(path, step));
 }
@@ -202,7 +202,7 @@ A file that is there already is refused (UsageError), or with replace=True kept 
       },
       "Three floats: add them to the means to get the photos' own coordinates; 0 for most scenes.");
   bind_edits(module, model);
-  module.def("load", load, py::call_guard<py::gil_scoped_release>(), py::arg("path"),
+  module.def("load", load_model, py::call_guard<py::gil_scoped_release>(), py::arg("path"),
              py::arg("step") = py::none(),
              R"(Reads the model of a file (ply, csv, glb, compressed.ply, spz, sog, rad, splat,
 ksplat, gs4d), of a folder of SOG files, or of a run's folder: the newest one, or that after `step`. Values stay as they are in the file, also NaN and infinity.)");

@@ -8,6 +8,8 @@
 
 #include "cuda/device/context.cuh"
 #include "gs_core/buffer.h"
+#include "gs_core/math/render/splat.h"
+#include "gs_core/math/render/tile_bounds.h"
 #include "gs_core/types.h"
 
 namespace gs::cuda {

@@ -11,7 +11,7 @@
 
 #include "gs_core/error.h"
 #include "gs_core/memory.h"
-#include "gs_train/backend.h"
+#include "gs_render/stage_time.h"
 
 namespace gs::cuda {
 

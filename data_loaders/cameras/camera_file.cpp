@@ -10,15 +10,13 @@
 #include "gs_core/geometry/vectors.h"
 #include "gs_core/system/byte_reader.h"
 #include "gs_core/system/files/atomic_file.h"
+#include "gs_core/system/text/json.h"
 #include "gs_core/system/text/read_json.h"
 
 namespace gs {
 namespace {
 
 // Keys in our order, and float as the number type: written with the digits that a float needs.
-using FloatJson = nlohmann::basic_json<nlohmann::ordered_map, std::vector, std::string, bool,
-                                       std::int64_t, std::uint64_t, float>;
-using Json = nlohmann::json;  // for reading: positions may need a double
 
 constexpr int kLargestSide = 1 << 20;        // pixels; more is a mistake
 constexpr float kRotationTolerance = 0.01f;  // files with three digits pass, scaled matrices do not
@@ -54,7 +52,7 @@ std::string camera_line(const std::string& name, const Camera& camera, std::size
 /// One entry of the list; knows where it stands for error messages.
 class CameraReader {
  public:
-  CameraReader(const Json& json, std::size_t index, const std::filesystem::path& path)
+  CameraReader(const SortedJson& json, std::size_t index, const std::filesystem::path& path)
       : json_(json), index_(index), path_(path) {
     if (!json.is_object()) fail("is not an object");
   }
@@ -62,7 +60,7 @@ class CameraReader {
   /// The camera, but for its translation, and where it stands.
   std::pair<NamedCamera, Vec3d> read() const {
     NamedCamera result;
-    const Json& name = at("img_name");
+    const SortedJson& name = at("img_name");
     if (!name.is_string()) fail("has no text as img_name");
     result.name = name.get<std::string>();
     Camera& camera = result.camera;
@@ -83,17 +81,19 @@ class CameraReader {
                 fmt::format("camera {} of the list {}; correct the entry or write the file again",
                             index_, what));
   }
-  const Json& at(const char* key) const {
+  const SortedJson& at(const char* key) const {
     const auto found = json_.find(key);
     if (found == json_.end()) fail(fmt::format("lacks {}", key));
     return *found;
   }
-  double precise(const Json& value, const char* key) const {
+  double precise(const SortedJson& value, const char* key) const {
     const double result = value.is_number() ? value.get<double>() : NAN;
     if (!std::isfinite(float(result))) fail(fmt::format("has no number as {}", key));
     return result;
   }
-  float number(const Json& value, const char* key) const { return float(precise(value, key)); }
+  float number(const SortedJson& value, const char* key) const {
+    return float(precise(value, key));
+  }
   float positive(const char* key) const {
     const float result = number(at(key), key);
     if (result <= 0) fail(fmt::format("has {} as {}, which must be above 0", result, key));
@@ -106,7 +106,7 @@ class CameraReader {
     }
     return int(pixels);
   }
-  Vec3d vector(const Json& value, const char* key) const {
+  Vec3d vector(const SortedJson& value, const char* key) const {
     if (!value.is_array() || value.size() != 3)
       fail(fmt::format("has no three numbers in {}", key));
     return {precise(value[0], key), precise(value[1], key), precise(value[2], key)};
@@ -115,7 +115,7 @@ class CameraReader {
 
   /// The rotation of cam_from_world, from the rows of world_from_cam.
   Mat3<float> rotation() const {
-    const Json& rows = at("rotation");
+    const SortedJson& rows = at("rotation");
     if (!rows.is_array() || rows.size() != 3) fail("has no three rows in rotation");
     const Vec3f a(vector(rows[0], "rotation")), b(vector(rows[1], "rotation")),
         c(vector(rows[2], "rotation"));
@@ -124,7 +124,7 @@ class CameraReader {
     return R;
   }
 
-  const Json& json_;
+  const SortedJson& json_;
   std::size_t index_;
   const std::filesystem::path& path_;
 };
@@ -158,14 +158,14 @@ void write_cameras_json(const std::filesystem::path& path,
 
 std::vector<NamedCamera> read_cameras_json(const std::filesystem::path& path,
                                            const Vec3d& world_offset) {
-  const Json json = read_json_as<Json>(path, "write it again");
+  const SortedJson json = read_json_as<SortedJson>(path, "write it again");
   if (!json.is_array()) {
     cannot_read(path, "it is not a list of cameras; name a cameras.json that a trainer wrote");
   }
   return cameras_of_json(json, path, world_offset);
 }
 
-std::vector<NamedCamera> cameras_of_json(const Json& json, const std::filesystem::path& path,
+std::vector<NamedCamera> cameras_of_json(const SortedJson& json, const std::filesystem::path& path,
                                          const Vec3d& world_offset) {
   std::vector<NamedCamera> cameras;
   std::vector<Vec3d> positions;

@@ -4,11 +4,11 @@
 #pragma once
 
 #include <filesystem>
-#include <nlohmann/json_fwd.hpp>
 #include <string>
 #include <vector>
 
 #include "gs_core/scene.h"
+#include "gs_core/system/text/json.h"
 
 namespace gs {
 
@@ -39,8 +39,7 @@ std::vector<NamedCamera> read_cameras_json(const std::filesystem::path& path,
                                            const Vec3d& world_offset = Vec3d(0.0));
 
 /// The same for a list that is part of a file, which errors name.
-std::vector<NamedCamera> cameras_of_json(const nlohmann::json& list,
-                                         const std::filesystem::path& path,
+std::vector<NamedCamera> cameras_of_json(const SortedJson& list, const std::filesystem::path& path,
                                          const Vec3d& world_offset);
 
 }  // namespace gs

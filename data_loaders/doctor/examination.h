@@ -15,6 +15,8 @@
 
 namespace gs {
 
+inline constexpr std::size_t kFewPhotos = 20;  // fewer seldom show a scene from all sides
+
 struct Examination {
   using Level = Finding::Level;
 

@@ -8,6 +8,7 @@
 
 #include "data_loaders/doctor/examination.h"
 #include "data_loaders/photos/picture_quality.h"
+#include "data_loaders/reconstruct/colmap_plan.h"
 #include "data_loaders/reconstruct/foreign_cameras.h"
 #include "data_loaders/reconstruct/photo_folder.h"
 #include "gs_core/error.h"
@@ -19,9 +20,7 @@ namespace {
 
 using Level = Finding::Level;
 
-constexpr std::size_t kFewestPhotos = 3;  // fewer are no scene (colmap_plan.h)
-constexpr std::size_t kFewPhotos = 20;    // fewer seldom show a scene from all sides
-constexpr float kManyStops = 2;           // between the exposures of photos
+constexpr float kManyStops = 2;  // between the exposures of photos
 
 void examine_count(Examination& examination, const std::vector<PhotoFile>& photos) {
   const std::string count = counted(photos.size(), "photo");

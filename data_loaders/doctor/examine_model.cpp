@@ -18,7 +18,6 @@ namespace {
 
 using Level = Finding::Level;
 
-constexpr std::size_t kFewPhotos = 20;       // fewer seldom show a scene from all sides
 constexpr std::size_t kFewObservations = 3;  // points seen in fewer photos are unreliable
 constexpr double kLargeError = 2;            // pixels, mean reprojection error
 

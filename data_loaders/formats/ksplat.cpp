@@ -76,7 +76,7 @@ struct Section {
   float block = 0, range = 0;  // S and Q of ksplat.h
   int sh_degree = 0;
   std::size_t row_bytes = 0;
-  std::string_view lengths, centers, data;
+  std::string_view lengths = {}, centers = {}, data = {};
 };
 
 /// The section whose header is the `index`-th; `at`, where its data begins, is moved behind it.

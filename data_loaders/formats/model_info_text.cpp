@@ -2,18 +2,14 @@
 // ModelInfo for people and for machines.
 #include <spdlog/fmt/fmt.h>
 
-#include <nlohmann/json.hpp>
-
 #include "data_loaders/formats/model_info.h"
+#include "gs_core/system/text/json.h"
 
 namespace gs {
 namespace {
 
-using Json = nlohmann::basic_json<nlohmann::ordered_map, std::vector, std::string, bool,
-                                  std::int64_t, std::uint64_t, float>;
-
 std::string text_of(const Vec3f& v) { return fmt::format("{:.4g} {:.4g} {:.4g}", v.x, v.y, v.z); }
-Json json_of(const Vec3f& v) { return Json::array({v.x, v.y, v.z}); }
+FloatJson json_of(const Vec3f& v) { return FloatJson::array({v.x, v.y, v.z}); }
 
 }  // namespace
 
@@ -42,7 +38,7 @@ std::string describe(const ModelInfo& info) {
 }
 
 std::string to_json_text(const ModelInfo& info) {
-  Json json;
+  FloatJson json;
   json["count"] = info.count;
   json["sh_degree"] = info.sh_degree;
   json["antialiased"] = info.antialiased;
@@ -57,7 +53,7 @@ std::string to_json_text(const ModelInfo& info) {
   json["opacity_below_0_05"] = info.thin_share;
   json["opacity_above_0_9"] = info.solid_share;
   if (info.has_time) json["median_time_scale"] = info.median_time_scale;
-  json["suspicions"] = Json::object();
+  json["suspicions"] = FloatJson::object();
   for (const Suspicion& suspicion : info.suspicions)
     json["suspicions"][suspicion.key] = suspicion.count;
   return json.dump();

@@ -15,8 +15,6 @@ namespace {
 // A covariance that rounding has made flat keeps this share of its largest variance.
 constexpr double kLeastShare = 1e-12;
 
-Quat<double> in_double(const Quatf& q) { return {q.w, q.x, q.y, q.z}; }
-
 double marginal_of(const Gaussians& gaussians, std::size_t i, double time) {
   const SpacetimeShape<double> shape = spacetime_shape_of(gaussians, i);
   if (is_degenerate(shape.rotations)) return 0;

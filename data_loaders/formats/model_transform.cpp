@@ -60,7 +60,6 @@ ShRest turned(const ShRest& rest, const ShTurn& D, int sh_degree) {
   return result;
 }
 
-Quat<double> in_double(const Quatf& q) { return {q.w, q.x, q.y, q.z}; }
 Quatf in_float(const Quat<double>& q) { return {float(q.w), float(q.x), float(q.y), float(q.z)}; }
 
 }  // namespace

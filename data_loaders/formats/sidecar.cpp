@@ -3,13 +3,13 @@
 
 #include <cmath>
 #include <new>
-#include <nlohmann/json.hpp>
 
 #include "gs_core/error.h"
 #include "gs_core/geometry/vectors.h"
 #include "gs_core/system/files/access.h"
 #include "gs_core/system/files/atomic_file.h"
 #include "gs_core/system/log.h"
+#include "gs_core/system/text/json.h"
 #include "gs_core/system/text/plain_message.h"
 #include "gs_core/system/text/read_json.h"
 
@@ -17,7 +17,6 @@ namespace gs {
 namespace {
 
 namespace fs = std::filesystem;
-using Json = nlohmann::ordered_json;
 
 constexpr double kSameAxis = 1e-9;  // entries of a matrix that differ by less are the same
 constexpr double kSimilar = 1e-6;   // products of a matrix's rows may be off by so much

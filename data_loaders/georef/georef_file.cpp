@@ -4,24 +4,23 @@
 #include <spdlog/fmt/fmt.h>
 
 #include <cmath>
-#include <nlohmann/json.hpp>
 #include <vector>
 
 #include "gs_core/geometry/vectors.h"
 #include "gs_core/system/byte_reader.h"
 #include "gs_core/system/files/atomic_file.h"
+#include "gs_core/system/text/json.h"
 #include "gs_core/system/text/read_json.h"
 
 namespace gs {
 namespace {
 
-using Json = nlohmann::ordered_json;
 using Rows = std::vector<std::vector<double>>;
 
 constexpr int kVersion1 = 1;
 constexpr double kTurnTolerance = 1e-6;  // of inner products: rows are written with all digits
 constexpr double kMostMeters = 1e9;      // of a unit, and of a scene's zero from the origin
-constexpr const char* kRemedy = "write it again with `gemsplat georef`";
+constexpr const char* kRemedyOfGeoref = "write it again with `gemsplat georef`";
 
 Json rows_of(const Similarity& similarity) {
   Json rows = Json::array();
@@ -55,8 +54,8 @@ Similarity similarity_of(const std::filesystem::path& path, const Rows& rows) {
                         is_rotation(result.R, kTurnTolerance) &&
                         length(result.shift) <= kMostMeters;
   if (!is_sound)
-    cannot_read(path,
-                fmt::format("enu_from_input does not turn, scale evenly and shift; {}", kRemedy));
+    cannot_read(path, fmt::format("enu_from_input does not turn, scale evenly and shift; {}",
+                                  kRemedyOfGeoref));
   return result;
 }
 
@@ -66,7 +65,7 @@ Geodetic place_of(const std::filesystem::path& path, const std::vector<double>& 
   if (!is_on_earth(place))
     cannot_read(path, fmt::format("its origin is not the longitude, latitude and height of a place "
                                   "on earth; {}",
-                                  kRemedy));
+                                  kRemedyOfGeoref));
   return place;
 }
 
@@ -94,11 +93,11 @@ void write_georef(const std::filesystem::path& path, const GeorefFile& file) {
 }
 
 Georeference read_georef(const std::filesystem::path& path) {
-  const Json json = read_json_as<Json>(path, kRemedy);
+  const Json json = read_json_as<Json>(path, kRemedyOfGeoref);
   double version = 0;
   std::vector<double> origin;
   Rows rows;
-  take_from_json(path, kRemedy, [&] {
+  take_from_json(path, kRemedyOfGeoref, [&] {
     version = json.at("version").get<double>();
     if (version != kVersion1) return;
     origin = json.at("origin").get<std::vector<double>>();
@@ -106,7 +105,7 @@ Georeference read_georef(const std::filesystem::path& path) {
   });
   if (version != kVersion1)
     cannot_read(path, fmt::format("it has version {}, and this gemsplat reads version {}; {}",
-                                  version, kVersion1, kRemedy));
+                                  version, kVersion1, kRemedyOfGeoref));
   return {place_of(path, origin), similarity_of(path, rows)};
 }
 

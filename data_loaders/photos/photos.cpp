@@ -22,8 +22,6 @@ namespace {
 
 namespace fs = std::filesystem;
 
-constexpr std::int64_t kMostPixels = std::int64_t(1) << 29;  // more is a damaged header
-
 void check_file(const fs::path& path) {
   std::error_code error;
   const fs::file_status status = fs::status(path, error);

@@ -23,7 +23,6 @@ namespace fs = std::filesystem;
 // million pixels as a progressive JPEG of poor quality takes 400 MiB, 90 for each of its bytes.
 // A mask of 100 million pixels may be a thousand times smaller than its pixels, and takes 400 MiB.
 constexpr double kAlwaysAllowed = double(512 << 20), kMemoryPerByte = 200;
-constexpr double kMostPixels = double(1 << 29);  // more is a damaged header
 // Usual progressive JPEGs have 10 scans, and each takes the time of a whole decode.
 constexpr std::uint64_t kUsualScans = 24, kMostScans = 100;
 constexpr double kMostScannedPixels = double(1 << 30);
@@ -234,7 +233,7 @@ void check_picture(const fs::path& path, const PictureHeader& header) {
   };
   if (header.is_damaged)
     cannot_read_photo(path, "a part of its header is longer than the file, or than its kind is");
-  if (pixels > kMostPixels) cannot_read_photo(path, says());
+  if (pixels > double(kMostPixels)) cannot_read_photo(path, says());
   const double memory = pixels * double(header.bytes_per_pixel);
   const double allowed = header.is_photo_format ? kMemoryPerByte * double(header.file_bytes) : 0;
   if (memory > std::max(allowed, kAlwaysAllowed))

@@ -9,6 +9,8 @@
 
 namespace gs {
 
+inline constexpr std::int64_t kMostPixels = std::int64_t(1) << 29;  // more is a damaged header
+
 /// Of JPEG, PNG, GIF, TIFF, BMP, WebP, JPEG 2000, HEIF and EXR. Other formats take no memory on
 /// opening.
 struct PictureHeader {

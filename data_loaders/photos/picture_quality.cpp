@@ -9,7 +9,7 @@
 namespace gs {
 namespace {
 
-constexpr std::size_t kFewestPhotos = 5;
+constexpr std::size_t kFewestForOutliers = 5;
 constexpr double kDeviations = 3.5;
 constexpr double kBlurFactor = 4, kExposureFactor = 2;
 constexpr double kNormal = 1.4826;  // standard deviation over median absolute deviation
@@ -61,7 +61,7 @@ PictureQuality quality_of(const Image8& photo) {
 
 QualityOutliers outliers_of(const std::vector<PictureQuality>& qualities) {
   QualityOutliers outliers;
-  if (qualities.size() < kFewestPhotos) return outliers;
+  if (qualities.size() < kFewestForOutliers) return outliers;
   std::vector<double> sharpness, brightness;
   for (const PictureQuality& quality : qualities) {
     sharpness.push_back(quality.sharpness);

@@ -13,6 +13,7 @@
 #include "gs_core/system/files/atomic_file.h"
 #include "gs_core/system/files/move_aside.h"
 #include "gs_core/system/log.h"
+#include "gs_core/system/text/json.h"
 #include "gs_core/system/text/read_json.h"
 
 namespace gs {
@@ -108,13 +109,13 @@ SceneFolder::~SceneFolder() {
 }
 
 void SceneFolder::save() const {
-  nlohmann::ordered_json json;
+  Json json;
   json["made_of"] = state_.made_of;
   json["complete"] = state_.complete;
   json["files"] = state_.files;
   json["work"] = state_.work;
   AtomicFile file(paths_.state());
-  file.write(json.dump(2, ' ', false, nlohmann::ordered_json::error_handler_t::replace) + "\n");
+  file.write(json.dump(2, ' ', false, Json::error_handler_t::replace) + "\n");
   file.commit();
 }
 

@@ -12,17 +12,13 @@
 #include "data_loaders/photos/photo_names.h"
 #include "data_loaders/transforms/transforms_json.h"
 #include "gs_core/error.h"
+#include "gs_core/system/files/access.h"
 #include "gs_core/system/log.h"
 
 namespace gs {
 namespace {
 
 namespace fs = std::filesystem;
-
-bool is_folder(const fs::path& path) {
-  std::error_code ignored;
-  return fs::is_directory(path, ignored);
-}
 
 /// The folders inside a folder, sorted.
 std::vector<fs::path> folders_in(const fs::path& folder) {

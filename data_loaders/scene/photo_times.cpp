@@ -11,6 +11,7 @@
 #include "data_loaders/video/film_frames.h"
 #include "data_loaders/video/video_frames.h"
 #include "gs_core/error.h"
+#include "gs_core/system/files/access.h"
 
 namespace gs {
 namespace {
@@ -20,11 +21,6 @@ namespace fs = std::filesystem;
 constexpr std::size_t kMostDigits = 15;  // of a number in a name; a double holds it exactly
 
 constexpr std::int64_t kMostFrames = 1'000'000;  // of a video: nine hours
-
-bool is_folder(const fs::path& path) {
-  std::error_code ignored;
-  return fs::is_directory(path, ignored);
-}
 
 struct Frame {
   std::string name;

@@ -13,6 +13,7 @@
 #include "data_loaders/scene/files_of_photos.h"
 #include "data_loaders/scene/photo_times.h"
 #include "gs_core/error.h"
+#include "gs_core/system/files/access.h"
 #include "gs_core/system/log.h"
 
 namespace gs {
@@ -23,10 +24,6 @@ namespace fs = std::filesystem;
 constexpr const char* kDefaultFolder = "masks";  // of masks
 constexpr const char* kNone = "none";
 
-bool is_folder(const fs::path& path) {
-  std::error_code ignored;
-  return fs::is_directory(path, ignored);
-}
 std::string lower_without_extension(const std::string& name) {
   return lowercase(without_extension(name));
 }

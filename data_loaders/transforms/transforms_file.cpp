@@ -6,25 +6,21 @@
 
 #include "data_loaders/photos/photo_names.h"
 #include "gs_core/system/byte_reader.h"
+#include "gs_core/system/files/access.h"
+#include "gs_core/system/text/json.h"
 #include "gs_core/system/text/read_json.h"
 
 namespace gs {
 namespace {
 
 namespace fs = std::filesystem;
-using Json = nlohmann::json;
-
-bool is_file(const fs::path& path) {
-  std::error_code ignored;
-  return fs::is_regular_file(path, ignored);
-}
 
 }  // namespace
 
 void TransformsFile::fail(const std::string& what) const { cannot_read(path, what); }
 
 TransformsFile open_transforms_file(const fs::path& path) {
-  TransformsFile file{path, read_json_as<Json>(path, "write it again")};
+  TransformsFile file{path, read_json_as<SortedJson>(path, "write it again")};
   const auto frames = file.top.is_object() ? file.top.find("frames") : file.top.end();
   if (!file.top.is_object() || frames == file.top.end() || !frames->is_array() || frames->empty())
     file.fail(

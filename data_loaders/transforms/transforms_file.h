@@ -3,19 +3,20 @@
 #pragma once
 
 #include <filesystem>
-#include <nlohmann/json.hpp>
 #include <optional>
 #include <string>
+
+#include "gs_core/system/text/json.h"
 
 namespace gs {
 
 /// An object with a list "frames" that is not empty.
 struct TransformsFile {
   std::filesystem::path path;
-  nlohmann::json top;
+  SortedJson top;
 
   std::filesystem::path folder() const { return path.parent_path(); }
-  const nlohmann::json& frames() const { return *top.find("frames"); }
+  const SortedJson& frames() const { return *top.find("frames"); }
   /// Throws Error: cannot read FILE: `what`.
   [[noreturn]] void fail(const std::string& what) const;
 };

@@ -11,12 +11,12 @@
 #include "gs_core/geometry/vectors.h"
 #include "gs_core/math/render/quaternion.h"
 #include "gs_core/math/render/rotation.h"
+#include "gs_core/system/text/json.h"
 
 namespace gs {
 namespace {
 
 namespace fs = std::filesystem;
-using Json = nlohmann::json;
 
 constexpr int kLongestSide = 65520;          // pixels; a JPEG's most in whole blocks of 16
 constexpr double kMostTime = 1e9;            // in any unit; more is a mistake
@@ -36,25 +36,27 @@ std::string fault_of(const Mat3<double>& R) {
 }
 
 /// Null stands for a key that is not there.
-const Json* value_of(const Json& level, const char* key) {
+const SortedJson* value_of(const SortedJson& level, const char* key) {
   const auto found = level.find(key);
   return found == level.end() || found->is_null() ? nullptr : &*found;
 }
 
-std::string kind(const Json& value) { return fmt::format("a value of type {}", value.type_name()); }
+std::string kind(const SortedJson& value) {
+  return fmt::format("a value of type {}", value.type_name());
+}
 
 }  // namespace
 
 TransformsFrame::TransformsFrame(const TransformsFile& file, std::size_t index)
     : file_(file), frame_(file.frames()[index]), place_(fmt::format("frame {}", index)) {
   if (!frame_.is_object()) fail("is not an object");
-  const Json* path = value_of(frame_, "file_path");
+  const SortedJson* path = value_of(frame_, "file_path");
   if (path && path->is_string())
     place_ += fmt::format(" ('{}')", path->get_ref<const std::string&>());
 }
 
 std::string TransformsFrame::name() const {
-  const Json* path = value_of(frame_, "file_path");  // not the top's
+  const SortedJson* path = value_of(frame_, "file_path");  // not the top's
   if (!path) fail("lacks file_path");
   const auto name = path_inside(file_.folder(), text(*path, "file_path"));
   if (!name)
@@ -66,7 +68,7 @@ std::string TransformsFrame::name() const {
 }
 
 fs::path TransformsFrame::mask() const {
-  const Json* path = value_of(frame_, "mask_path");  // not the top's
+  const SortedJson* path = value_of(frame_, "mask_path");  // not the top's
   if (!path) return {};
   const auto name = path_inside(file_.folder(), text(*path, "mask_path"));
   if (!name)
@@ -84,7 +86,7 @@ fs::path TransformsFrame::mask() const {
 }
 
 fs::path TransformsFrame::depth() const {
-  const Json* path = value_of(frame_, "depth_file_path");
+  const SortedJson* path = value_of(frame_, "depth_file_path");
   const auto name = path && path->is_string()
                         ? path_inside(file_.folder(), text(*path, "depth_file_path"))
                         : std::nullopt;
@@ -116,7 +118,7 @@ ColmapCamera TransformsFrame::camera(const std::string& name) const {
 // cam_from_world with OpenCV's axes is the inverse of transform_matrix * diag(1, -1, -1, 1). The
 // columns of that matrix's rotation are the camera's axes.
 void TransformsFrame::read_pose(ColmapImage& image) const {
-  const Json* rows = value_of(frame_, "transform_matrix");
+  const SortedJson* rows = value_of(frame_, "transform_matrix");
   if (!rows) fail("lacks transform_matrix");
   if (!rows->is_array() || (rows->size() != 3 && rows->size() != 4)) fail_matrix();
   const Vec4<double> a = row((*rows)[0]), b = row((*rows)[1]), c = row((*rows)[2]);
@@ -136,7 +138,7 @@ void TransformsFrame::read_pose(ColmapImage& image) const {
 }
 
 std::optional<double> TransformsFrame::time() const {
-  const Json* time = value_of(frame_, "time");
+  const SortedJson* time = value_of(frame_, "time");
   if (!time || !time->is_number()) return std::nullopt;  // other programs' notes are no fault
   const double value = time->get<double>();
   if (!(std::abs(value) <= kMostTime)) fail("has a time beyond 1e9");
@@ -152,27 +154,27 @@ void TransformsFrame::fail_matrix() const {
 }
 
 /// The frame's own value, or the one at the top of the file, or nullptr.
-const Json* TransformsFrame::find(const char* key) const {
-  const Json* own = value_of(frame_, key);
+const SortedJson* TransformsFrame::find(const char* key) const {
+  const SortedJson* own = value_of(frame_, key);
   return own ? own : value_of(file_.top, key);
 }
 
-const std::string& TransformsFrame::text(const Json& value, const char* key) const {
+const std::string& TransformsFrame::text(const SortedJson& value, const char* key) const {
   if (!value.is_string()) fail(fmt::format("has {} as {}, not text", kind(value), key));
   return value.get_ref<const std::string&>();
 }
 
-double TransformsFrame::number(const Json& value, const char* key) const {
+double TransformsFrame::number(const SortedJson& value, const char* key) const {
   if (!value.is_number()) fail(fmt::format("has {} as {}, not a number", kind(value), key));
   return value.get<double>();
 }
 
 double TransformsFrame::number_or(const char* key, double otherwise) const {
-  const Json* value = find(key);
+  const SortedJson* value = find(key);
   return value ? number(*value, key) : otherwise;
 }
 
-Vec4<double> TransformsFrame::row(const Json& value) const {
+Vec4<double> TransformsFrame::row(const SortedJson& value) const {
   if (!value.is_array() || value.size() != 4) fail_matrix();
   const auto at = [&](int i) { return number(value[i], "an entry of transform_matrix"); };
   return {at(0), at(1), at(2), at(3)};
@@ -181,8 +183,8 @@ Vec4<double> TransformsFrame::row(const Json& value) const {
 // --- Intrinsics
 
 std::string TransformsFrame::model_name() const {
-  if (const Json* model = find("camera_model")) return text(*model, "camera_model");
-  const Json* fisheye = find("is_fisheye");
+  if (const SortedJson* model = find("camera_model")) return text(*model, "camera_model");
+  const SortedJson* fisheye = find("is_fisheye");
   return fisheye && fisheye->is_boolean() && fisheye->get<bool>() ? "OPENCV_FISHEYE" : "OPENCV";
 }
 
@@ -194,7 +196,7 @@ int TransformsFrame::side(double pixels, const char* key) const {
 }
 
 PhotoSize TransformsFrame::picture_size(const std::string& name) const {
-  const Json *w = find("w"), *h = find("h");
+  const SortedJson *w = find("w"), *h = find("h");
   if (w && h) return {side(number(*w, "w"), "w"), side(number(*h, "h"), "h")};
   if (w || h) fail(fmt::format("has {} without {}", w ? "w" : "h", w ? "h" : "w"));
   PhotoSize size;
@@ -206,7 +208,7 @@ PhotoSize TransformsFrame::picture_size(const std::string& name) const {
   return {side(size.width, "its photo's width"), side(size.height, "its photo's height")};
 }
 
-double TransformsFrame::positive(const Json& value, const char* key, double below) const {
+double TransformsFrame::positive(const SortedJson& value, const char* key, double below) const {
   const double result = number(value, key);
   if (!(result > 0 && result < below))
     fail(fmt::format("has {} as {}, which must be above 0{}", result, key,
@@ -218,9 +220,9 @@ double TransformsFrame::positive(const Json& value, const char* key, double belo
 /// goes before the top's. Nothing if neither has any.
 std::optional<double> TransformsFrame::focal_length(const char* key, const char* angle_key,
                                                     int side) const {
-  for (const Json* level : {&frame_, &file_.top}) {
-    if (const Json* pixels = value_of(*level, key)) return positive(*pixels, key, INFINITY);
-    if (const Json* angle = value_of(*level, angle_key)) {
+  for (const SortedJson* level : {&frame_, &file_.top}) {
+    if (const SortedJson* pixels = value_of(*level, key)) return positive(*pixels, key, INFINITY);
+    if (const SortedJson* angle = value_of(*level, angle_key)) {
       const double radians = positive(*angle, angle_key, std::numbers::pi);
       const double pixels = 0.5 * side / std::tan(0.5 * radians);
       if (!std::isfinite(pixels)) fail(fmt::format("has {} as {}: too small", radians, angle_key));

@@ -9,6 +9,7 @@
 #include "data_loaders/colmap/colmap_model.h"
 #include "data_loaders/photos/photos.h"
 #include "data_loaders/transforms/transforms_file.h"
+#include "gs_core/system/text/json.h"
 
 namespace gs {
 
@@ -32,27 +33,25 @@ class TransformsFrame {
   std::optional<double> time() const;
 
  private:
-  using Json = nlohmann::json;
-
   [[noreturn]] void fail(const std::string& what,
                          const char* remedy = "; correct the entry or write the file again") const;
   [[noreturn]] void fail_matrix() const;
-  const Json* find(const char* key) const;
-  const std::string& text(const Json& value, const char* key) const;
-  double number(const Json& value, const char* key) const;
+  const SortedJson* find(const char* key) const;
+  const std::string& text(const SortedJson& value, const char* key) const;
+  double number(const SortedJson& value, const char* key) const;
   double number_or(const char* key, double otherwise) const;
-  Vec4<double> row(const Json& value) const;
+  Vec4<double> row(const SortedJson& value) const;
 
   std::string model_name() const;
   int side(double pixels, const char* key) const;
   PhotoSize picture_size(const std::string& name) const;
-  double positive(const Json& value, const char* key, double below) const;
+  double positive(const SortedJson& value, const char* key, double below) const;
   std::optional<double> focal_length(const char* key, const char* angle_key, int side) const;
   void add_lens(const std::string& model, ColmapCamera& camera) const;
   void expect_zero(const std::string& model, std::initializer_list<const char*> keys) const;
 
   const TransformsFile& file_;
-  const Json& frame_;
+  const SortedJson& frame_;
   std::string place_;  // for error messages
 };
 

@@ -15,22 +15,18 @@
 #include "data_loaders/transforms/transforms_frame.h"
 #include "data_loaders/transforms/transforms_points.h"
 #include "gs_core/error.h"
+#include "gs_core/system/files/access.h"
 #include "gs_core/system/log.h"
+#include "gs_core/system/text/json.h"
 
 namespace gs {
 namespace {
 
 namespace fs = std::filesystem;
-using Json = nlohmann::json;
 using Names = std::unordered_set<std::string>;
 
 constexpr const char* kOneFile = "transforms.json";
 constexpr const char* kTrainFile = "transforms_train.json";
-
-bool is_file(const fs::path& path) {
-  std::error_code ignored;
-  return fs::is_regular_file(path, ignored);
-}
 
 /// Puts the frames of one or more files into a model, whose folder is set.
 class FrameCollector {
@@ -90,7 +86,7 @@ std::optional<Names> listed(const TransformsFile& file, const char* key, const N
     file.fail(fmt::format("{} is not a list; list file_paths in it or leave it out", key));
   Names names;
   for (std::size_t i = 0; i < list->size(); ++i) {
-    const Json& entry = (*list)[i];
+    const SortedJson& entry = (*list)[i];
     const std::string text = entry.is_string() ? entry.get<std::string>() : "";
     const std::string name =
         with_extension(file.folder(), path_inside(file.folder(), text).value_or(""));

@@ -10,16 +10,16 @@
 #include "gs_core/config/text/region_text.h"
 #include "gs_core/error.h"
 #include "gs_core/system/text/foreign_text.h"
+#include "gs_core/system/text/json.h"
 #include "gs_core/system/text/read_json.h"
 
 namespace gs {
 namespace {
 
 namespace fs = std::filesystem;
-using Json = nlohmann::ordered_json;
 
 constexpr double kSameNormal = 1e-9;  // difference of unit vectors that are the same
-constexpr const char* kRemedy = "write it again with `gemsplat partition`";
+constexpr const char* kRemedyOfBlocks = "write it again with `gemsplat partition`";
 
 Json json_of(const Vec3d& v) { return {v.x, v.y, v.z}; }
 Json json_of(const CutSide& side) { return {{side.is_cut ? "cut" : "block", side.index}}; }
@@ -86,7 +86,7 @@ void check_entries(const BlocksFile& blocks) {
   for (std::size_t b = 0; b < blocks.blocks.size(); ++b) {
     const BlockEntry& block = blocks.blocks[b];
     const auto refuse = [&](const std::string& why) {
-      throw Error(fmt::format("cannot use {}: {}; {}", blocks.file.string(), why, kRemedy));
+      throw Error(fmt::format("cannot use {}: {}; {}", blocks.file.string(), why, kRemedyOfBlocks));
     };
     if (!names.insert(block.name).second) refuse("it names " + shown_word(block.name) + " twice");
     if (!runs.insert(fs::path(block.run).lexically_normal().string()).second)
@@ -102,7 +102,7 @@ void check(const BlocksFile& blocks) {
     is_sound &= std::isfinite(cut.offset) && inner(cut.normal, cut.normal) > 0;
   if (!is_sound)
     throw Error(fmt::format("cannot use {}: its cuts do not divide space into its {} blocks; {}",
-                            blocks.file.string(), blocks.blocks.size(), kRemedy));
+                            blocks.file.string(), blocks.blocks.size(), kRemedyOfBlocks));
   check_entries(blocks);
 }
 
@@ -126,8 +126,8 @@ BlocksFile read_blocks(const fs::path& file_or_folder) {
   if (!fs::exists(blocks.file, ignored))
     throw Error("there is no partition at " + file_or_folder.string() +
                 "; name the folder that `gemsplat partition` has written, or its blocks.json");
-  const Json json = read_json_as(blocks.file, kRemedy);
-  take_from_json(blocks.file, kRemedy, [&] {
+  const Json json = read_json_as(blocks.file, kRemedyOfBlocks);
+  take_from_json(blocks.file, kRemedyOfBlocks, [&] {
     blocks.scene = json.at("scene").get<std::string>();
     blocks.up = vector_of(json.at("up"));
     for (const Json& cut : json.at("cuts")) blocks.tree.cuts.push_back(cut_of(cut));

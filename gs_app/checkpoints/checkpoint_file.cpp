@@ -15,6 +15,7 @@
 #include "gs_core/error.h"
 #include "gs_core/system/files/checked_file.h"
 #include "gs_core/system/text/foreign_text.h"
+#include "gs_core/system/text/json.h"
 #include "gs_core/system/text/read_json.h"
 #include "gs_core/system/version.h"
 
@@ -45,8 +46,7 @@ void take_photos_of(const std::string& text, std::vector<ViewRecord>& views) {
   }
 }
 
-nlohmann::ordered_json about(const RunProgress& progress, const TrainingModel& model,
-                             const SceneRecord& scene) {
+Json about(const RunProgress& progress, const TrainingModel& model, const SceneRecord& scene) {
   return {{"gemsplat", kVersion},
           {"step", progress.step},
           {"gaussians", model.count()},
@@ -375,8 +375,6 @@ class Numbers {
   }
 
  private:
-  using Json = nlohmann::ordered_json;
-
   double inside(const Json& value, const char* key, double low, double high) const {
     const double number = value.is_number() ? value.get<double>() : NAN;
     if (!(number >= low && number <= high))

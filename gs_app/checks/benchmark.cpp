@@ -75,10 +75,9 @@ void add_to_mean(const Workload& view, std::size_t count, Workload& mean) {
   mean.sh_degree = view.sh_degree;
 }
 
-// Training steps leave out the depths that no map of a photo is compared with.
-Workload of_training(Workload workload, const std::vector<View>& views, const Config& config) {
-  workload.has_depths =
-      loss_settings(config).depth_weight > 0 && std::ranges::any_of(views, &View::has_depth_map);
+// Training steps here compare with no depth maps, and leave out the depths.
+Workload of_training(Workload workload) {
+  workload.has_depths = false;
   return workload;
 }
 
@@ -155,7 +154,7 @@ double milliseconds_of_steps(Backend& backend, TrainingModel& model, const std::
   for (int step = 0; step < steps; ++step) {
     for (TrainingPhoto& photo : photos) photo = {&views[next++ % views.size()], training};
     backend.device().prefetch_next(views[next % views.size()]);
-    backend.step(model, {{photos.data(), batch}, loss_settings(config), update, density});
+    backend.step(model, {{photos.data(), batch}, {config.loss.lambda_dssim}, update, density});
   }
   backend.synchronize(model);
   return milliseconds_now() - begin;
@@ -177,7 +176,7 @@ TrainingFigures time_training(Backend& backend, TrainingModel& model,
   figures.ms_per_step = milliseconds_of(plan.steps) / plan.steps;
   backend.device().set_profiling(true);
   milliseconds_of(plan.steps);
-  figures.stages = figures_of(backend, of_training(workload, views, config));
+  figures.stages = figures_of(backend, of_training(workload));
   backend.device().set_profiling(false);
   return figures;
 }

@@ -9,14 +9,13 @@
 
 #include "gs_app/run/text.h"
 #include "gs_core/error.h"
+#include "gs_core/system/text/json.h"
 #include "gs_core/system/text/read_json.h"
 
 namespace gs {
 namespace {
 
-using Json = nlohmann::ordered_json;
-
-constexpr const char* kRemedy = "name a file that `gemsplat bench -o FILE` wrote";
+constexpr const char* kRemedyOfBenchmarks = "name a file that `gemsplat bench -o FILE` wrote";
 
 // A member of an object, or nothing.
 const Json* member(const Json& json, const char* name) {
@@ -149,7 +148,7 @@ std::vector<OtherReport> read_reports(const std::vector<std::filesystem::path>& 
     Json figures = read_json(file);
     if (!milliseconds_of_step(figures) && !frames(figures))
       throw Error(fmt::format("{} has no times: neither train.ms_per_step nor render; {}",
-                              file.string(), kRemedy));
+                              file.string(), kRemedyOfBenchmarks));
     std::string name = words(figures, "program");
     reports.push_back({name.empty() ? file.stem().string() : std::move(name), std::move(figures)});
   }

@@ -4,16 +4,17 @@
 #pragma once
 
 #include <filesystem>
-#include <nlohmann/json.hpp>
 #include <string>
 #include <vector>
+
+#include "gs_core/system/text/json.h"
 
 namespace gs {
 
 /// What `bench -o` wrote, or a file of the same form about another program.
 struct OtherReport {
   std::string name;  // of its column: the file's `program`, else its name without ending
-  nlohmann::ordered_json figures;
+  Json figures;
 };
 
 /// Reads such files. Throws Error where one is missing, is no JSON, or has neither a training step

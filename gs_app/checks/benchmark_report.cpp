@@ -5,15 +5,13 @@
 
 #include <algorithm>
 #include <cmath>
-#include <nlohmann/json.hpp>
 
 #include "gs_app/run/text.h"
+#include "gs_core/system/text/json.h"
 #include "gs_core/system/version.h"
 
 namespace gs {
 namespace {
-
-using Json = nlohmann::ordered_json;
 
 // As JSON
 

@@ -18,11 +18,11 @@ namespace {
 constexpr Quat<double> kNoTurn{1, 0, 0, 0};
 
 /// What makes a step of its value; `what` is the step as it was written, for messages.
-using Make =
+using MakeStep =
     std::function<EditStep(const std::string& what, const std::string& value, const EditOptions&)>;
-struct Kind {
+struct StepKind {
   EditStepKind shown;
-  Make make;
+  MakeStep make;
 };
 
 Vec3d vector_of(const std::string& value, const std::string& what) {
@@ -49,7 +49,7 @@ EditStep transforming(const std::string& what, const ModelTransform& transform) 
 
 // --- Choosing
 
-Make choosing(bool keeps) {
+MakeStep choosing(bool keeps) {
   return [keeps](const std::string& what, const std::string& value, const EditOptions& options) {
     const Selection selection = selection_of(value, options.places);
     EditStep step = silent(what, [selection, keeps](EditSession& s) {
@@ -161,8 +161,8 @@ EditStep taking_moment(const std::string& what, const std::string& value, const 
   });
 }
 
-const std::vector<Kind>& kinds() {
-  static const std::vector<Kind> kKinds = {
+const std::vector<StepKind>& step_kinds() {
+  static const std::vector<StepKind> kKinds = {
       {{"keep", "WHAT", "keep these Gaussians and drop all others"}, choosing(true)},
       {{"drop", "WHAT", "drop these Gaussians"}, choosing(false)},
       {{"move", "X,Y,Z", "move the model by this vector, in world units"}, moving},
@@ -200,13 +200,13 @@ std::string extent_text(const EditModel& model) {
 
 std::vector<EditStepKind> edit_step_kinds() {
   std::vector<EditStepKind> result;
-  for (const Kind& kind : kinds()) result.push_back(kind.shown);
+  for (const StepKind& kind : step_kinds()) result.push_back(kind.shown);
   return result;
 }
 
 EditStep edit_step(const std::string& name, const std::string& value, const EditOptions& options) {
   std::vector<std::string> names;
-  for (const Kind& kind : kinds()) {
+  for (const StepKind& kind : step_kinds()) {
     const std::string what = "--" + name + (kind.shown.values.empty() ? "" : " " + value);
     if (kind.shown.name == name) return kind.make(what, value, options);
     names.push_back(kind.shown.name);

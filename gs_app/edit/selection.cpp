@@ -111,30 +111,30 @@ MarksOf alive_in(const Interval& range) {
 // --- The table
 
 /// What a kind of selection makes of its words: `what` is "NAME=VALUE", for messages.
-using Make = std::function<MarksOf(const std::string& what, const std::string& value,
-                                   const PlaceOptions& places)>;
+using MakeMarks = std::function<MarksOf(const std::string& what, const std::string& value,
+                                        const PlaceOptions& places)>;
 
-struct Kind {
+struct KindOfSelection {
   SelectionKind shown;
   bool needs_cameras;
-  Make make;
+  MakeMarks make;
 };
 
 template <class F>
-Make ranged(F&& values) {
+MakeMarks ranged(F&& values) {
   return [values](const std::string& what, const std::string& value, const PlaceOptions&) {
     return by_value(interval_of(what, value), values);
   };
 }
 
-Make axis_range(int axis) {
+MakeMarks axis_range(int axis) {
   return [axis](const std::string& what, const std::string& value, const PlaceOptions& places) {
     return in_place(range_of_axis(axis, interval_of(what, value)), places.whole);
   };
 }
 
-const std::vector<Kind>& kinds() {
-  static const std::vector<Kind> kKinds = {
+const std::vector<KindOfSelection>& kinds_of_selection() {
+  static const std::vector<KindOfSelection> kKinds = {
       {{"box", "X,Y,Z,X,Y,Z", "inside of a box, by two opposite corners"},
        false,
        [](auto& what, auto& value, auto& places) {
@@ -186,9 +186,9 @@ const std::vector<Kind>& kinds() {
   return kKinds;
 }
 
-const Kind& kind_named(const std::string& text, const std::string& name) {
+const KindOfSelection& kind_named(const std::string& text, const std::string& name) {
   std::vector<std::string> names;
-  for (const Kind& kind : kinds()) {
+  for (const KindOfSelection& kind : kinds_of_selection()) {
     if (kind.shown.name == name) return kind;
     names.push_back(kind.shown.name);
   }
@@ -273,7 +273,7 @@ Contributions sampled_contributions(const EditModel& model, const EditTools& too
 Selection selection_of(const std::string& text, const PlaceOptions& places) {
   const std::size_t end = std::min(text.find_first_of("=<>:"), text.size());
   const std::string name = text.substr(0, end);
-  const Kind& kind = kind_named(text, name);
+  const KindOfSelection& kind = kind_named(text, name);
   const std::string value = text.substr(end).starts_with('=') ? text.substr(end + 1) : "";
   if (value.empty() && !kind.shown.values.empty())
     throw UsageError(fmt::format("{} needs a value: {}={}", text, name, kind.shown.values));
@@ -282,7 +282,7 @@ Selection selection_of(const std::string& text, const PlaceOptions& places) {
 
 std::vector<SelectionKind> selection_kinds() {
   std::vector<SelectionKind> result;
-  for (const Kind& kind : kinds()) result.push_back(kind.shown);
+  for (const KindOfSelection& kind : kinds_of_selection()) result.push_back(kind.shown);
   return result;
 }
 

@@ -13,12 +13,11 @@
 #include "gs_core/config/text/nearest_word.h"
 #include "gs_core/error.h"
 #include "gs_core/system/log.h"
+#include "gs_core/system/text/json.h"
 #include "gs_render/paths/camera_path.h"
 
 namespace gs {
 namespace {
-
-using Json = nlohmann::ordered_json;
 
 constexpr double kNarrowestSwing = std::numbers::pi / 18;  // radians: where all cameras are near
 

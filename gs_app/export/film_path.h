@@ -3,13 +3,13 @@
 // numbers.
 #pragma once
 
-#include <nlohmann/json.hpp>
 #include <optional>
 #include <string>
 #include <vector>
 
 #include "data_loaders/cameras/camera_file.h"
 #include "gs_core/buffer.h"
+#include "gs_core/system/text/json.h"
 
 namespace gs {
 
@@ -35,7 +35,7 @@ struct PathRequest {
 /// film.
 struct FilmPath {
   std::vector<NamedCamera> cameras;
-  nlohmann::ordered_json description;
+  Json description;
 };
 
 /// The path among `cameras`, in their frame. There is at least one. Frames have the lens and size

@@ -11,11 +11,10 @@
 
 #include "gs_app/run/csv.h"
 #include "gs_core/error.h"
+#include "gs_core/system/text/json.h"
 
 namespace gs {
 namespace {
-
-using Json = nlohmann::ordered_json;
 
 using Row = std::vector<std::string>;
 

@@ -4,7 +4,8 @@
 #pragma once
 
 #include <filesystem>
-#include <nlohmann/json.hpp>
+
+#include "gs_core/system/text/json.h"
 
 namespace gs {
 
@@ -13,11 +14,11 @@ namespace gs {
 /// empty "step". Of a file with more than `most` rows only every n-th row is kept, and every row
 /// with an evaluation. A last row that a kill has cut short is ignored. Throws Error if another row
 /// is damaged, or if the header names a column twice.
-nlohmann::ordered_json metrics_columns(const std::filesystem::path& metrics, std::size_t most);
+Json metrics_columns(const std::filesystem::path& metrics, std::size_t most);
 
 /// The contents of profile.csv: {"stages": {"step": [...], "names": [...], "milliseconds": [[...],
 /// ...]}, "memory": {"step": [...], "host": [...], "gpu": [...]}}. "milliseconds" has a list for
 /// each name. Either key is left out if the file has no such rows. Throws Error as above.
-nlohmann::ordered_json profile_columns(const std::filesystem::path& profile, std::size_t most);
+Json profile_columns(const std::filesystem::path& profile, std::size_t most);
 
 }  // namespace gs

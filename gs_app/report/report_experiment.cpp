@@ -9,6 +9,7 @@
 #include "gs_app/report/report_page.h"
 #include "gs_core/error.h"
 #include "gs_core/system/log.h"
+#include "gs_core/system/text/json.h"
 #include "gs_core/system/text/plain_message.h"
 #include "gs_core/system/text/read_json.h"
 
@@ -16,7 +17,6 @@ namespace gs {
 namespace {
 
 namespace fs = std::filesystem;
-using Json = nlohmann::ordered_json;
 
 constexpr std::size_t kMostRows = 300;  // of each run's curves
 

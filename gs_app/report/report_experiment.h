@@ -4,7 +4,8 @@
 #pragma once
 
 #include <filesystem>
-#include <nlohmann/json.hpp>
+
+#include "gs_core/system/text/json.h"
 
 namespace gs {
 
@@ -14,7 +15,7 @@ namespace gs {
 /// All but "metrics" (the columns of the run's metrics.csv) and "report" (the relative path of its
 /// report) is copied from results.json. A metrics.csv that cannot be read is left out, with a
 /// sentence in "notes". Throws Error if results.json is missing or damaged.
-nlohmann::ordered_json experiment_report(const std::filesystem::path& output);
+Json experiment_report(const std::filesystem::path& output);
 
 /// Whether the folder has the results.json of an experiment.
 bool holds_experiment(const std::filesystem::path& output);

@@ -5,6 +5,7 @@
 #include "gs_app/report/report_page.h"
 #include "gs_app/report/report_run.h"
 #include "gs_core/error.h"
+#include "gs_core/system/text/json.h"
 
 namespace gs {
 
@@ -15,7 +16,7 @@ void check_can_report(const std::filesystem::path& folder) {
                      "of an experiment");
 }
 
-nlohmann::ordered_json folder_report(const std::filesystem::path& folder) {
+Json folder_report(const std::filesystem::path& folder) {
   check_can_report(folder);
   return holds_experiment(folder) ? experiment_report(folder) : run_report(RunFolder(folder));
 }

@@ -3,7 +3,8 @@
 #pragma once
 
 #include <filesystem>
-#include <nlohmann/json_fwd.hpp>
+
+#include "gs_core/system/text/json.h"
 
 namespace gs {
 
@@ -12,7 +13,7 @@ void check_can_report(const std::filesystem::path& folder);
 
 /// The data of the report of a run's or an experiment's folder. Throws UsageError where `folder` is
 /// no folder; Error where it holds neither.
-nlohmann::ordered_json folder_report(const std::filesystem::path& folder);
+Json folder_report(const std::filesystem::path& folder);
 
 /// Writes that report to `file`, and returns it. Throws Error also where this build carries no
 /// report page.

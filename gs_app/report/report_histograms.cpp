@@ -6,11 +6,10 @@
 #include <numbers>
 
 #include "gs_core/math/render/activations.h"
+#include "gs_core/system/text/json.h"
 
 namespace gs {
 namespace {
-
-using Json = nlohmann::ordered_json;
 
 constexpr int kOpacityBars = 50, kScaleBars = 60;
 constexpr double kTail = 0.001;  // share of the Gaussians on either side that the range leaves out

@@ -2,9 +2,8 @@
 // The histograms of a report: opacities and scales of the Gaussians of a model.
 #pragma once
 
-#include <nlohmann/json.hpp>
-
 #include "gs_core/gaussians.h"
+#include "gs_core/system/text/json.h"
 
 namespace gs {
 
@@ -13,6 +12,6 @@ namespace gs {
 /// the standard deviations along a Gaussian's longest and shortest axis, in world units; the
 /// outermost thousandth on either side is counted in the last bar. "out_of_range" is the number of
 /// Gaussians with NaN or infinity, which are left out.
-nlohmann::ordered_json model_histograms(const GaussianModel& model);
+Json model_histograms(const GaussianModel& model);
 
 }  // namespace gs

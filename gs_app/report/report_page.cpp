@@ -12,11 +12,10 @@
 #include "gs_core/error.h"
 #include "gs_core/system/files/move_aside.h"
 #include "gs_core/system/log.h"
+#include "gs_core/system/text/json.h"
 #include "gs_core/system/version.h"
 
 namespace gs {
-
-using Json = nlohmann::ordered_json;
 
 constexpr std::size_t kTellingBytes = 256;  // at the start of a report
 

@@ -3,8 +3,9 @@
 #pragma once
 
 #include <filesystem>
-#include <nlohmann/json.hpp>
 #include <string>
+
+#include "gs_core/system/text/json.h"
 
 namespace gs {
 
@@ -13,12 +14,12 @@ bool can_write_reports();
 std::string cannot_write_reports();
 
 /// The page with `data` in it, escaped so that no text in the data can end its <script> element.
-std::string report_page(const nlohmann::ordered_json& data);
+std::string report_page(const Json& data);
 
 /// Writes the page, whole or not at all. Throws Error, also if this build has no page.
-void write_report(const std::filesystem::path& file, const nlohmann::ordered_json& data);
+void write_report(const std::filesystem::path& file, const Json& data);
 
 /// {"version", "commit", "date"}: of this program, and the current date.
-nlohmann::ordered_json made_by();
+Json made_by();
 
 }  // namespace gs

@@ -12,6 +12,7 @@
 #include "gs_core/error.h"
 #include "gs_core/system/files/text_file.h"
 #include "gs_core/system/log.h"
+#include "gs_core/system/text/json.h"
 #include "gs_core/system/text/plain_message.h"
 #include "gs_core/system/text/read_json.h"
 
@@ -19,9 +20,8 @@ namespace gs {
 namespace {
 
 namespace fs = std::filesystem;
-using Json = nlohmann::ordered_json;
 
-constexpr std::size_t kMostRows = 3000;  // of each curve: more than a screen has pixels
+constexpr std::size_t kMostCurveRows = 3000;  // of each curve: more than a screen has pixels
 
 // [{"key", "value", "usual"}, ...] for each setting that differs from its default ("usual"), except
 // the paths of scene and output.
@@ -68,8 +68,8 @@ Json run_report(const RunFolder& folder, Json results) {
                  {"state", results.is_null() ? "unfinished" : "finished"},
                  {"made", made_by()}};
   add_config(folder, report, notes);
-  report["metrics"] = metrics_columns(folder.metrics(), kMostRows);
-  report.update(profile_columns(folder.profile(), kMostRows));
+  report["metrics"] = metrics_columns(folder.metrics(), kMostCurveRows);
+  report.update(profile_columns(folder.profile(), kMostCurveRows));
   const std::optional<int> step = folder.newest_step();
   if (step) {
     report["views"] = report_views(folder, *step, notes);

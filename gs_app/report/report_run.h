@@ -3,9 +3,8 @@
 // reading here.
 #pragma once
 
-#include <nlohmann/json.hpp>
-
 #include "gs_app/run/run_folder.h"
+#include "gs_core/system/text/json.h"
 
 namespace gs {
 
@@ -14,8 +13,7 @@ namespace gs {
 /// not have is left out or null, with a sentence in "notes". `results` are given by a run that has
 /// not written them yet; if they are null, results.json is read if there is one. Throws Error if
 /// the folder holds no run or a file is damaged.
-nlohmann::ordered_json run_report(const RunFolder& folder,
-                                  nlohmann::ordered_json results = nullptr);
+Json run_report(const RunFolder& folder, Json results = nullptr);
 
 /// Writes report.html of a run that has just ended with these results. If that fails it logs a
 /// warning, since the run itself is complete.

@@ -13,13 +13,13 @@
 #include "gs_app/run/page_text.h"
 #include "gs_app/run/results.h"
 #include "gs_core/error.h"
+#include "gs_core/system/text/json.h"
 #include "gs_core/system/text/read_json.h"
 
 namespace gs {
 namespace {
 
 namespace fs = std::filesystem;
-using Json = nlohmann::ordered_json;
 
 constexpr std::size_t kMostViews = 24;
 constexpr std::size_t kMostBytes = 12 << 20;  // of all pictures, in base64

@@ -3,11 +3,11 @@
 // contains.
 #pragma once
 
-#include <nlohmann/json.hpp>
 #include <string>
 #include <vector>
 
 #include "gs_app/run/run_folder.h"
+#include "gs_core/system/text/json.h"
 
 namespace gs {
 
@@ -16,7 +16,6 @@ namespace gs {
 /// Null if the run has no evaluation. Pictures are data URIs of JPEGs with at most 800 pixels on a
 /// side, of up to 24 evenly chosen views, and at most 12 MiB together. A sentence about missing
 /// pictures is added to `notes`. Throws Error if a file is damaged.
-nlohmann::ordered_json report_views(const RunFolder& folder, int step,
-                                    std::vector<std::string>& notes);
+Json report_views(const RunFolder& folder, int step, std::vector<std::string>& notes);
 
 }  // namespace gs

@@ -8,6 +8,7 @@
 #include <string>
 
 #include "gs_app/run/process_place.h"
+#include "gs_core/config/config.h"
 #include "gs_train/backend.h"
 
 namespace gs {

@@ -104,4 +104,9 @@ RenderSettings view_settings(const OpenedModel& opened, Config config) {
   return settings;
 }
 
+RenderSettings settings_of_model(const OpenedModel& opened, Config config) {
+  config.model.sh_degree = opened.model.sh_degree;
+  return view_settings(opened, config);
+}
+
 }  // namespace gs

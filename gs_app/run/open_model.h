@@ -47,4 +47,7 @@ Scene scene_for(const OpenedModel& opened, DatasetConfig dataset, bool is_other_
 /// and a random background becomes black.
 RenderSettings view_settings(const OpenedModel& opened, Config config);
 
+/// The same with the model's own SH degree: what a lower degree loses counts.
+RenderSettings settings_of_model(const OpenedModel& opened, Config config);
+
 }  // namespace gs

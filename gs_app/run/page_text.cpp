@@ -3,6 +3,8 @@
 
 #include <algorithm>
 
+#include "gs_core/system/text/json.h"
+
 namespace gs {
 
 std::string base64_of(const std::vector<std::uint8_t>& bytes) {
@@ -32,9 +34,8 @@ std::string html_text(const std::string& text) {
   return result;
 }
 
-std::string script_json(const nlohmann::ordered_json& data) {
-  const std::string text =
-      data.dump(-1, ' ', false, nlohmann::ordered_json::error_handler_t::replace);
+std::string script_json(const Json& data) {
+  const std::string text = data.dump(-1, ' ', false, Json::error_handler_t::replace);
   std::string escaped;
   escaped.reserve(text.size());
   // In JSON, < occurs only in strings; "</script" would end the element.

@@ -3,9 +3,10 @@
 #pragma once
 
 #include <cstdint>
-#include <nlohmann/json.hpp>
 #include <string>
 #include <vector>
+
+#include "gs_core/system/text/json.h"
 
 namespace gs {
 
@@ -17,6 +18,6 @@ std::string html_text(const std::string& text);
 
 /// JSON that may stand in a script element, whatever its strings hold. Strings that are no UTF-8
 /// are mended.
-std::string script_json(const nlohmann::ordered_json& data);
+std::string script_json(const Json& data);
 
 }  // namespace gs

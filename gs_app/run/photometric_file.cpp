@@ -10,24 +10,24 @@
 #include "gs_core/system/byte_reader.h"
 #include "gs_core/system/files/atomic_file.h"
 #include "gs_core/system/text/foreign_text.h"
+#include "gs_core/system/text/json.h"
 #include "gs_core/system/text/read_json.h"
 
 namespace gs {
 namespace {
 
 // float as the number type: written with the digits that a float needs. Keys are sorted.
-using Json = nlohmann::basic_json<std::map, std::vector, std::string, bool, std::int64_t,
-                                  std::uint64_t, float>;
 using Names = std::vector<std::string>;
 
-constexpr const char* kRemedy = "train again, or remove the file to measure neutral pictures alone";
+constexpr const char* kRemedyOfLooks =
+    "train again, or remove the file to measure neutral pictures alone";
 
-void add_numbers(const Names& names, const std::vector<float>& numbers, Json& json) {
+void add_numbers(const Names& names, const std::vector<float>& numbers, SortedFloatJson& json) {
   for (std::size_t i = 0; i < names.size(); ++i) json[names[i]] = numbers[i];
 }
 
-Json photos_json(const SceneLooks& looks, const Names& names, bool is_held_out) {
-  Json json = Json::object();
+SortedFloatJson photos_json(const SceneLooks& looks, const Names& names, bool is_held_out) {
+  SortedFloatJson json = SortedFloatJson::object();
   for (const auto& [name, look] : looks.photos) {
     if (look.is_held_out != is_held_out) continue;
     json[name]["camera"] = look.camera_id;
@@ -42,12 +42,12 @@ class Reader {
   explicit Reader(const std::filesystem::path& path) : path_(path) {}
 
   SceneLooks looks() {
-    const Json json = read_json_as<Json>(path_, kRemedy);
-    return take_from_json(path_, kRemedy, [&] { return looks_in(json); });
+    const SortedFloatJson json = read_json_as<SortedFloatJson>(path_, kRemedyOfLooks);
+    return take_from_json(path_, kRemedyOfLooks, [&] { return looks_in(json); });
   }
 
  private:
-  SceneLooks looks_in(const Json& json) {
+  SceneLooks looks_in(const SortedFloatJson& json) {
     SceneLooks looks;
     looks.config.model = json.at("model").get<std::string>();
     if (json.value("vignetting", false))
@@ -72,20 +72,21 @@ class Reader {
     return model;
   }
 
-  void take_photos(const Json& photos, bool is_held_out, SceneLooks& looks) const {
+  void take_photos(const SortedFloatJson& photos, bool is_held_out, SceneLooks& looks) const {
     for (const auto& [name, photo] : photos.items())
       looks.photos[name] = {std::uint32_t(whole(photo, "camera", UINT32_MAX)), is_held_out,
                             numbers(photo_names_, name, photo)};
   }
 
-  std::uint64_t whole(const Json& json, const char* key, std::uint64_t most) const {
-    const Json& value = json.at(key);
+  std::uint64_t whole(const SortedFloatJson& json, const char* key, std::uint64_t most) const {
+    const SortedFloatJson& value = json.at(key);
     if (!value.is_number_unsigned() || value.get<std::uint64_t>() > most)
       refuse(fmt::format("{} is no whole number from 0 to {}", key, most));
     return value.get<std::uint64_t>();
   }
 
-  std::vector<float> numbers(const Names& names, const std::string& of, const Json& json) const {
+  std::vector<float> numbers(const Names& names, const std::string& of,
+                             const SortedFloatJson& json) const {
     std::vector<float> values;
     for (const std::string& name : names) {
       values.push_back(json.at(name).get<float>());
@@ -96,7 +97,7 @@ class Reader {
   }
 
   [[noreturn]] void refuse(const std::string& what) const {
-    cannot_read(path_, fmt::format("{}; {}", what, kRemedy));
+    cannot_read(path_, fmt::format("{}; {}", what, kRemedyOfLooks));
   }
 
   std::filesystem::path path_;
@@ -107,14 +108,14 @@ class Reader {
 
 void write_photometric(const std::filesystem::path& path, const SceneLooks& looks) {
   const auto model = make_photometric_model(looks.config);
-  Json json = {{"model", looks.config.model}};
+  SortedFloatJson json = {{"model", looks.config.model}};
   json["photos"] = photos_json(looks, model->photo_names(), false);
   json["held_out"] = photos_json(looks, model->photo_names(), true);
   json["rule"] = looks.rule;
-  json["spreads"] = Json::object();
+  json["spreads"] = SortedFloatJson::object();
   for (const HeldOutRule& rule : looks.rules) json["spreads"][rule.name] = float(rule.spread);
   AtomicFile file(path);
-  file.write(json.dump(1, ' ', false, Json::error_handler_t::replace) + "\n");
+  file.write(json.dump(1, ' ', false, SortedFloatJson::error_handler_t::replace) + "\n");
   file.commit();
 }
 

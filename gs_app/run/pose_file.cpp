@@ -11,16 +11,15 @@
 #include "gs_core/system/byte_reader.h"
 #include "gs_core/system/files/atomic_file.h"
 #include "gs_core/system/text/foreign_text.h"
+#include "gs_core/system/text/json.h"
 #include "gs_core/system/text/read_json.h"
 
 namespace gs {
 namespace {
 
 // float as the number type: written with the digits that a float needs. Keys are sorted.
-using Json = nlohmann::basic_json<std::map, std::vector, std::string, bool, std::int64_t,
-                                  std::uint64_t, float>;
 
-constexpr const char* kRemedy =
+constexpr const char* kRemedyOfPoses =
     "train again, or remove the file to measure training photos at their given poses";
 constexpr float kRotationTolerance = 1e-3f;  // of inner products of rows
 
@@ -37,14 +36,14 @@ Difference difference_of(const Camera& a, const Camera& b) {
           length(in_a.position() - in_b.position())};
 }
 
-Json list_of(const Vec3f& v) { return Json::array({v.x, v.y, v.z}); }
+SortedFloatJson list_of(const Vec3f& v) { return SortedFloatJson::array({v.x, v.y, v.z}); }
 
-Vec3f vector_in(const Json& list) {
+Vec3f vector_in(const SortedFloatJson& list) {
   return {list.at(0).get<float>(), list.at(1).get<float>(), list.at(2).get<float>()};
 }
 
-RefinedPose pose_in(const Json& photo) {
-  const Json& rows = photo.at("rotation");
+RefinedPose pose_in(const SortedFloatJson& photo) {
+  const SortedFloatJson& rows = photo.at("rotation");
   return {{vector_in(rows.at(0)), vector_in(rows.at(1)), vector_in(rows.at(2))},
           vector_in(photo.at("translation"))};
 }
@@ -53,7 +52,7 @@ RefinedPose pose_in(const Json& photo) {
 
 void write_poses(const std::filesystem::path& path, const std::vector<View>& train_views,
                  const std::vector<Camera>& refined) {
-  Json photos = Json::object();
+  SortedFloatJson photos = SortedFloatJson::object();
   double angles = 0, shifts = 0;
   for (std::size_t i = 0; i < train_views.size(); ++i) {
     const Mat3<float>& R = refined[i].cam_from_world_rotation;
@@ -67,17 +66,17 @@ void write_poses(const std::filesystem::path& path, const std::vector<View>& tra
         {"shift", float(moved.shift)}};
   }
   const double count = double(train_views.size());
-  const Json json = {{"degrees", float(std::sqrt(angles / count))},
-                     {"shift", float(std::sqrt(shifts / count))},
-                     {"photos", std::move(photos)}};
+  const SortedFloatJson json = {{"degrees", float(std::sqrt(angles / count))},
+                                {"shift", float(std::sqrt(shifts / count))},
+                                {"photos", std::move(photos)}};
   AtomicFile file(path);
-  file.write(json.dump(1, ' ', false, Json::error_handler_t::replace) + "\n");
+  file.write(json.dump(1, ' ', false, SortedFloatJson::error_handler_t::replace) + "\n");
   file.commit();
 }
 
 RefinedPoses read_poses(const std::filesystem::path& path) {
-  const Json json = read_json_as<Json>(path, kRemedy);
-  RefinedPoses poses = take_from_json(path, kRemedy, [&] {
+  const SortedFloatJson json = read_json_as<SortedFloatJson>(path, kRemedyOfPoses);
+  RefinedPoses poses = take_from_json(path, kRemedyOfPoses, [&] {
     RefinedPoses poses;
     for (const auto& [name, photo] : json.at("photos").items()) poses[name] = pose_in(photo);
     return poses;
@@ -86,7 +85,7 @@ RefinedPoses read_poses(const std::filesystem::path& path) {
     if (!is_rotation(pose.cam_from_world_rotation, kRotationTolerance) ||
         !is_finite(pose.cam_from_world_translation))
       cannot_read(path, fmt::format("the pose of '{}' is no rotation and translation; {}",
-                                    shown_word(name), kRemedy));
+                                    shown_word(name), kRemedyOfPoses));
   return poses;
 }
 

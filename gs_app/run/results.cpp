@@ -4,9 +4,9 @@
 #include <spdlog/fmt/fmt.h>
 
 #include <cmath>
-#include <nlohmann/json.hpp>
 
 #include "gs_app/run/provenance.h"
+#include "gs_core/system/text/json.h"
 #include "gs_core/system/version.h"
 
 #ifdef GS_HAVE_CUDA
@@ -15,8 +15,6 @@
 
 namespace gs {
 namespace {
-
-using Json = nlohmann::ordered_json;
 
 void add_perceptual(const char* suffix, const std::optional<PerceptualMetrics>& metrics,
                     Json& json) {

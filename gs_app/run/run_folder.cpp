@@ -16,6 +16,7 @@
 #include "gs_core/system/files/atomic_file.h"
 #include "gs_core/system/files/move_aside.h"
 #include "gs_core/system/log.h"
+#include "gs_core/system/text/json.h"
 #include "gs_core/system/text/read_json.h"
 
 namespace gs {
@@ -52,11 +53,11 @@ std::string cfg_args(const Config& config, const fs::path& root) {
 
 std::string split_json(const Config& config, const Scene& scene) {
   const auto names = [](const std::vector<View>& views) {
-    auto list = nlohmann::ordered_json::array();
+    auto list = Json::array();
     for (const View& view : views) list.push_back(view.name);
     return list;
   };
-  nlohmann::ordered_json split;
+  Json split;
   split["train"] = names(scene.train_views);
   split["test"] = names(scene.test_views);
   split["rule"] = config.dataset.eval
@@ -65,7 +66,7 @@ std::string split_json(const Config& config, const Scene& scene) {
                             "testing; views of one rig frame stay together",
                             config.dataset.test_every)
                       : "all views are for training";
-  return split.dump(2, ' ', false, nlohmann::json::error_handler_t::replace) + "\n";
+  return split.dump(2, ' ', false, SortedJson::error_handler_t::replace) + "\n";
 }
 
 }  // namespace

@@ -16,13 +16,13 @@
 #include "gs_app/view/photo_looks.h"
 #include "gs_core/error.h"
 #include "gs_core/system/log.h"
+#include "gs_core/system/text/json.h"
 #include "gs_model/edit/upright.h"
 
 namespace gs {
 namespace {
 
 namespace fs = std::filesystem;
-using Json = nlohmann::ordered_json;
 
 // Names in our cameras.json have no extension; those of some other trainers have one.
 template <class T>

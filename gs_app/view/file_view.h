@@ -9,6 +9,7 @@
 #include "gs_app/view/frame_renderer.h"
 #include "gs_app/view/served_model.h"
 #include "gs_app/view/view_server.h"
+#include "gs_core/system/text/json.h"
 
 namespace gs {
 
@@ -20,8 +21,8 @@ class FileView final : public ViewSource {
   FileView(ViewScene scene, std::size_t gaussians, std::unique_ptr<FrameRenderer> renderer);
 
   const ViewScene& scene() const override { return scene_; }
-  nlohmann::ordered_json mode_and_model() override;
-  nlohmann::ordered_json state(int) override { return finished_state(model_.gaussians); }
+  Json mode_and_model() override;
+  Json state(int) override { return finished_state(model_.gaussians); }
   HttpAnswer model() override;
   HttpAnswer frame(const HttpRequest& request) override;
 

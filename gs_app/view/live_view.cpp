@@ -14,6 +14,7 @@
 #include "gs_core/error.h"
 #include "gs_core/system/files/scratch_folder.h"
 #include "gs_core/system/log.h"
+#include "gs_core/system/text/json.h"
 #include "gs_core/system/text/plain_message.h"
 #include "gs_core/threads/low_priority.h"
 #include "gs_core/threads/parallel.h"
@@ -22,8 +23,6 @@
 
 namespace gs {
 namespace {
-
-using Json = nlohmann::ordered_json;
 
 // The fastest to write of the formats that the page reads and that keep all SH coefficients:
 // docs/reference/viewer.md has times.

@@ -15,6 +15,7 @@
 #include "gs_app/view/run_control.h"
 #include "gs_app/view/snapshot_budget.h"
 #include "gs_app/view/view_server.h"
+#include "gs_core/system/text/json.h"
 
 namespace gs {
 
@@ -43,8 +44,8 @@ class LiveView final : public ViewSource, public Observer {
   void end(std::optional<GaussianModel> model, const Evaluation& test);
 
   const ViewScene& scene() const override { return scene_; }
-  nlohmann::ordered_json mode_and_model() override;
-  nlohmann::ordered_json state(int after_step) override;
+  Json mode_and_model() override;
+  Json state(int after_step) override;
   HttpAnswer model() override;
   HttpAnswer control(const HttpRequest& request) override;
 

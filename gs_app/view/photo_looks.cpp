@@ -4,10 +4,9 @@
 #include <cmath>
 
 #include "data_loaders/photos/photo_names.h"
+#include "gs_core/system/text/json.h"
 
 namespace gs {
-
-using Json = nlohmann::ordered_json;
 
 std::string photo_in(const SceneLooks& looks, const std::string& name) {
   if (looks.photos.contains(name)) return name;

@@ -3,9 +3,9 @@
 // (photometric.json), for the page's shader and for frames of --remote.
 #pragma once
 
-#include <nlohmann/json.hpp>
 #include <string>
 
+#include "gs_core/system/text/json.h"
 #include "gs_eval/looks/scene_looks.h"
 
 namespace gs {
@@ -14,6 +14,6 @@ namespace gs {
 std::string photo_in(const SceneLooks& looks, const std::string& name);
 
 /// The look of a photo, which the page computes as in look.js: {"gain": [r, g, b]}
-nlohmann::ordered_json look_json(const SceneLooks& looks, const std::string& photo);
+Json look_json(const SceneLooks& looks, const std::string& photo);
 
 }  // namespace gs

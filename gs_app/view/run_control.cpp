@@ -9,6 +9,7 @@
 #include "gs_app/observers/train_observers.h"
 #include "gs_core/error.h"
 #include "gs_core/system/log.h"
+#include "gs_core/system/text/json.h"
 
 namespace gs {
 namespace {
@@ -66,12 +67,12 @@ bool RunControl::was_stopped() {
   return is_stopping_;
 }
 
-nlohmann::ordered_json RunControl::state() {
+Json RunControl::state() {
   const std::lock_guard lock(mutex_);
   return {{"paused", is_paused_},
           {"saving", is_saving_},
           {"stopping", is_stopping_},
-          {"saved", saved_ < 0 ? nlohmann::ordered_json() : nlohmann::ordered_json(saved_)},
+          {"saved", saved_ < 0 ? Json() : Json(saved_)},
           {"trouble", trouble_}};
 }
 

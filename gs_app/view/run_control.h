@@ -5,11 +5,11 @@
 #include <condition_variable>
 #include <functional>
 #include <mutex>
-#include <nlohmann/json.hpp>
 #include <string>
 
 #include "gs_app/run/run_folder.h"
 #include "gs_app/view/http/http_server.h"
+#include "gs_core/system/text/json.h"
 #include "gs_train/loop/trainer.h"
 
 namespace gs {
@@ -30,7 +30,7 @@ class RunControl final : public Observer {
   /// Whether a page has asked to stop the run.
   bool was_stopped();
   /// {"paused": bool, "saving": bool, "stopping": bool, "saved": step or null, "trouble": text}
-  nlohmann::ordered_json state();
+  Json state();
 
   void after_step(int step, Trainer& trainer) override;
   void after_run(Trainer& trainer) override;

@@ -13,11 +13,10 @@
 #include "gs_app/run/text.h"
 #include "gs_core/system/byte_reader.h"
 #include "gs_core/system/log.h"
+#include "gs_core/system/text/json.h"
 
 namespace gs {
 namespace {
-
-using Json = nlohmann::ordered_json;
 
 bool is_plain(const PlyHeader& header) {
   if (header.format != PlyFormat::little_endian || header.elements.empty()) return false;

@@ -5,12 +5,12 @@
 
 #include <filesystem>
 #include <memory>
-#include <nlohmann/json.hpp>
 #include <string>
 
 #include "data_loaders/formats/formats.h"
 #include "gs_app/run/open_model.h"
 #include "gs_core/system/files/scratch_folder.h"
+#include "gs_core/system/text/json.h"
 
 namespace gs {
 
@@ -39,11 +39,10 @@ ServedModel serve_model(const OpenedModel& opened, std::size_t stream_from = kWo
 
 /// "model" of /scene.json: {"format", "gaussians", "bytes", "sh_degree", "antialiased", "name",
 /// "world_from_file"}. The matrix, 4x4 by rows, transforms the file's axes to those of the cameras.
-nlohmann::ordered_json model_json(const ServedModel& model);
+Json model_json(const ServedModel& model);
 
 /// The same for a file in memory.
-nlohmann::ordered_json model_json(const ModelFormat& format, const std::string& name,
-                                  std::size_t gaussians, std::uint64_t bytes, int sh_degree,
-                                  bool antialiased);
+Json model_json(const ModelFormat& format, const std::string& name, std::size_t gaussians,
+                std::uint64_t bytes, int sh_degree, bool antialiased);
 
 }  // namespace gs

@@ -7,11 +7,10 @@
 #include "gs_app/view/photo_looks.h"
 #include "gs_core/error.h"
 #include "gs_core/system/log.h"
+#include "gs_core/system/text/json.h"
 
 namespace gs {
 namespace {
-
-using Json = nlohmann::ordered_json;
 
 Mat3<double> rotation_of(const Camera& camera) {
   const Mat3<float>& R = camera.cam_from_world_rotation;

@@ -4,7 +4,6 @@
 
 #include <filesystem>
 #include <memory>
-#include <nlohmann/json.hpp>
 #include <optional>
 #include <string>
 #include <vector>
@@ -13,6 +12,7 @@
 #include "gs_core/gaussians.h"
 #include "gs_core/geometry/scene_frame.h"
 #include "gs_core/scene.h"
+#include "gs_core/system/text/json.h"
 #include "gs_eval/looks/scene_looks.h"
 #include "gs_render/render_pass.h"
 
@@ -55,11 +55,11 @@ struct ViewScene {
 std::string name_of(const std::filesystem::path& path);
 
 /// [x, y, z]
-nlohmann::ordered_json list_of(const Vec3d& v);
+Json list_of(const Vec3d& v);
 /// The list "cameras" of it, by itself.
-nlohmann::ordered_json cameras_json(const std::vector<ViewedCamera>& cameras);
+Json cameras_json(const std::vector<ViewedCamera>& cameras);
 /// /scene.json without "mode", "model" and "path".
-nlohmann::ordered_json scene_json(const ViewScene& scene);
+Json scene_json(const ViewScene& scene);
 
 /// Copies the background and the depth range from the rendering settings.
 void take_settings(ViewScene& scene, const RenderSettings& settings);

@@ -12,12 +12,11 @@
 #include "gs_core/system/host_name.h"
 #include "gs_core/system/log.h"
 #include "gs_core/system/text/foreign_text.h"
+#include "gs_core/system/text/json.h"
 #include "gs_eval/metrics.h"
 
 namespace gs {
 namespace {
-
-using Json = nlohmann::ordered_json;
 
 constexpr int kPhotoQuality = 92;
 constexpr const char* kJpeg = "image/jpeg";

@@ -3,11 +3,11 @@
 // the addresses. Start reading here.
 #pragma once
 
-#include <nlohmann/json.hpp>
 #include <string>
 
 #include "gs_app/view/http/http_server.h"
 #include "gs_app/view/view_scene.h"
+#include "gs_core/system/text/json.h"
 
 namespace gs {
 
@@ -19,10 +19,10 @@ class ViewSource {
   /// Does not change while it is served.
   virtual const ViewScene& scene() const = 0;
   /// "mode" and "model" of /scene.json; without "model" as long as there is none.
-  virtual nlohmann::ordered_json mode_and_model() = 0;
+  virtual Json mode_and_model() = 0;
   /// /state.json, with the losses that were logged after a step. A page that polls it counts as
   /// watching.
-  virtual nlohmann::ordered_json state(int after_step) = 0;
+  virtual Json state(int after_step) = 0;
   virtual HttpAnswer model() = 0;
   virtual HttpAnswer frame(const HttpRequest& request);
   /// POST /control.
@@ -30,7 +30,7 @@ class ViewSource {
 };
 
 /// The state of a model that is not being trained: {"step": 0, ..., "version": 1, "done": true}.
-nlohmann::ordered_json finished_state(std::size_t gaussians);
+Json finished_state(std::size_t gaussians);
 
 /// The answer to a request for /, /scene.json, /state.json, /model, /photo/I or /frame, or to POST
 /// /control; 404 for any other.

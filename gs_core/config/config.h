@@ -114,7 +114,6 @@ struct OptimizerConfig {
   MomentStorage moments = MomentStorage::halves;
 };
 
-inline constexpr int kMostBatch = 8;            // photos of one update
 inline constexpr int kMostReduction = 16;       // of photos, in each direction
 inline constexpr int kMostPoints = 2'000'000;   // to start from; denser clouds are downsampled
 inline constexpr std::int64_t kAutoCount = -1;  // the word auto: the program finds the count itself

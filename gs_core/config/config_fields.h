@@ -11,6 +11,7 @@
 #include "gs_core/config/config.h"
 #include "gs_core/config/config_limits.h"
 #include "gs_core/density/growth_method.h"
+#include "gs_core/math/constants.h"
 
 namespace gs {
 

@@ -68,6 +68,7 @@ inline constexpr float kPhotoWhite = 0.92f;             // display sRGB: photos 
 inline constexpr double kAdamBeta1 = 0.9;
 inline constexpr double kAdamBeta2 = 0.999;
 inline constexpr float kAdamEpsilon = 1e-15f;
+inline constexpr int kMostBatch = 8;                    // photos of one update
 
 // Density control.
 inline constexpr float kSplitScaleDivisor = 1.6f;       // both halves of a split shrink by it [3DGS]

@@ -11,6 +11,7 @@
 #include "gs_core/error.h"
 #include "gs_core/system/byte_reader.h"
 #include "gs_core/system/files/checked_file.h"
+#include "gs_core/system/text/json.h"
 #include "gs_core/system/text/read_json.h"
 
 namespace gs {
@@ -58,9 +59,9 @@ SafetensorsFile::SafetensorsFile(std::filesystem::path path, std::string remedy)
 }
 
 void SafetensorsFile::read_header(const std::string& text) {
-  const auto header = parse_json<nlohmann::json>(path_, text, remedy_);
+  const auto header = parse_json<SortedJson>(path_, text, remedy_);
   take_from_json(path_, remedy_, [&] {
-    for (const auto& [name, array] : header.get_ref<const nlohmann::json::object_t&>()) {
+    for (const auto& [name, array] : header.get_ref<const SortedJson::object_t&>()) {
       if (name == "__metadata__") continue;
       const auto offsets = array.at("data_offsets").get<std::vector<std::uint64_t>>();
       if (offsets.size() != 2) refuse("the offsets of " + name + " are damaged");

@@ -9,6 +9,7 @@
 #include <string>
 #include <vector>
 
+#include "gs_core/config/config.h"
 #include "gs_eval/looks/held_out.h"
 #include "gs_train/photometric/photometric_model.h"
 

@@ -205,7 +205,7 @@ void Trainer::take_batch(int last_step) {
     update.photometric_rate *= batch_rate(photos);
     update.pose_rate *= batch_rate(photos);
   }
-  LossSettings loss = loss_settings(run_.config);
+  LossSettings loss{run_.config.loss.lambda_dssim};
   loss.depth_weight = run_.schedule.depth_weight(last_step);
   run_.backend.step(
       run_.model, {{batch_.data(), batch_.size()}, loss, update, run_.density->of_step(last_step)});

@@ -45,7 +45,6 @@ class GainsAppearance final : public Appearance {
 
 class GainsModel final : public PhotometricModel {
  public:
-  std::string name() const override { return kGainsModel; }
   std::vector<std::string> photo_names() const override {
     return {"log_gain_red", "log_gain_green", "log_gain_blue"};
   }

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "gs_train/photometric/photometric_model.h"
 
+#include "gs_core/config/config.h"
 #include "gs_core/error.h"
 #include "gs_train/named_row.h"
 #include "gs_train/photometric/gains.h"

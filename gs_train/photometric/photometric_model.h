@@ -20,20 +20,19 @@
 #include <string>
 #include <vector>
 
-#include "gs_core/config/config.h"
 #include "gs_core/math/loss/photometric.h"
 #include "gs_train/photometric/appearance.h"
 #include "gs_train/photometric/photometric_state.h"
 
 namespace gs {
 
+struct PhotometricConfig;
+
 /// All numbers of a model are 0 where a photo shows the scene's own colors. This is the scalar twin;
 /// a device has kernels of its own and says in Features which models it knows.
 class PhotometricModel {
  public:
   virtual ~PhotometricModel() = default;
-  /// The word of photometric.model that names it.
-  virtual std::string name() const = 0;
   /// Their names, of each photo.
   virtual std::vector<std::string> photo_names() const = 0;
   /// The appearance of a photo with these numbers.

@@ -6,6 +6,7 @@
 #include <string>
 #include <vector>
 
+#include "gs_render/stage_clock.h"
 #include "gs_train/backend.h"
 #include "gs_train/train_step.h"
 

@@ -100,10 +100,33 @@ function(gs_compile_quickly target)
   gs_use_precompiled(${target} gs_headers_quick)
 endfunction()
 
-# gs_test(path [LINK ...]): builds tests/<path>.cpp and links everything. If a library of LINK is
-# missing, the test is left out and named in the summary. The target data_loaders_tests builds all
-# tests of tests/data_loaders and its folders, and `ctest -L data_loaders` runs them; other folders
-# likewise.
+# gs_allow_unnamed_types(target): g++ warns of types of unnamed namespaces where it takes a file for a
+# header, as it does with files that are compiled together.
+function(gs_allow_unnamed_types target)
+  if(GS_UNITY AND CMAKE_CXX_COMPILER_ID STREQUAL "GNU")
+    target_compile_options(${target} PRIVATE "${gs_cxx}-Wno-subobject-linkage>")
+  endif()
+endfunction()
+
+# gs_compile_together(target): the compiler reads the files of a folder at once, and their headers once.
+# That halves a whole build. So names in unnamed namespaces are unique within a folder. GS_UNITY=OFF
+# compiles each file alone, which is quicker for somebody who changes single files. Code whose speed
+# matters is compiled alone in both.
+function(gs_compile_together target)
+  set_target_properties(${target} PROPERTIES UNITY_BUILD ${GS_UNITY} UNITY_BUILD_MODE GROUP)
+  get_target_property(sources ${target} SOURCES)
+  gs_allow_unnamed_types(${target})
+  foreach(source IN LISTS sources)
+    cmake_path(GET source PARENT_PATH folder)
+    string(MAKE_C_IDENTIFIER "${target}_${folder}" group)
+    set_source_files_properties(${source} PROPERTIES UNITY_GROUP ${group})
+  endforeach()
+endfunction()
+
+# gs_test(path [LINK ...]): adds tests/<path>.cpp to the program of its folder, which links everything.
+# If a library of LINK is missing, the test is left out and named in the summary. For example
+# gs_test(math/sh_test) makes math_tests, which `ctest -R math` runs whole. The target train_tests builds
+# the programs of all folders of tests/train, and `ctest -L train` runs them.
 function(gs_test path)
   cmake_parse_arguments(arg "" "" "LINK" ${ARGN})
   foreach(library IN LISTS arg_LINK)
@@ -112,19 +135,55 @@ function(gs_test path)
       return()
     endif()
   endforeach()
-  string(REPLACE "/" "_" name ${path})
-  add_executable(${name} ${path}.cpp)
-  target_link_libraries(${name} PRIVATE gs_test_support GTest::gmock_main ${arg_LINK})
+  cmake_path(GET path PARENT_PATH folder)
+  string(REPLACE "/" "_" name ${folder}_tests)
+  if(NOT TARGET ${name})
+    gs_test_program(${name} ${folder})
+  endif()
+  target_sources(${name} PRIVATE ${path}.cpp)
+  target_link_libraries(${name} PRIVATE ${arg_LINK})
+endfunction()
+
+# gs_test_program(name folder): the program that holds the tests of a folder, and what CTest runs of it.
+# The tests of a GPU are entries of their own, since a kernel that fails ends the process's use of it.
+# A folder whose tests take long has several entries, for example cli/1 to cli/4, each with its share.
+function(gs_test_program name folder)
+  add_executable(${name})
+  target_link_libraries(${name} PRIVATE gs_test_support GTest::gmock_main)
   gs_compile_quickly(${name})
   gs_use_precompiled(${name} gs_headers_of_tests)
-  string(REGEX MATCH "^[^/]+" folder ${path})
-  gtest_discover_tests(${name} TEST_PREFIX "${path}." PROPERTIES LABELS ${folder} TIMEOUT 600
-                       ENVIRONMENT XDG_CACHE_HOME=${CMAKE_CURRENT_BINARY_DIR}/cache
-                       DISCOVERY_MODE PRE_TEST WORKING_DIRECTORY ${CMAKE_CURRENT_BINARY_DIR})
-  if(NOT TARGET ${folder}_tests)
-    add_custom_target(${folder}_tests)
+  if(folder IN_LIST gs_folders_together)
+    set_target_properties(${name} PROPERTIES UNITY_BUILD ${GS_UNITY} UNITY_BUILD_BATCH_SIZE 6)
+    gs_allow_unnamed_types(${name})
   endif()
-  add_dependencies(${folder}_tests ${name})
+  string(REGEX MATCH "^[^/]+" label ${folder})
+  if(NOT label STREQUAL folder)
+    if(NOT TARGET ${label}_tests)
+      add_custom_target(${label}_tests)
+    endif()
+    add_dependencies(${label}_tests ${name})
+  endif()
+  set(properties LABELS ${label} TIMEOUT 1800)
+  set(environment XDG_CACHE_HOME=${CMAKE_CURRENT_BINARY_DIR}/cache)
+  if(folder STREQUAL "cuda")
+    gtest_discover_tests(${name} TEST_PREFIX "${folder}." PROPERTIES ${properties} ENVIRONMENT ${environment}
+                         DISCOVERY_MODE PRE_TEST WORKING_DIRECTORY ${CMAKE_CURRENT_BINARY_DIR})
+    return()
+  endif()
+  set(shares 1)
+  if(DEFINED gs_shares_${label})
+    set(shares ${gs_shares_${label}})
+  endif()
+  foreach(share RANGE 1 ${shares})
+    set(entry ${folder})
+    if(shares GREATER 1)
+      math(EXPR index "${share} - 1")
+      set(entry ${folder}/${share})
+      set(shard GTEST_TOTAL_SHARDS=${shares} GTEST_SHARD_INDEX=${index})
+    endif()
+    add_test(NAME ${entry} COMMAND ${name} --gtest_brief=1 WORKING_DIRECTORY ${CMAKE_CURRENT_BINARY_DIR})
+    set_tests_properties(${entry} PROPERTIES ${properties} ENVIRONMENT "${environment};${shard}")
+  endforeach()
 endfunction()
 
 # gs_fuzz_target(name): builds tests/fuzz/<name>.cpp as fuzz_<name>, a program of libFuzzer.

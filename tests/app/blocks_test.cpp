@@ -26,7 +26,7 @@ using ::testing::AllOf;
 using ::testing::HasSubstr;
 
 constexpr int kHouses = 40, kPointsOfHouse = 25;
-const Vec3d kUtm{500'000.0, 5'400'000.0, 300.0};
+const Vec3d kFarOffset{500'000.0, 5'400'000.0, 300.0};
 
 /// Houses in a row along x, one unit apart, and a camera in front of each, which shows it and the
 /// two houses on either side. Every eighth photo is held out.
@@ -113,12 +113,12 @@ TEST(Partition, CountsThePointsThatABlockTrainsOn) {
 
 TEST(Partition, IsTheSameFarFromTheOrigin) {
   const Partition near = make_partition(street(), {4, 0.1, 0.1});
-  const Partition far = make_partition(street(kUtm), {4, 0.1, 0.1});
+  const Partition far = make_partition(street(kFarOffset), {4, 0.1, 0.1});
   for (std::size_t b = 0; b < 4; ++b) {
     EXPECT_EQ(near.blocks[b].photos, far.blocks[b].photos);
     EXPECT_EQ(near.blocks[b].points_outside, far.blocks[b].points_outside);
   }
-  EXPECT_EQ(far.tree.part_of(kUtm + Vec3d(39.0, 0.5, 0.2)),
+  EXPECT_EQ(far.tree.part_of(kFarOffset + Vec3d(39.0, 0.5, 0.2)),
             near.tree.part_of(Vec3d(39.0, 0.5, 0.2)));
 }
 
@@ -150,7 +150,7 @@ TEST(Partition, APhotoIsUsedWhereAModelSaysThatItsPictureLies) {
 TEST(PictureShares, AreThoseOfTheGaussiansThatMakeUpThePicture) {
   // Camera 10 stands at x = 10.5. A Gaussian on either side of its axis, the right one twice as
   // large.
-  for (const Vec3d& offset : {Vec3d(0.0), kUtm}) {
+  for (const Vec3d& offset : {Vec3d(0.0), kFarOffset}) {
     const SceneOutline scene = street(offset);
     OpenedModel opened;
     opened.model = {Gaussians(2, host_memory()), 0, true, false, offset};
@@ -280,9 +280,9 @@ TEST_F(Merge, TakesEachGaussianFromTheBlockThatOwnsItsPlace) {
 
 TEST_F(Merge, OwnsPlacesOfScenesFarFromTheOrigin) {
   const BlocksFile near = write(2);
-  const CutTree far_tree = make_partition(street(kUtm), {2, 0.1, 0.1}).tree;
+  const CutTree far_tree = make_partition(street(kFarOffset), {2, 0.1, 0.1}).tree;
   const GaussianModel model{rows(), 0, true, false, Vec3d(0.0)};
-  const GaussianModel moved{rows(), 0, true, false, kUtm};
+  const GaussianModel moved{rows(), 0, true, false, kFarOffset};
   EXPECT_EQ(rows_in_part(model, near.tree, 1), rows_in_part(moved, far_tree, 1));
 }
 

@@ -6,19 +6,18 @@
 #include <gmock/gmock.h>
 
 #include <cmath>
-#include <nlohmann/json.hpp>
 
 #include "gs_app/experiment/experiment_status.h"
 #include "gs_app/experiment/tables/table_latex.h"
 #include "gs_app/experiment/tables/table_provenance.h"
 #include "gs_core/error.h"
+#include "gs_core/system/text/json.h"
 #include "tests/support/temp_folder.h"
 
 namespace gs {
 namespace {
 
 namespace fs = std::filesystem;
-using Json = nlohmann::json;
 using ::testing::AllOf;
 using ::testing::HasSubstr;
 using ::testing::Not;
@@ -44,10 +43,10 @@ class ExperimentTables : public ::testing::Test {
   /// width.
   void finish(const ExperimentRun& run, int width, double psnr = 25) {
     prepare(run);
-    const Json results = {{"test", {{"psnr", psnr}}}, {"scene_hash", "hash of " + run.scene}};
+    const SortedJson results = {{"test", {{"psnr", psnr}}}, {"scene_hash", "hash of " + run.scene}};
     write_text(run.folder.results(), results.dump());
     write_text(run.folder.split(), R"({"train": ["1", "2", "3"], "test": ["0"]})");
-    Json cameras = Json::array();
+    SortedJson cameras = SortedJson::array();
     for (int i = 0; i < 4; ++i) cameras.push_back({{"width", width}, {"height", 90}});
     write_text(run.folder.cameras(), cameras.dump());
   }
@@ -55,9 +54,9 @@ class ExperimentTables : public ::testing::Test {
     for (const ExperimentRun& run : runs_) finish(run, run.scene == "a" ? 160 : 80);
   }
 
-  Json written() {
+  SortedJson written() {
     write_tables(experiment_, runs_, {});
-    return Json::parse(read_bytes(path("out/results.json")));
+    return SortedJson::parse(read_bytes(path("out/results.json")));
   }
   // The runs are a/plain/1 a/plain/2 a/flat/1 a/flat/2 b/plain/1 ...
   void finish_with(const std::vector<double>& psnrs) {
@@ -94,10 +93,10 @@ TEST_F(ExperimentStatus, IsTheLastWholeRowOfTheMetrics) {
 
 TEST_F(ExperimentTables, ShowSettingsOfOneSceneWithThatScene) {
   finish_all();
-  const Json tables = written();
+  const SortedJson tables = written();
   EXPECT_TRUE(tables.at("scenes").at(0).at("settings").empty());
   EXPECT_EQ(tables.at("scenes").at(1).at("settings").at("dataset.resolution"), 8);
-  for (const Json& config : tables.at("configs"))
+  for (const SortedJson& config : tables.at("configs"))
     EXPECT_EQ(config.at("settings").at("dataset.resolution"), 4) << config;
   EXPECT_FALSE(tables.at("configs").at(0).at("settings").contains("model.sh_degree"));
   EXPECT_EQ(tables.at("configs").at(1).at("settings").at("model.sh_degree"), 0);
@@ -109,11 +108,11 @@ TEST_F(ExperimentTables, ShowSettingsOfOneSceneWithThatScene) {
 
 TEST_F(ExperimentTables, ShowTheViewsOfAScenePerConfigWhereTheyDiffer) {
   for (const ExperimentRun& run : runs_) finish(run, run.config == "flat" ? 40 : 80);
-  const Json views = written().at("scenes").at(0).at("views");
+  const SortedJson views = written().at("scenes").at(0).at("views");
   ASSERT_EQ(views.size(), 2u);
-  EXPECT_EQ(views.at(0).at("configs"), Json::array({"plain"}));
+  EXPECT_EQ(views.at(0).at("configs"), SortedJson::array({"plain"}));
   EXPECT_EQ(views.at(0).at("size"), "80x90");
-  EXPECT_EQ(views.at(1).at("configs"), Json::array({"flat"}));
+  EXPECT_EQ(views.at(1).at("configs"), SortedJson::array({"flat"}));
   EXPECT_EQ(views.at(1).at("size"), "40x90");
   EXPECT_THAT(markdown(), HasSubstr("| a |  | flat | 3 | 1 | 40x90 |"));
 }
@@ -130,7 +129,7 @@ TEST_F(ExperimentTables, HaveMeansAndDeviationsOverFinishedSeeds) {
   finish(runs_[0], 80, 24);
   finish(runs_[1], 80, 26);
   finish(runs_[2], 80, 30);
-  const Json summary = written().at("summary");
+  const SortedJson summary = written().at("summary");
   EXPECT_EQ(summary.at(0).at("psnr").at("mean"), 25);
   EXPECT_NEAR(summary.at(0).at("psnr").at("standard_deviation"), std::sqrt(2), 1e-12);
   EXPECT_EQ(summary.at(1).at("finished"), 1);
@@ -141,7 +140,7 @@ TEST_F(ExperimentTables, HaveMeansAndDeviationsOverFinishedSeeds) {
 
 TEST_F(ExperimentTables, HaveMeansOverScenesOfSeedsThatAllScenesHave) {
   finish_with({20, 22, 25, 25, 30, 34, 35});  // b/flat/2 is missing
-  const Json means = written().at("scene_means");
+  const SortedJson means = written().at("scene_means");
   ASSERT_EQ(means.size(), 2u);
   EXPECT_EQ(means.at(0).at("config"), "plain");
   EXPECT_EQ(means.at(0).at("psnr").at("mean"), 26.5);  // of (20 + 30) / 2 and (22 + 34) / 2
@@ -159,7 +158,7 @@ TEST_F(ExperimentTables, HaveMeansOverScenesOfSeedsThatAllScenesHave) {
 TEST_F(ExperimentTables, CompareConfigsWithTheBaselineBySceneAndSeed) {
   experiment_.baseline = "plain";
   finish_with({20, 22, 23, 23, 30, 34, 35, 41});
-  Json differences = written().at("differences");
+  SortedJson differences = written().at("differences");
   ASSERT_EQ(differences.size(), 3u);
   EXPECT_TRUE(differences.at(0).at("scene").is_null());
   EXPECT_EQ(differences.at(0).at("config"), "flat");
@@ -233,7 +232,7 @@ TEST(TableLatex, EscapesNamesAndGroupsDigits) {
 
 TEST_F(ExperimentTables, SayWhatTheyWereMadeWith) {
   finish_all();
-  const Json provenance = written().at("provenance");
+  const SortedJson provenance = written().at("provenance");
   EXPECT_THAT(provenance.at("command").at(0), HasSubstr("experiment_tables_test"));
   EXPECT_EQ(provenance.at("folder"), fs::current_path().string());
   EXPECT_THAT(provenance.at("compiler"), ::testing::AnyOf(HasSubstr("GCC"), HasSubstr("clang")));
@@ -251,7 +250,7 @@ TEST(UncommittedChanges, AreNamedByFileAndHash) {
   EXPECT_EQ(diff_file_name(changes), "uncommitted-f1c393555f274a6a.diff");
   const std::string text = provenance_markdown({{"gemsplat", "a b"}, "/tmp", changes});
   EXPECT_THAT(text, AllOf(HasSubstr("`gemsplat 'a b'`"), HasSubstr("`cuda/blend.cu`, `new`")));
-  const Json json = provenance_json({{}, "", changes});
+  const SortedJson json = provenance_json({{}, "", changes});
   EXPECT_EQ(json.at("uncommitted").at("diff"), diff_file_name(changes));
   EXPECT_EQ(json.at("uncommitted").at("files").size(), 2u);
 }

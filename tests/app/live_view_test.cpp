@@ -10,14 +10,13 @@
 
 #include "data_loaders/formats/formats.h"
 #include "gs_core/error.h"
+#include "gs_core/system/text/json.h"
 #include "gs_train/poses/poses.h"
 #include "tests/support/small_scene.h"
 #include "tests/support/temp_folder.h"
 
 namespace gs {
 namespace {
-
-using Json = nlohmann::json;
 
 /// A clock that the test sets.
 struct Hands {
@@ -118,7 +117,7 @@ TEST_F(LiveRun, IsNotCopiedWhileNoPagePolls) {
   run([](int) {});
   EXPECT_EQ(view_.copies(), 0);
   view_.end({}, {});
-  const Json state = view_.state(-1);
+  const SortedJson state = view_.state(-1);
   EXPECT_EQ(state.at("version"), 0);
   EXPECT_EQ(state.at("step"), 250);
   EXPECT_EQ(state.at("done"), true);
@@ -144,7 +143,7 @@ TEST_F(LiveRun, IsNotCopiedAnyMoreAfterThePageIsGone) {
 }
 
 TEST_F(LiveRun, ShowsWhatWasLogged) {
-  Json state;
+  SortedJson state;
   run([&](int step) {
     state = view_.state(-1);
     EXPECT_LE(state.at("step"), step);
@@ -160,14 +159,14 @@ TEST_F(LiveRun, ShowsWhatWasLogged) {
 
 TEST_F(LiveRun, SendsTheLossesFromTheFirstStepOnAndEachOnce) {
   run([](int) {});
-  const Json all = view_.state(-1).at("losses");  // of a page that is opened at the end
+  const SortedJson all = view_.state(-1).at("losses");  // of a page that is opened at the end
   ASSERT_EQ(all.size(), metrics_.losses().size());
   ASSERT_EQ(all.size(), 2u);  // of 250 steps, a row every 100
   EXPECT_EQ(all.at(0).at(0), config_.train.log_every);
   EXPECT_EQ(all.at(0).at(1), metrics_.losses()[0].loss);
   const int newest = all.back().at(0);
   EXPECT_TRUE(view_.state(newest).at("losses").empty());
-  EXPECT_EQ(view_.state(newest - 1).at("losses"), nlohmann::ordered_json::array({all.back()}));
+  EXPECT_EQ(view_.state(newest - 1).at("losses"), Json::array({all.back()}));
 }
 
 TEST_F(LiveRun, TakesBackTheLossesOfARolledBackRun) {
@@ -189,7 +188,7 @@ TEST(LiveRunThatRefinesPoses, ShowsThePosesThatItHas) {
   EXPECT_FALSE(view.mode_and_model().contains("cameras"));
   trainer.add_observer(view);
   trainer.run();
-  const Json cameras = view.mode_and_model().at("cameras");
+  const SortedJson cameras = view.mode_and_model().at("cameras");
   ASSERT_EQ(cameras.size(), scene.train_views.size());
   for (std::size_t i = 0; i < cameras.size(); ++i) {
     const Camera now = refined_camera(trainer.model().poses, scene.train_views[i].camera, i);
@@ -203,7 +202,7 @@ TEST_F(LiveRun, EndsWithTheModelItWasGiven) {
   run([](int) {});
   view_.end(trained_model(trainer_), {});
   EXPECT_EQ(view_.state(-1).at("version"), 1);
-  const Json model = view_.mode_and_model().at("model");
+  const SortedJson model = view_.mode_and_model().at("model");
   const auto file = temp_.path() / ("model." + model.at("format").get<std::string>());
   write_bytes(file, *view_.model().body);
   const GaussianModel shown = read_model(file), trained = trained_model(trainer_);
@@ -220,7 +219,7 @@ TEST_F(LiveRun, EndsWithTheModelItWasGiven) {
 TEST_F(LiveRun, ReportsARollback) {
   run([](int) {});
   view_.after_rollback(100, trainer_);
-  const Json state = view_.state(-1);
+  const SortedJson state = view_.state(-1);
   EXPECT_EQ(state.at("step"), 100);
   EXPECT_THAT(state.at("message").get<std::string>(), ::testing::HasSubstr("after step 100"));
 }
@@ -231,7 +230,7 @@ TEST_F(LiveRun, SaysThatItWasStoppedAfterItsLastPoll) {
   });
   view_.say("The run was stopped.");
   view_.end(trained_model(trainer_), {});
-  const Json state = view_.state(-1);
+  const SortedJson state = view_.state(-1);
   EXPECT_EQ(state.at("message"), "The run was stopped.");
   EXPECT_EQ(state.at("stopped"), true);
   EXPECT_EQ(state.at("done"), true);
@@ -247,7 +246,7 @@ TEST(LiveRunOfAFolder, TellsThisMachineAloneWhereItLies) {
     HttpRequest request;
     request.path = "/scene.json";
     request.client = client;
-    return Json::parse(*view_answer(view, request).body);
+    return SortedJson::parse(*view_answer(view, request).body);
   };
   EXPECT_EQ(asked_from("127.0.0.1").at("path"), "runs/it's here");
   EXPECT_EQ(asked_from("127.0.0.1").at("title"), "here");

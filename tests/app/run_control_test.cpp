@@ -8,13 +8,12 @@
 #include <thread>
 
 #include "data_loaders/formats/formats.h"
+#include "gs_core/system/text/json.h"
 #include "tests/support/small_scene.h"
 #include "tests/support/temp_folder.h"
 
 namespace gs {
 namespace {
-
-using Json = nlohmann::json;
 
 HttpRequest asking(const std::string& word, const std::string& token) {
   HttpRequest request;
@@ -81,9 +80,9 @@ TEST_F(ControlledRun, LearnsTheSameWhetherItWasPausedAndSavedOrNot) {
   std::thread person([&] {
     for (const int pause : {1, 2}) {
       wait_for_pauses(pause);
-      EXPECT_TRUE(Json(control_.state()).at("paused"));
+      EXPECT_TRUE(SortedJson(control_.state()).at("paused"));
       EXPECT_EQ(ask("save"), 200);
-      while (Json(control_.state()).at("saving")) std::this_thread::yield();
+      while (SortedJson(control_.state()).at("saving")) std::this_thread::yield();
       EXPECT_EQ(ask("resume"), 200);
     }
   });
@@ -114,7 +113,7 @@ TEST_F(ControlledRun, WaitsWhileItIsPaused) {
 }
 
 TEST_F(ControlledRun, SavesTheModelOfTheStepAtHand) {
-  Json state;
+  SortedJson state;
   run([&](int step) {
     if (step == 50) ask("save");
     if (step == 51) state = control_.state();
@@ -130,8 +129,8 @@ TEST_F(ControlledRun, GoesOnWhereTheModelCannotBeSaved) {
     if (step == 50) ask("save");
   });
   EXPECT_EQ(step_, 250);
-  EXPECT_TRUE(Json(control_.state()).at("saved").is_null());
-  EXPECT_THAT(Json(control_.state()).at("trouble").get<std::string>(),
+  EXPECT_TRUE(SortedJson(control_.state()).at("saved").is_null());
+  EXPECT_THAT(SortedJson(control_.state()).at("trouble").get<std::string>(),
               ::testing::HasSubstr("not saved"));
 }
 
@@ -162,7 +161,7 @@ TEST_F(ControlledRun, RefusesThoseWithoutTheTokenAndOtherWords) {
   for (const std::string& token : {std::string(), std::string(32, '0'), control_.token() + "0"})
     EXPECT_EQ(control_.answer(asking("stop", token)).status, 403) << token;
   EXPECT_EQ(ask("explode"), 400);
-  EXPECT_FALSE(Json(control_.state()).at("stopping"));
+  EXPECT_FALSE(SortedJson(control_.state()).at("stopping"));
 }
 
 TEST_F(ControlledRun, RefusesEverythingWhenItIsOver) {

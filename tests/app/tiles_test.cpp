@@ -2,8 +2,6 @@
 // Tilesets: the tree of tiles, and their files as a reader of 3D Tiles finds them.
 #include <gmock/gmock.h>
 
-#include <nlohmann/json.hpp>
-
 #include "data_loaders/formats/coding/compression.h"
 #include "data_loaders/formats/model_transform.h"
 #include "data_loaders/formats/spz/spz.h"
@@ -11,6 +9,7 @@
 #include "gs_app/export/tiles/tileset.h"
 #include "gs_core/geometry/vectors.h"
 #include "gs_core/system/log.h"
+#include "gs_core/system/text/json.h"
 #include "tests/support/error_of.h"
 #include "tests/support/models.h"
 #include "tests/support/placed_scene.h"
@@ -129,9 +128,7 @@ class Tileset : public testing::Test {
   TilesetRequest request(std::size_t most) const {
     return {path("tiles"), true_georeference(), kMaxShDegree, most};
   }
-  nlohmann::json tileset() const {
-    return nlohmann::json::parse(read_bytes(path("tiles/tileset.json")));
-  }
+  SortedJson tileset() const { return SortedJson::parse(read_bytes(path("tiles/tileset.json"))); }
 
  private:
   TempFolder folder_;
@@ -139,7 +136,7 @@ class Tileset : public testing::Test {
 
 /// The JSON and the .spz of a tile.
 struct ReadTile {
-  nlohmann::json json;
+  SortedJson json;
   GaussianModel model;
 
   explicit ReadTile(const fs::path& file) {
@@ -154,7 +151,7 @@ struct ReadTile {
     EXPECT_EQ(word(12) % 4, 0u);
     const std::size_t begin = 20 + word(12) + 8;
     EXPECT_EQ(begin + word(begin - 8), bytes.size());
-    json = nlohmann::json::parse(bytes.substr(20, word(12)));
+    json = SortedJson::parse(bytes.substr(20, word(12)));
     const std::size_t length = json["bufferViews"][0]["byteLength"];
     model = spz_model(file, std::string_view(bytes).substr(begin, length), {1, 1, 1});
   }
@@ -165,7 +162,7 @@ TEST_F(Tileset, HasWhatCesiumReads) {
   const auto json = tileset();
   EXPECT_EQ(json["asset"]["version"], "1.1");
   EXPECT_EQ(json["extensions"]["3DTILES_content_gltf"]["extensionsRequired"],
-            nlohmann::json({"KHR_gaussian_splatting", "KHR_gaussian_splatting_compression_spz_2"}));
+            SortedJson({"KHR_gaussian_splatting", "KHR_gaussian_splatting_compression_spz_2"}));
   EXPECT_GT(json["geometricError"], json["root"]["geometricError"]);
   EXPECT_EQ(json["root"]["refine"], "REPLACE");
   ASSERT_EQ(json["root"]["children"].size(), 2u);

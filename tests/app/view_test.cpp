@@ -15,6 +15,7 @@
 #include "gs_app/view/file_view.h"
 #include "gs_core/error.h"
 #include "gs_core/system/host_name.h"
+#include "gs_core/system/text/json.h"
 #include "tests/support/program.h"
 #include "tests/support/random_model.h"
 
@@ -22,7 +23,6 @@ namespace gs {
 namespace {
 
 namespace fs = std::filesystem;
-using Json = nlohmann::json;
 using ::testing::AllOf;
 using ::testing::ElementsAre;
 using ::testing::HasSubstr;
@@ -57,7 +57,7 @@ class Served {
     ::close(socket);
     return answers;
   }
-  Json json(const std::string& path) const { return Json::parse(get(path)->body); }
+  SortedJson json(const std::string& path) const { return SortedJson::parse(get(path)->body); }
 
  private:
   std::unique_ptr<FileView> view_;
@@ -134,12 +134,12 @@ TEST(Http, WhatAHandlerThrowsIsAnAnswer) {
 TEST_F(View, OfARunHasItsCamerasWithSplitsAndPhotos) {
   ASSERT_EQ(train("out").code, 0);
   const Served served = serve("out");
-  const Json scene = served.json("/scene.json");
+  const SortedJson scene = served.json("/scene.json");
   EXPECT_EQ(scene.at("mode"), "file");
   EXPECT_EQ(scene.at("title"), "out") << "where it lies is nobody's business";
   EXPECT_THAT(scene.at("notes"), IsEmpty());
   ASSERT_EQ(scene.at("cameras").size(), std::size_t(kViews));
-  const Json& camera = scene.at("cameras").at(1);  // the second test view
+  const SortedJson& camera = scene.at("cameras").at(1);  // the second test view
   EXPECT_EQ(camera.at("name"), "view_3.png");
   EXPECT_EQ(camera.at("split"), "test");
   EXPECT_EQ(scene.at("cameras").at(2).at("split"), "train");
@@ -149,9 +149,9 @@ TEST_F(View, OfARunHasItsCamerasWithSplitsAndPhotos) {
   const std::vector<double> expected{1, 0, 0, 0.3, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1};
   for (int i = 0; i < 16; ++i)
     EXPECT_NEAR(camera.at("world_from_camera").at(i), expected[i], 1e-6) << i;
-  EXPECT_EQ(scene.at("up"), Json({0, -1, 0}));
+  EXPECT_EQ(scene.at("up"), SortedJson({0, -1, 0}));
   EXPECT_GT(scene.at("radius"), 0.0);
-  const Json state = served.json("/state.json");
+  const SortedJson state = served.json("/state.json");
   EXPECT_EQ(state.at("done"), true);
   EXPECT_EQ(state.at("gaussians"), scene.at("model").at("gaussians"));
   EXPECT_THAT(state.at("losses"), IsEmpty());
@@ -168,7 +168,7 @@ TEST_F(View, TheModelHasTheBytesOfItsFile) {
   const auto model = served.get("/model?v=1");
   EXPECT_EQ(model->status, 200);
   EXPECT_EQ(model->body, read_bytes(ply()));
-  const Json said = served.json("/scene.json").at("model");
+  const SortedJson said = served.json("/scene.json").at("model");
   EXPECT_EQ(said.at("format"), "ply");
   EXPECT_EQ(said.at("bytes"), model->body.size());
   EXPECT_EQ(said.at("name"), "point_cloud.ply");
@@ -187,7 +187,7 @@ TEST_F(View, LevelsOfDetailAreStreamed) {
   const std::string bytes = read_bytes(path("lod/model.rad"));
   for (const char* name : {"lod", "lod/lod-meta.json", "lod/model.rad"}) {
     const Served served = serve(name);
-    const Json said = served.json("/scene.json").at("model");
+    const SortedJson said = served.json("/scene.json").at("model");
     EXPECT_EQ(said.at("format"), "rad");
     EXPECT_EQ(said.at("gaussians"), 300);
     const auto part = served.get("/model?v=0", {{"Range", "bytes=8-107"}});
@@ -214,9 +214,10 @@ TEST_F(View, OtherFormatsAreServedAsTheyAreOrAsAPly) {
             0);
   const Served spz = serve("a.spz");
   EXPECT_EQ(spz.get("/model")->body, read_bytes(path("a.spz")));
-  const Json model = spz.json("/scene.json").at("model");
+  const SortedJson model = spz.json("/scene.json").at("model");
   EXPECT_EQ(model.at("format"), "spz");
-  EXPECT_EQ(model.at("world_from_file"), Json({1, 0, 0, 0, 0, -1, 0, 0, 0, 0, -1, 0, 0, 0, 0, 1}));
+  EXPECT_EQ(model.at("world_from_file"),
+            SortedJson({1, 0, 0, 0, 0, -1, 0, 0, 0, 0, -1, 0, 0, 0, 0, 1}));
   EXPECT_EQ(serve("c.compressed.ply").get("/model")->body, read_bytes(path("c.compressed.ply")));
 
   const Served csv = serve("b.csv");
@@ -252,7 +253,7 @@ TEST_F(View, AnAsciiPlyIsMadeBinary) {
 TEST_F(View, WithoutItsSceneARunHasNoPhotosAndSaysSo) {
   ASSERT_EQ(train("out").code, 0);
   fs::rename(path("scene"), path("elsewhere"));
-  const Json scene = serve("out").json("/scene.json");
+  const SortedJson scene = serve("out").json("/scene.json");
   ASSERT_EQ(scene.at("cameras").size(), std::size_t(kViews));
   EXPECT_TRUE(scene.at("cameras").at(0).at("photo").is_null());
   EXPECT_EQ(scene.at("cameras").at(0).at("split"), "test");
@@ -328,7 +329,7 @@ TEST_F(View, AFileWithoutCamerasSaysWhichWayIsUp) {
   }
   write_model(path("floor.ply"), floor);
   const Served served = serve("floor.ply");
-  const Json scene = served.json("/scene.json");
+  const SortedJson scene = served.json("/scene.json");
   EXPECT_NEAR(scene.at("up").at(0), std::sin(tilt), 0.02);
   EXPECT_NEAR(scene.at("up").at(1), -std::cos(tilt), 0.02);
   EXPECT_FALSE(scene.contains("eye")) << "nothing hides its middle";
@@ -369,18 +370,18 @@ TEST_F(View, LengthsHaveMetersWhereTheSceneStandsOnEarth) {
               1.25, 1e-6)
       << "two units of the larger model are one of the scene";
   write_bytes(georef_file_of(path("scene")), "{}");
-  const Json scene = serve("out").json("/scene.json");
+  const SortedJson scene = serve("out").json("/scene.json");
   EXPECT_FALSE(scene.contains("meters_per_unit"));
   EXPECT_THAT(scene.at("notes").dump(), HasSubstr("no meters"));
 }
 
 TEST_F(View, CamerasHaveTheLookOfTheirPhotos) {
   ASSERT_EQ(train("gains", "--set photometric.model=gains --set photometric.rate=0.1").code, 0);
-  const Json scene = serve("gains").json("/scene.json");
-  const Json numbers = Json::parse(read_bytes(path("gains/photometric.json")));
-  for (const Json& camera : scene.at("cameras")) {
+  const SortedJson scene = serve("gains").json("/scene.json");
+  const SortedJson numbers = SortedJson::parse(read_bytes(path("gains/photometric.json")));
+  for (const SortedJson& camera : scene.at("cameras")) {
     const std::string name = camera.at("name");
-    const Json& photo =
+    const SortedJson& photo =
         numbers.at("photos").contains(name) ? numbers["photos"][name] : numbers["held_out"][name];
     EXPECT_NEAR(camera.at("look").at("gain").at(0).get<double>(),
                 std::exp(photo.at("log_gain_red").get<double>()), 1e-5)
@@ -415,7 +416,7 @@ TEST_F(Remote, AFrameIsThePictureThatRenderMakes) {
   ASSERT_EQ(train("out").code, 0);
   ASSERT_EQ(run("render " + text("out") + " -o " + text("pictures") + " --device cpu").code, 0);
   const Served served = serve_remote();
-  const Json scene = served.json("/scene.json");
+  const SortedJson scene = served.json("/scene.json");
   EXPECT_EQ(scene.at("mode"), "remote");
   EXPECT_EQ(scene.at("cameras").at(0).at("name"), "view_0.png");
   const auto frame = served.get(kFrame);
@@ -429,7 +430,7 @@ TEST_F(Remote, AFrameIsThePictureThatRenderMakes) {
 
 TEST_F(Remote, AFrameCanHaveTheColorsOfAPhoto) {
   ASSERT_EQ(train("out", "--set photometric.model=gains").code, 0);
-  Json numbers = Json::parse(read_bytes(path("out/photometric.json")));
+  SortedJson numbers = SortedJson::parse(read_bytes(path("out/photometric.json")));
   numbers["held_out"]["view_0.png"]["log_gain_red"] = -1;  // a look that nobody can miss
   write_bytes(path("out/photometric.json"), numbers.dump());
   ASSERT_EQ(run("render " + text("out") + " -o " + text("like") + " --like each --device cpu").code,

@@ -5,9 +5,9 @@
 
 #include <algorithm>
 #include <fstream>
-#include <nlohmann/json.hpp>
 
 #include "data_loaders/photos/photos.h"
+#include "gs_core/system/text/json.h"
 #include "tests/support/program.h"
 
 namespace gs {
@@ -26,7 +26,7 @@ TEST_F(Program, BenchTimesAGeneratedScene) {
   ASSERT_EQ(outcome.code, 0) << outcome.err;
   EXPECT_THAT(outcome.out, AllOf(HasSubstr("training: "), HasSubstr("rendering: "),
                                  HasSubstr("blend backward")));
-  const nlohmann::json figures = json("bench.json");
+  const SortedJson figures = json("bench.json");
   EXPECT_EQ(figures.at("device"), "cpu");
   EXPECT_TRUE(figures.contains("version"));
   EXPECT_EQ(figures.at("model"), "generated");
@@ -78,7 +78,7 @@ TEST_F(Program, BenchTimesTheStatisticsOfEachScore) {
       run("bench --gaussians 50 --width 32 --height 32 --views 2 --steps 2 --warmup 1 --frames 1 "
           "--device cpu --scores --json -q");
   ASSERT_EQ(outcome.code, 0) << outcome.err;
-  const nlohmann::json scores = nlohmann::json::parse(outcome.out).at("scores");
+  const SortedJson scores = SortedJson::parse(outcome.out).at("scores");
   std::vector<std::string> names;
   for (const auto& score : scores) {
     names.push_back(score.at("statistics"));
@@ -93,7 +93,7 @@ TEST_F(Program, BenchOfARunTakesItsViews) {
   const Outcome outcome =
       run("bench " + text("out") + " --steps 2 --warmup 0 --frames 1 --device cpu --json -q");
   ASSERT_EQ(outcome.code, 0) << outcome.err;
-  const nlohmann::json figures = nlohmann::json::parse(outcome.out);
+  const SortedJson figures = SortedJson::parse(outcome.out);
   EXPECT_EQ(figures.at("num_gaussians"), json("out/results.json").at("num_gaussians"));
   EXPECT_EQ(figures.at("train_views"), 4);
   EXPECT_EQ(figures.at("test_views"), 2);
@@ -154,7 +154,7 @@ TEST_F(Program, SelftestOnTheCpuAgrees) {
                                  HasSubstr("logit_opacity"), HasSubstr("sh0"), HasSubstr("sh_rest"),
                                  HasSubstr("all 9 agree")));
   EXPECT_THAT(outcome.out, HasSubstr("left out, --device cpu was given"));
-  const nlohmann::json report = nlohmann::json::parse(run("selftest --device cpu --json").out);
+  const SortedJson report = SortedJson::parse(run("selftest --device cpu --json").out);
   EXPECT_EQ(report.at("agrees"), true);
   EXPECT_EQ(report.at("gradients").size(), 9u);
   EXPECT_EQ(run("selftest --device gpu").code, 2);

@@ -3,6 +3,7 @@
 #include <gmock/gmock.h>
 
 #include "data_loaders/formats/formats.h"
+#include "gs_core/system/text/json.h"
 #include "tests/support/program.h"
 
 namespace gs {
@@ -42,7 +43,7 @@ TEST_F(Blocks, AreTrainedByTheirExperimentAndMerged) {
   ASSERT_EQ(trained.code, 0) << trained.err;
   const Outcome merged = merge("--json");
   ASSERT_EQ(merged.code, 0) << merged.err;
-  const auto report = nlohmann::json::parse(merged.out);
+  const auto report = SortedJson::parse(merged.out);
   std::size_t kept = 0;
   for (const auto& block : report.at("blocks")) {
     EXPECT_GT(block.at("kept"), 0);

@@ -5,11 +5,11 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
-#include <nlohmann/json.hpp>
 #include <regex>
 #include <sstream>
 
 #include "data_loaders/photos/photos.h"
+#include "gs_core/system/text/json.h"
 #include "tests/support/program.h"
 
 namespace gs {
@@ -37,7 +37,7 @@ TEST_F(Program, PrintsItsVersionAndHelp) {
 TEST_F(Program, TheVersionNamesTheCommitOfTheRunsProvenance) {
   ASSERT_EQ(train("out", "-q").code, 0);
   const std::string commit = json("out/results.json").at("commit");
-  EXPECT_EQ(nlohmann::json::parse(run("info --json").out).at("commit"), commit);
+  EXPECT_EQ(SortedJson::parse(run("info --json").out).at("commit"), commit);
   const std::string version = run("--version").out;
   if (commit == "unknown")  // built from a tree without .git
     EXPECT_THAT(version, Not(HasSubstr("commit")));
@@ -114,16 +114,16 @@ TEST_F(Program, SceneFarFromTheOriginKeepsItsOffsetBesideTheModel) {
   write_bytes(path("scene/sparse/0/images.txt"), moved.str());
   fs::remove(path("scene/sparse/0/points3D.txt"));
   ASSERT_EQ(train("out").code, 0);
-  const nlohmann::json offset = json("out/world_offset.json").at("world_offset");
+  const SortedJson offset = json("out/world_offset.json").at("world_offset");
   EXPECT_NEAR(offset[0], 500000, 1);
   EXPECT_EQ(json("out/results.json").at("world_offset"), offset);
   EXPECT_LT(std::abs(json("out/cameras.json")[0].at("position")[0].get<double>()), 1);
   const Outcome again = run("eval " + text("out") + " --device cpu --json");
-  EXPECT_NEAR(nlohmann::json::parse(again.out).at("psnr"),
+  EXPECT_NEAR(SortedJson::parse(again.out).at("psnr"),
               json("out/results.json").at("test").at("psnr"), 1e-6);
 
   // as a user has them, in the photos' own coordinates
-  nlohmann::json cameras = json("out/cameras.json");
+  SortedJson cameras = json("out/cameras.json");
   for (auto& camera : cameras)
     camera["position"][0] = camera["position"][0].get<double>() + offset[0].get<double>();
   write_bytes(path("own.json"), cameras.dump());
@@ -195,7 +195,7 @@ TEST_F(Program, TrainingWritesTheWholeFolder) {
     EXPECT_TRUE(fs::exists(path("out") / name)) << name;
   EXPECT_EQ(json("out/cameras.json").size(), std::size_t(kViews));
 
-  const nlohmann::json results = json("out/results.json");
+  const SortedJson results = json("out/results.json");
   EXPECT_EQ(results.at("iterations"), 20);
   EXPECT_GT(results.at("num_gaussians"), 0);
   EXPECT_GT(results.at("train_seconds"), 0.0);
@@ -210,8 +210,8 @@ TEST_F(Program, TrainingWritesTheWholeFolder) {
     EXPECT_FALSE(results.at(key).get<std::string>().empty()) << key;
   EXPECT_EQ(results.size(), 15u + results.contains("cuda") + results.contains("uncommitted"));
 
-  const nlohmann::json split = json("out/split.json");
-  EXPECT_EQ(split.at("test"), nlohmann::json({"view_0.png", "view_3.png"}));
+  const SortedJson split = json("out/split.json");
+  EXPECT_EQ(split.at("test"), SortedJson({"view_0.png", "view_3.png"}));
   EXPECT_EQ(split.at("train").size(), 4u);
   EXPECT_TRUE(json("out/per_view.json").at("test").contains("view_3.png"));
 
@@ -337,8 +337,8 @@ TEST_F(Program, EvalOfARunFindsTheFiguresOfItsTraining) {
   ASSERT_EQ(train("out").code, 0);
   const Outcome outcome = run("eval " + text("out") + " --json -q --device cpu");
   ASSERT_EQ(outcome.code, 0) << outcome.err;
-  const nlohmann::json figures = nlohmann::json::parse(outcome.out);
-  const nlohmann::json expected = json("out/results.json").at("test");
+  const SortedJson figures = SortedJson::parse(outcome.out);
+  const SortedJson expected = json("out/results.json").at("test");
   // The PLY holds rotations of length 1, so pictures agree up to rounding only.
   EXPECT_NEAR(figures.at("psnr").get<double>(), expected.at("psnr").get<double>(), 0.01);
   for (const char* key : {"ssim", "flip"})
@@ -392,7 +392,7 @@ TEST_F(Program, RenderTakesACameraFileOrASceneAndASmallerSize) {
 
 TEST_F(Program, PicturesKeepDotsAndFoldersOfTheirNames) {
   ASSERT_EQ(train("out").code, 0);
-  nlohmann::json cameras = json("out/cameras.json");
+  SortedJson cameras = json("out/cameras.json");
   cameras = {cameras[0], cameras[1], cameras[2]};
   cameras[0]["img_name"] = "left/frame.7";
   cameras[1]["img_name"] = "left/frame.8.JPG";
@@ -411,8 +411,7 @@ TEST_F(Program, InfoDescribesAModelAndTheBuild) {
   ASSERT_EQ(train("out").code, 0);
   const Outcome model = run("info " + text("out") + " --json");
   ASSERT_EQ(model.code, 0) << model.err;
-  EXPECT_EQ(nlohmann::json::parse(model.out).at("count"),
-            json("out/results.json").at("num_gaussians"));
+  EXPECT_EQ(SortedJson::parse(model.out).at("count"), json("out/results.json").at("num_gaussians"));
   EXPECT_EQ(run("info " + text("out/point_cloud/iteration_20/point_cloud.ply")).code, 0);
   EXPECT_EQ(run("info " + text("scene")).code, 3);
   EXPECT_THAT(run("info").out,
@@ -427,7 +426,7 @@ TEST_F(Program, DoctorSaysWhetherTrainingCanStart) {
   std::filesystem::create_directories(path("empty"));
   const Outcome bad = run("doctor " + text("empty") + " --json");
   EXPECT_EQ(bad.code, 3);
-  const auto json = nlohmann::json::parse(bad.out);
+  const auto json = SortedJson::parse(bad.out);
   EXPECT_EQ(json.at("can_train"), false);
   EXPECT_EQ(json.at("findings").at(0).at("level"), "fatal");
   EXPECT_EQ(run("doctor").code, 2);

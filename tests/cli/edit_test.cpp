@@ -3,6 +3,7 @@
 #include <gmock/gmock.h>
 
 #include "data_loaders/formats/formats.h"
+#include "gs_core/system/text/json.h"
 #include "tests/support/program.h"
 
 namespace gs {
@@ -40,7 +41,7 @@ TEST_F(EditVerb, ADryRunWritesNothingAndJsonHasTheCounts) {
   const Outcome outcome =
       edit("--drop opacity=..0.1 --decimate 50 --sh-degree 0 --dry-run --json -o " + text("a.ply"));
   ASSERT_EQ(outcome.code, 0) << outcome.err;
-  const auto json = nlohmann::json::parse(outcome.out);
+  const auto json = SortedJson::parse(outcome.out);
   EXPECT_EQ(json["steps"].size(), 3u);
   EXPECT_EQ(json["steps"][0]["step"], "--drop opacity=..0.1");
   EXPECT_EQ(json["steps"][1]["after"], 50);
@@ -55,7 +56,7 @@ TEST_F(EditVerb, TheRunsCamerasChooseAndTestViewsAreNoTrainingViews) {
   const auto left = [&](const std::string& what) {
     const Outcome outcome = edit(what + " --dry-run --json");
     EXPECT_EQ(outcome.code, 0) << outcome.err;
-    return nlohmann::json::parse(outcome.out)["gaussians"].get<int>();
+    return SortedJson::parse(outcome.out)["gaussians"].get<int>();
   };
   EXPECT_GT(left("--keep seen=4"), 0);
   EXPECT_EQ(edit("--keep seen=5.. --dry-run").code, 2);  // six views, two of them held out

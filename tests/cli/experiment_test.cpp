@@ -11,6 +11,7 @@
 #include <optional>
 #include <thread>
 
+#include "gs_core/system/text/json.h"
 #include "tests/support/program.h"
 
 namespace gs {
@@ -97,7 +98,7 @@ class Experiment : public Program {
     return status;
   }
   void expect_complete_tables() {
-    const nlohmann::json results = json("out/results.json");
+    const SortedJson results = json("out/results.json");
     ASSERT_EQ(results.at("runs").size(), 8u);
     for (const auto& run : results.at("runs")) EXPECT_EQ(run.at("state"), "finished") << run;
     ASSERT_EQ(results.at("summary").size(), 4u);
@@ -125,8 +126,8 @@ TEST_F(Experiment, TablesHaveEveryRunMeansOverSeedsAndProvenance) {
   EXPECT_THAT(outcome.err, AllOf(HasSubstr("[8/8] b/flat/seed2: psnr "), HasSubstr("train.log")));
   expect_complete_tables();
 
-  const nlohmann::json results = json("out/results.json");
-  const nlohmann::json& run = results.at("runs").at(2);
+  const SortedJson results = json("out/results.json");
+  const SortedJson& run = results.at("runs").at(2);
   EXPECT_EQ(run.at("scene"), "scene_a");
   EXPECT_EQ(run.at("config"), "flat");
   EXPECT_EQ(run.at("seed"), 1);
@@ -136,7 +137,7 @@ TEST_F(Experiment, TablesHaveEveryRunMeansOverSeedsAndProvenance) {
     EXPECT_TRUE(run.at("results").contains(key)) << key;
   const double first = results["runs"][2]["results"]["test"]["psnr"];
   const double second = results["runs"][3]["results"]["test"]["psnr"];
-  const nlohmann::json& psnr = results.at("summary").at(1).at("psnr");
+  const SortedJson& psnr = results.at("summary").at(1).at("psnr");
   EXPECT_NEAR(psnr.at("mean"), (first + second) / 2, 1e-9);
   EXPECT_NEAR(psnr.at("standard_deviation"), std::abs(first - second) / std::sqrt(2), 1e-9);
 }

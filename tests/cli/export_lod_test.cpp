@@ -3,6 +3,7 @@
 #include <gmock/gmock.h>
 
 #include "data_loaders/formats/ply/ply.h"
+#include "gs_core/system/text/json.h"
 #include "tests/support/program.h"
 #include "tests/support/random_model.h"
 
@@ -16,7 +17,7 @@ using ::testing::HasSubstr;
 class ExportLod : public Program {
  protected:
   void SetUp() override {
-    const auto build = nlohmann::json::parse(run("info --json").out);
+    const auto build = SortedJson::parse(run("info --json").out);
     for (const char* library : {"zlib", "libwebp"})
       if (!build[library]["available"].get<bool>()) GTEST_SKIP() << "this build has no " << library;
     write_scene(path("scene"));

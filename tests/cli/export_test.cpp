@@ -7,6 +7,7 @@
 #include "data_loaders/formats/spz/spz.h"
 #include "gs_core/geodesy/utm.h"
 #include "gs_core/geometry/vectors.h"
+#include "gs_core/system/text/json.h"
 #include "tests/support/program.h"
 
 namespace gs {
@@ -20,7 +21,7 @@ using ::testing::Not;
 class Export : public Program {
  protected:
   void SetUp() override {
-    const auto build = nlohmann::json::parse(run("info --json").out);
+    const auto build = SortedJson::parse(run("info --json").out);
     for (const char* library : {"zlib", "libwebp"})
       if (!build[library]["available"].get<bool>()) GTEST_SKIP() << "this build has no " << library;
   }
@@ -46,7 +47,7 @@ class Export : public Program {
     write_bytes(path("scene/sparse/0/points3D.txt"), points.str());
   }
   // An entry of the product of two matrices of a sidecar.
-  static double entry(const nlohmann::json& a, const nlohmann::json& b, int i, int j) {
+  static double entry(const SortedJson& a, const SortedJson& b, int i, int j) {
     double sum = 0;
     for (int k = 0; k < 4; ++k) sum += a[i][k].get<double>() * b[k][j].get<double>();
     return sum;
@@ -77,7 +78,7 @@ TEST_F(Export, AModelPageHoldsSceneAndModelAndReplacesNothing) {
     return page.substr(at + begin.size(), page.find("</script>", at) - at - begin.size());
   };
   const auto scene =
-      nlohmann::json::parse(element("<script id=\"gemsplat-scene\" type=\"application/json\">"));
+      SortedJson::parse(element("<script id=\"gemsplat-scene\" type=\"application/json\">"));
   EXPECT_EQ(scene["mode"], "file");
   EXPECT_EQ(scene["model"]["format"], "sog");
   EXPECT_GT(scene["cameras"].size(), 0u);
@@ -196,7 +197,7 @@ TEST_F(Export, ALowerShDegreeIsInTheFileAndItsLossIsMeasured) {
   for (const char* ending : {"ply", "compressed.ply"})
     EXPECT_LT(2 * fs::file_size(path(std::string("low.").append(ending))),
               fs::file_size(path(std::string("full.").append(ending))));
-  const auto info = nlohmann::json::parse(run("info --json " + text("low.ply")).out);
+  const auto info = SortedJson::parse(run("info --json " + text("low.ply")).out);
   EXPECT_EQ(info["sh_degree"], 0);
   const auto sidecar = json("low.ply.transforms.json");
   EXPECT_EQ(sidecar["sh_degree"], 0);
@@ -220,9 +221,9 @@ TEST_F(Export, AFarSceneIsShiftedBackInCsvAndItsOffsetIsNamedElsewhere) {
   const auto offset = json("run/world_offset.json")["world_offset"];
   EXPECT_EQ(json("a.splat.transforms.json")["input_from_file"][1][3], offset[1]);
   const auto psnr_of = [&](const std::string& model) {
-    return nlohmann::json::parse(run("eval " + text(model) + " --data " + text("scene") +
-                                     " --test-every 3 --json --device cpu")
-                                     .out)["psnr"]
+    return SortedJson::parse(run("eval " + text(model) + " --data " + text("scene") +
+                                 " --test-every 3 --json --device cpu")
+                                 .out)["psnr"]
         .get<double>();
   };
   EXPECT_NEAR(psnr_of("a.csv"), psnr_of("run/point_cloud/iteration_20/point_cloud.ply"), 0.02);
@@ -233,7 +234,7 @@ TEST_F(Export, AFarSceneIsShiftedBackInCsvAndItsOffsetIsNamedElsewhere) {
 }
 
 /// A 4x4 matrix of a sidecar, by rows, times (x y z 1).
-Vec3d times(const nlohmann::json& matrix, const Vec3d& x) {
+Vec3d times(const SortedJson& matrix, const Vec3d& x) {
   Vec3d result;
   for (int i = 0; i < 3; ++i)
     result[i] = matrix[i][0].get<double>() * x.x + matrix[i][1].get<double>() * x.y +
@@ -357,9 +358,9 @@ TEST_F(Export, WhatAFormatCannotSayIsReadFromItsSidecar) {
   export_run(text("a.splat") + " " + text("b.splat") + " --no-measure");
   fs::remove(path("b.splat.transforms.json"));
   const auto antialiased = [&](const std::string& name) {
-    return nlohmann::json::parse(run("eval " + text(name) + " --data " + text("scene") +
-                                     " --test-every 3 --json --device cpu")
-                                     .out)["psnr"]
+    return SortedJson::parse(run("eval " + text(name) + " --data " + text("scene") +
+                                 " --test-every 3 --json --device cpu")
+                                 .out)["psnr"]
         .get<double>();
   };
   EXPECT_NE(antialiased("a.splat"), antialiased("b.splat"));  // rendered as it was trained, and not

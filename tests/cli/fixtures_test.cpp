@@ -3,6 +3,7 @@
 // and every model, result and small file of theirs is understood.
 #include <gmock/gmock.h>
 
+#include "gs_core/system/text/json.h"
 #include "tests/support/program.h"
 
 namespace gs {
@@ -38,7 +39,7 @@ class Fixtures : public Program, public ::testing::WithParamInterface<std::strin
   }
   bool has(const std::string& name) const { return fs::exists(path(name)); }
 
-  nlohmann::json about_;
+  SortedJson about_;
 };
 
 TEST_P(Fixtures, ARunThatWasCutOffGoesOnToItsEnd) {
@@ -47,7 +48,7 @@ TEST_P(Fixtures, ARunThatWasCutOffGoesOnToItsEnd) {
   EXPECT_THAT(outcome.err,
               HasSubstr("goes on after step " + std::to_string(about_.at("cut_after").get<int>())));
   EXPECT_FALSE(has("run/checkpoints/step_20.ckpt.refused"));
-  const nlohmann::json now = json("run/results.json"), then = json("whole/results.json");
+  const SortedJson now = json("run/results.json"), then = json("whole/results.json");
   EXPECT_EQ(now.at("iterations"), about_.at("steps"));
   const double gaussians = then.at("num_gaussians").get<double>();
   EXPECT_NEAR(now.at("num_gaussians").get<double>(), gaussians, kMostGaussians * gaussians);
@@ -65,7 +66,7 @@ TEST_P(Fixtures, EveryModelIsRead) {
         !name.ends_with(".ply"))
       continue;  // it has no zlib or libwebp
     ASSERT_EQ(outcome.code, 0) << name << "\n" << outcome.err;
-    const auto info = nlohmann::json::parse(outcome.out);
+    const auto info = SortedJson::parse(outcome.out);
     EXPECT_EQ(info.at("count"), said.at("count")) << name;
     EXPECT_EQ(info.at("sh_degree"), said.at("sh_degree")) << name;
     expect_done("edit " + text(name) + " -o " + text("again.ply") + " --move 1,2,3 --force");

@@ -2,6 +2,7 @@
 // LPIPS in train, eval, reports and experiments, with a small network.
 #include <gmock/gmock.h>
 
+#include "gs_core/system/text/json.h"
 #include "gs_eval/lpips/feature_network.h"
 #include "tests/support/lpips_file.h"
 #include "tests/support/program.h"
@@ -31,10 +32,10 @@ TEST_F(LpipsProgram, IsWhereFlipIsAndOnlyWhereItIsAskedFor) {
   EXPECT_EQ(read_bytes(path("out/point_cloud/iteration_20/point_cloud.ply")),
             read_bytes(path("plain/point_cloud/iteration_20/point_cloud.ply")));
 
-  const nlohmann::json results = json("out/results.json"), &test = results.at("test");
+  const SortedJson results = json("out/results.json"), &test = results.at("test");
   EXPECT_GT(test.at("lpips"), 0);
   EXPECT_FALSE(results.at("train").contains("lpips"));
-  const nlohmann::json& network = results.at("lpips_network");
+  const SortedJson& network = results.at("lpips_network");
   EXPECT_EQ(network.at("name"), "alex");
   EXPECT_EQ(network.at("file"), text("net.safetensors"));
   EXPECT_EQ(network.at("hash").get<std::string>().size(), 16u);
@@ -42,7 +43,7 @@ TEST_F(LpipsProgram, IsWhereFlipIsAndOnlyWhereItIsAskedFor) {
     EXPECT_GT(view.at("lpips"), 0) << name;
 
   const Outcome report = run("report --json " + text("out"));
-  const nlohmann::json data = nlohmann::json::parse(report.out);
+  const SortedJson data = SortedJson::parse(report.out);
   EXPECT_EQ(data.at("results").at("test").at("lpips"), test.at("lpips"));
   EXPECT_GT(data.at("views").at("list").at(0).at("lpips"), 0);
 }
@@ -52,8 +53,7 @@ TEST_F(LpipsProgram, EvalMeasuresARunWithoutTrainingItAgain) {
   ASSERT_EQ(train("plain").code, 0);
   const Outcome outcome = run("eval " + text("plain") + " --json --device cpu" + lpips_);
   ASSERT_EQ(outcome.code, 0) << outcome.err;
-  const nlohmann::json figures = nlohmann::json::parse(outcome.out),
-                       results = json("out/results.json");
+  const SortedJson figures = SortedJson::parse(outcome.out), results = json("out/results.json");
   EXPECT_NEAR(figures.at("lpips").get<double>(), results.at("test").at("lpips").get<double>(),
               1e-3);
   EXPECT_EQ(figures.at("lpips_network"), results.at("lpips_network"));
@@ -99,7 +99,7 @@ TEST_F(LpipsProgram, TablesOfAnExperimentHaveAColumn) {
               "eval = {lpips = 'net.safetensors'}\n");  // beside this file
   const Outcome outcome = run("experiment " + text("e.toml"));
   ASSERT_EQ(outcome.code, 0) << outcome.err;
-  const nlohmann::json results = json("tables/results.json");
+  const SortedJson results = json("tables/results.json");
   EXPECT_EQ(results.at("runs").at(0).at("results").at("lpips_network").at("name"), "alex");
   EXPECT_GT(results.at("summary").at(0).at("lpips").at("mean"), 0);
   EXPECT_THAT(read_bytes(path("tables/results.md")), HasSubstr("| LPIPS |"));

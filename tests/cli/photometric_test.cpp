@@ -3,10 +3,9 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include <nlohmann/json.hpp>
-
 #include "data_loaders/photos/photos.h"
 #include "data_loaders/refine/refine_exposure.h"
+#include "gs_core/system/text/json.h"
 #include "tests/support/program.h"
 
 namespace gs {
@@ -24,13 +23,13 @@ TEST_F(Program, ExposuresAndRefinedCamerasAreReportedAndAppliedAgain) {
   ASSERT_EQ(trained.code, 0) << trained.err;
   EXPECT_THAT(trained.out, HasSubstr("under their exposures"));
   EXPECT_EQ(json("out/exposure.json").size(), std::size_t(kViews));
-  const nlohmann::json results = json("out/results.json");
+  const SortedJson results = json("out/results.json");
   EXPECT_LT(results.at("refinement").at("mean_error_after"), 0.01);
   EXPECT_GT(results.at("exposure").at("samples"), 100);
   const Outcome again = run("eval " + text("out") + " --device cpu --json");
   ASSERT_EQ(again.code, 0) << again.err;
   EXPECT_THAT(again.err, Not(HasSubstr("exposures from")));  // those of the run, not solved anew
-  const auto figures = nlohmann::json::parse(again.out);
+  const auto figures = SortedJson::parse(again.out);
   for (const char* key : {"psnr", "psnr_exposure", "ssim_exposure", "flip_exposure"})
     EXPECT_NEAR(figures.at(key), results.at("test").at(key), 1e-6) << key;
 
@@ -44,13 +43,13 @@ TEST_F(Program, GainsOfPhotosAreWrittenDownMeasuredApartAndAppliedAgain) {
   const Outcome trained = train("out", "--set photometric.model=gains");
   ASSERT_EQ(trained.code, 0) << trained.err;
   EXPECT_THAT(trained.out, HasSubstr("as the photometric model shows them"));
-  const nlohmann::json looks = json("out/photometric.json"), results = json("out/results.json");
+  const SortedJson looks = json("out/photometric.json"), results = json("out/results.json");
   EXPECT_EQ(looks.at("model"), "gains");
   EXPECT_EQ(looks.at("photos").size() + looks.at("held_out").size(), std::size_t(kViews));
   EXPECT_EQ(looks.at("rule"), results.at("photometric").at("rule"));
   const Outcome again = run("eval " + text("out") + " --device cpu --json");
   ASSERT_EQ(again.code, 0) << again.err;
-  const auto figures = nlohmann::json::parse(again.out);
+  const auto figures = SortedJson::parse(again.out);
   for (const char* key : {"psnr", "psnr_photometric", "ssim_photometric", "psnr_cc", "ssim_cc"})
     EXPECT_NEAR(figures.at(key), results.at("test").at(key), 1e-6) << key;
 
@@ -59,7 +58,7 @@ TEST_F(Program, GainsOfPhotosAreWrittenDownMeasuredApartAndAppliedAgain) {
   for (const char* key : {"psnr_photometric", "psnr_cc"})
     EXPECT_FALSE(json("plain/results.json").at("test").contains(key)) << key;
   const Outcome corrected = run("eval " + text("plain") + " --device cpu --json --color-corrected");
-  EXPECT_TRUE(nlohmann::json::parse(corrected.out).contains("psnr_cc"));
+  EXPECT_TRUE(SortedJson::parse(corrected.out).contains("psnr_cc"));
 }
 
 /// Replaces the photos of write_scene() by gray ones, where every second one is so many times as

@@ -5,6 +5,7 @@
 #include "data_loaders/cameras/camera_file.h"
 #include "data_loaders/colmap/colmap_model.h"
 #include "gs_core/math/render/rotation.h"
+#include "gs_core/system/text/json.h"
 #include "tests/support/program.h"
 
 namespace gs {
@@ -20,7 +21,7 @@ TEST_F(Program, RefinedPosesAreWrittenDownAndMeasuredAgain) {
   write_scene(path("scene"), true);
   const Outcome trained = train("out", kRefine);
   ASSERT_EQ(trained.code, 0) << trained.err;
-  const nlohmann::json poses = json("out/poses.json"), results = json("out/results.json");
+  const SortedJson poses = json("out/poses.json"), results = json("out/results.json");
   EXPECT_EQ(poses.at("photos").size(), 4u);  // without the two that are held out
   EXPECT_GT(poses.at("degrees"), 0);
   EXPECT_NEAR(double(poses.at("degrees")), results.at("poses").at("degrees"), 1e-3);
@@ -29,7 +30,7 @@ TEST_F(Program, RefinedPosesAreWrittenDownAndMeasuredAgain) {
     const Outcome again =
         run("eval " + text("out") + " --device cpu --json --split " + std::string(split));
     ASSERT_EQ(again.code, 0) << again.err;
-    EXPECT_NEAR(nlohmann::json::parse(again.out).at("psnr"), results.at(split).at("psnr"), 1e-4)
+    EXPECT_NEAR(SortedJson::parse(again.out).at("psnr"), results.at(split).at("psnr"), 1e-4)
         << split;
   }
 }
@@ -37,7 +38,7 @@ TEST_F(Program, RefinedPosesAreWrittenDownAndMeasuredAgain) {
 TEST_F(Program, RefinedPosesAreAColmapModelAndThoseOfCamerasJson) {
   write_scene(path("scene"), true);
   ASSERT_EQ(train("out", kRefine).code, 0);
-  const nlohmann::json poses = json("out/poses.json");
+  const SortedJson poses = json("out/poses.json");
   const ColmapModel model = read_colmap_model(path("out/sparse/0"), Tracks::read),
                     given = read_colmap_model(path("scene/sparse/0"), Tracks::read);
   ASSERT_EQ(model.images.size(), std::size_t(kViews));
@@ -77,7 +78,7 @@ TEST_F(Program, RunsThatDoNotRefinePosesHaveNoFilesOfThem) {
 TEST_F(Program, DamagedPosesAreNamedWithARemedy) {
   write_scene(path("scene"));
   ASSERT_EQ(train("out", kRefine).code, 0);
-  nlohmann::json poses = json("out/poses.json");
+  SortedJson poses = json("out/poses.json");
   poses.at("photos").begin()->at("rotation")[0] = {2, 0, 0};
   for (const std::string& damage : {std::string("{"), std::string("{}"), poses.dump()}) {
     write_bytes(path("out/poses.json"), damage);

@@ -7,6 +7,7 @@
 
 #include "data_loaders/formats/ply/ply.h"
 #include "gs_core/math/render/activations.h"
+#include "gs_core/system/text/json.h"
 #include "tests/support/program.h"
 
 namespace gs {
@@ -35,7 +36,7 @@ TEST_F(Prune, FaintOnesGoAndTheCostIsSaid) {
   const Outcome outcome =
       prune("--opacity " + std::to_string(opacities[50]) + " -o " + text("a.ply") + " --json");
   ASSERT_EQ(outcome.code, 0) << outcome.err;
-  const auto json = nlohmann::json::parse(outcome.out);
+  const auto json = SortedJson::parse(outcome.out);
   const GaussianModel after = read_gaussian_ply(path("a.ply"));
   EXPECT_NEAR(double(before.gaussians.count() - after.gaussians.count()), 50, 1);
   EXPECT_EQ(json["before"]["num_gaussians"], before.gaussians.count());
@@ -49,9 +50,9 @@ TEST_F(Prune, FaintOnesGoAndTheCostIsSaid) {
 TEST_F(Prune, WhatNoTrainingViewShowsGoesAndTrainingViewsStayAsTheyAre) {
   ASSERT_EQ(prune("--contribution 0.001 -o " + text("a.ply")).code, 0);
   const auto psnr_of = [&](const std::string& model) {
-    return nlohmann::json::parse(run("eval " + model + " --data " + text("scene") +
-                                     " --test-every 3 --split train --json --device cpu")
-                                     .out)["psnr"]
+    return SortedJson::parse(run("eval " + model + " --data " + text("scene") +
+                                 " --test-every 3 --split train --json --device cpu")
+                                 .out)["psnr"]
         .get<double>();
   };
   EXPECT_NEAR(psnr_of(text("a.ply")), psnr_of(text("run/point_cloud/iteration_20/point_cloud.ply")),
@@ -63,7 +64,7 @@ TEST_F(Prune, AShareOfTheGaussiansIsKeptThatContributesMost) {
   const auto left = [&](const std::string& name, const std::string& rules) {
     const Outcome outcome = prune(rules + " --json -o " + text(name));
     EXPECT_EQ(outcome.code, 0) << outcome.err;
-    const auto json = nlohmann::json::parse(outcome.out);
+    const auto json = SortedJson::parse(outcome.out);
     EXPECT_EQ(json["removed"]["unseen"].get<std::size_t>(),
               all - json["after"]["num_gaussians"].get<std::size_t>());
     return json["after"];
@@ -81,12 +82,12 @@ TEST_F(Prune, AShareOfTheGaussiansIsKeptThatContributesMost) {
 TEST_F(Prune, APrunedModelRecovers) {
   const Outcome outcome = prune("--keep 0.3 --json -o " + text("small.ply"));
   ASSERT_EQ(outcome.code, 0) << outcome.err;
-  const auto pruned = nlohmann::json::parse(outcome.out)["after"];
+  const auto pruned = SortedJson::parse(outcome.out)["after"];
   const Outcome recovery =
       run("train " + text("scene") + " -o " + text("recovered") + " --from " + text("small.ply") +
           " -c finetune --iterations 60 --eval --test-every 3 --device cpu");
   ASSERT_EQ(recovery.code, 0) << recovery.err;
-  const nlohmann::json recovered = json("recovered/results.json");
+  const SortedJson recovered = json("recovered/results.json");
   EXPECT_LE(recovered["num_gaussians"], pruned["num_gaussians"]);
   EXPECT_GE(recovered["num_gaussians"].get<int>(), pruned["num_gaussians"].get<int>() - 5);
   EXPECT_GT(recovered["test"]["psnr"].get<double>(), pruned["psnr"].get<double>() + 1);
@@ -108,7 +109,7 @@ TEST_F(Prune, RenderingFlagsCount) {
   const auto psnr_with = [&](const std::string& name, const std::string& flags) {
     const Outcome outcome = prune("--opacity 0.01 --json -o " + text(name) + " " + flags);
     EXPECT_EQ(outcome.code, 0) << outcome.err;
-    return nlohmann::json::parse(outcome.out)["before"]["psnr"].get<double>();
+    return SortedJson::parse(outcome.out)["before"]["psnr"].get<double>();
   };
   const double plain = psnr_with("a.ply", "");
   EXPECT_NE(psnr_with("b.ply", "-w"), plain);

@@ -10,6 +10,7 @@
 #include "data_loaders/video/film_writer.h"
 #include "data_loaders/video/video_frames.h"
 #include "gs_core/error.h"
+#include "gs_core/system/text/json.h"
 #include "tests/support/program.h"
 
 namespace gs {
@@ -262,7 +263,7 @@ TEST_F(Render, NothingIsOverwritten) {
 }
 
 TEST_F(Render, ViewsOfOneNameAreNotWrittenOverEachOther) {
-  nlohmann::json cameras = json("run/cameras.json");
+  SortedJson cameras = json("run/cameras.json");
   cameras[1]["img_name"] = cameras[0]["img_name"];
   write_bytes(path("twice.json"), cameras.dump());
   expect_refused("--cameras " + text("twice.json") + " -o " + text("a"), "two views");
@@ -291,7 +292,7 @@ TEST_F(Render, FlagsThatDoNotFitAreUsageErrors) {
 TEST_F(Render, ColorsAreThoseOfAPhotoIfItIsNamed) {
   expect_refused("--like view_1.png -o " + text("none"), "photometric.json");
   ASSERT_EQ(train("gains", "--set photometric.model=gains").code, 0);
-  nlohmann::json looks = json("gains/photometric.json");
+  SortedJson looks = json("gains/photometric.json");
   auto& photo = looks.at("photos").at("view_1.png");
   photo["log_gain_red"] = std::log(0.5);
   photo["log_gain_green"] = photo["log_gain_blue"] = 0;

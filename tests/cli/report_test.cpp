@@ -7,6 +7,7 @@
 
 #include <numeric>
 
+#include "gs_core/system/text/json.h"
 #include "tests/support/program.h"
 
 namespace gs {
@@ -19,10 +20,10 @@ using ::testing::Not;
 
 class Report : public Program {
  protected:
-  nlohmann::json data_of(const std::string& folder) {
+  SortedJson data_of(const std::string& folder) {
     const Outcome outcome = run("report --json " + text(folder));
     EXPECT_EQ(outcome.code, 0) << outcome.err;
-    return nlohmann::json::parse(outcome.out, nullptr, false);
+    return SortedJson::parse(outcome.out, nullptr, false);
   }
   std::string refusal(const std::string& folder) {
     const Outcome outcome = run("report --json " + text(folder));
@@ -34,11 +35,11 @@ class Report : public Program {
   }
 };
 
-std::vector<int> numbers(const nlohmann::json& list) { return list.get<std::vector<int>>(); }
+std::vector<int> numbers(const SortedJson& list) { return list.get<std::vector<int>>(); }
 
 TEST_F(Report, OfARunHasItsResultsCurvesViewsAndHistograms) {
   ASSERT_EQ(train("out", "--test-steps 7 --set density.max_gaussians=100").code, 0);
-  const nlohmann::json data = data_of("out");
+  const SortedJson data = data_of("out");
   EXPECT_EQ(data.at("kind"), "run");
   EXPECT_EQ(data.at("title"), "scene");
   EXPECT_EQ(data.at("state"), "finished");
@@ -55,20 +56,20 @@ TEST_F(Report, OfARunHasItsResultsCurvesViewsAndHistograms) {
   EXPECT_EQ(numbers(data.at("memory").at("step")), (std::vector<int>{5, 10, 15, 20}));
   EXPECT_GT(data.at("memory").at("host").at(0), 1e6);
 
-  const nlohmann::json& histograms = data.at("histograms");
+  const SortedJson& histograms = data.at("histograms");
   const std::size_t count = data.at("results").at("num_gaussians");
   EXPECT_EQ(histograms.at("count"), count);
-  for (const nlohmann::json& histogram :
+  for (const SortedJson& histogram :
        {histograms.at("opacity"), histograms.at("scales").at(0), histograms.at("scales").at(1)}) {
     const auto counts = histogram.at("counts").get<std::vector<std::size_t>>();
     EXPECT_EQ(std::accumulate(counts.begin(), counts.end(), std::size_t(0)), count);
   }
   EXPECT_LE(histograms.at("scales").at(1).at("median"), histograms.at("scales").at(0).at("median"));
 
-  const nlohmann::json& views = data.at("views");
+  const SortedJson& views = data.at("views");
   EXPECT_EQ(views.at("split"), "test");
   ASSERT_EQ(views.at("list").size(), 2u);
-  const nlohmann::json& view = views.at("list").at(1);
+  const SortedJson& view = views.at("list").at(1);
   EXPECT_EQ(view.at("name"), "view_3.png");
   EXPECT_EQ(view.at("psnr"), json("out/per_view.json").at("test").at("view_3.png").at("psnr"));
   EXPECT_EQ(view.at("width"), kWidth);
@@ -105,20 +106,20 @@ TEST_F(Report, NamesInItsDataCannotEndTheElementTheyStandIn) {
   ASSERT_EQ(train("out").code, 0);
   std::string results = read_bytes(path("out/results.json"));
   const std::string evil = "</script><script>alert(1)</script><!--";
-  results.replace(results.find("\"cpu\","), 5, nlohmann::json(evil).dump());
+  results.replace(results.find("\"cpu\","), 5, SortedJson(evil).dump());
   write_bytes(path("out/results.json"), results);
   ASSERT_EQ(run("report " + text("out")).code, 0);
   const std::string page = read_bytes(path("out/report.html"));
   EXPECT_THAT(page, Not(HasSubstr("alert(1)</script>")));
   const std::size_t begin = page.find('>', page.find("id=\"data\"")) + 1;
   const std::string data = page.substr(begin, page.find("</script>", begin) - begin);
-  EXPECT_EQ(nlohmann::json::parse(data).at("results").at("device"), evil);
+  EXPECT_EQ(SortedJson::parse(data).at("results").at("device"), evil);
 }
 
 TEST_F(Report, OfARunWithoutTestViewsShowsTrainingViews) {
   write_scene(path("scene"));
   ASSERT_EQ(run("train " + text("scene") + " -o " + text("out") + " -i 3 --device cpu").code, 0);
-  const nlohmann::json data = data_of("out");
+  const SortedJson data = data_of("out");
   EXPECT_EQ(data.at("views").at("split"), "train");
   EXPECT_EQ(data.at("views").at("list").size(), std::size_t(kViews));
   EXPECT_TRUE(data.at("views").at("list").at(5).contains("photo"));
@@ -132,7 +133,7 @@ TEST_F(Report, OfAnUnfinishedRunSaysWhatIsMissing) {
   fs::remove_all(path("out/point_cloud"));
   // The last row is cut short, as by a kill.
   write_bytes(path("out/metrics.csv"), read_bytes(path("out/metrics.csv")) + "25,0.1");
-  const nlohmann::json data = data_of("out");
+  const SortedJson data = data_of("out");
   EXPECT_EQ(data.at("state"), "unfinished");
   EXPECT_TRUE(data.at("results").is_null());
   EXPECT_EQ(numbers(data.at("metrics").at("step")), (std::vector<int>{5, 10, 15, 20}));
@@ -145,7 +146,7 @@ TEST_F(Report, MissingPicturesAreSaidAndDamagedFilesNamed) {
   const fs::path render = path("out/test/ours_20/renders/00000.png");
   const std::string picture = read_bytes(render);
   fs::remove(render);
-  const nlohmann::json data = data_of("out");
+  const SortedJson data = data_of("out");
   EXPECT_FALSE(data.at("views").at("list").at(0).contains("photo"));
   EXPECT_TRUE(data.at("views").at("list").at(1).contains("photo"));
   EXPECT_THAT(data.at("notes").dump(), HasSubstr("1 views have no pictures"));
@@ -178,9 +179,8 @@ TEST_F(Report, AFifoInARunIsRefusedInsteadOfWaitedFor) {
 TEST_F(Report, HasEveryColumnOfMetricsCsv) {
   ASSERT_EQ(train("out").code, 0);
   write_bytes(path("out/metrics.csv"), "step,loss,sharpness\n5,0.25,7\n10,0.125,\n");
-  EXPECT_EQ(
-      data_of("out").at("metrics"),
-      nlohmann::json({{"step", {5, 10}}, {"loss", {0.25, 0.125}}, {"sharpness", {7, nullptr}}}));
+  EXPECT_EQ(data_of("out").at("metrics"),
+            SortedJson({{"step", {5, 10}}, {"loss", {0.25, 0.125}}, {"sharpness", {7, nullptr}}}));
 }
 
 TEST_F(Report, AColumnOfMetricsCsvThatIsNamedTwiceIsRefused) {
@@ -192,7 +192,7 @@ TEST_F(Report, AColumnOfMetricsCsvThatIsNamedTwiceIsRefused) {
 TEST_F(Report, AConfigOfAnotherVersionIsShownAllTheSame) {
   ASSERT_EQ(train("out").code, 0);
   write_bytes(path("out/config.toml"), "[train]\nfuture = 1\n");
-  const nlohmann::json data = data_of("out");
+  const SortedJson data = data_of("out");
   EXPECT_EQ(data.at("title"), "out");
   EXPECT_THAT(data.at("notes").dump(), HasSubstr("future"));
   EXPECT_EQ(data.at("config"), "[train]\nfuture = 1\n");
@@ -201,7 +201,7 @@ TEST_F(Report, AConfigOfAnotherVersionIsShownAllTheSame) {
 TEST_F(Report, OfAResumedRunHasTheWholeCurve) {
   ASSERT_EQ(train("out", "--checkpoint-every 4").code, 0);
   ASSERT_EQ(run("train --resume " + text("out") + " --iterations +10 --device cpu").code, 0);
-  const nlohmann::json data = data_of("out");
+  const SortedJson data = data_of("out");
   EXPECT_EQ(numbers(data.at("metrics").at("step")), (std::vector<int>{5, 10, 15, 20, 25, 30}));
   EXPECT_EQ(numbers(data.at("memory").at("step")), (std::vector<int>{5, 10, 15, 20, 25, 30}));
   EXPECT_EQ(data.at("results").at("iterations"), 30);
@@ -218,12 +218,12 @@ TEST_F(Report, OfAnExperimentHasMeansCurvesAndWaysToTheRuns) {
               "dataset = {eval = true, test_every = 3}\n");
   ASSERT_EQ(run("experiment " + text("e.toml") + " -q").code, 0);
   fs::rename(path("out"), path("moved"));
-  const nlohmann::json data = data_of("moved"), results = json("moved/results.json");
+  const SortedJson data = data_of("moved"), results = json("moved/results.json");
   EXPECT_EQ(data.at("kind"), "experiment");
   EXPECT_EQ(data.at("title"), "e");
   EXPECT_EQ(data.at("summary"), results.at("summary"));
   ASSERT_EQ(data.at("runs").size(), 2u);
-  const nlohmann::json& last = data.at("runs").at(1);
+  const SortedJson& last = data.at("runs").at(1);
   EXPECT_EQ(last.at("results"), results.at("runs").at(1).at("results"));
   EXPECT_EQ(numbers(last.at("metrics").at("step")), (std::vector<int>{5, 10}));
   const std::string folder = "scene/" + last.at("config").get<std::string>() + "/seed2";

@@ -12,11 +12,11 @@
 #include <cmath>
 #include <csignal>
 #include <fstream>
-#include <nlohmann/json.hpp>
 #include <sstream>
 #include <thread>
 
 #include "gs_core/math/random.h"
+#include "gs_core/system/text/json.h"
 #include "tests/support/program.h"
 
 namespace gs {
@@ -41,7 +41,7 @@ const std::string kResumable =
 std::string without_times(const fs::path& file) {
   const std::string text = read_bytes(file);
   if (file.filename() == "results.json") {
-    auto json = nlohmann::json::parse(text);
+    auto json = SortedJson::parse(text);
     for (const char* key : {"train_seconds", "date", "peak_host_bytes"}) json.erase(key);
     return json.dump();
   }

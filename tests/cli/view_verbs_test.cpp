@@ -18,6 +18,7 @@
 #include "gs_core/error.h"
 #include "gs_core/system/host_name.h"
 #include "gs_core/system/processes/process.h"
+#include "gs_core/system/text/json.h"
 #include "tests/support/program.h"
 #include "tests/support/raw_connection.h"
 
@@ -25,7 +26,6 @@ namespace gs {
 namespace {
 
 namespace fs = std::filesystem;
-using Json = nlohmann::json;
 using ::testing::HasSubstr;
 
 /// `gemsplat VERB ... ` beside this process, until it has printed its address.
@@ -137,12 +137,12 @@ TEST_F(Verbs, AWatchedRunShowsItselfAndLearnsTheSame) {
   std::vector<std::string> arguments{GS_PROGRAM};
   for (std::string word; words >> word;) arguments.push_back(word);
   Started train(arguments, path("train.log"));
-  Json state = Json::object();
+  SortedJson state = SortedJson::object();
   int last_step = 0, version = 0;
   for (int i = 0; i < 2400 && !state.value("done", false); ++i) {
     const auto answer = train.get("/state.json");
     ASSERT_TRUE(answer) << train.said();
-    state = Json::parse(answer->body);
+    state = SortedJson::parse(answer->body);
     EXPECT_GE(state.at("step"), last_step);
     EXPECT_GE(state.at("version"), version);
     last_step = state.at("step");
@@ -155,7 +155,7 @@ TEST_F(Verbs, AWatchedRunShowsItselfAndLearnsTheSame) {
   EXPECT_GT(state.at("psnr"), 1.0);
   EXPECT_EQ(state.at("losses").back().at(1), state.at("loss"));
   EXPECT_GE(version, 2) << "one while it trained, and the last";
-  const Json scene = Json::parse(train.get("/scene.json")->body);
+  const SortedJson scene = SortedJson::parse(train.get("/scene.json")->body);
   EXPECT_EQ(scene.at("mode"), "live");
   EXPECT_EQ(scene.at("title"), "watched");
   EXPECT_EQ(scene.at("cameras").size(), std::size_t(kViews));
@@ -183,10 +183,10 @@ class ControlledTrain : public Started {
     return answer ? answer->status : 0;
   }
   /// The state once `is_so`.
-  Json state_when(const std::function<bool(const Json&)>& is_so) {
+  SortedJson state_when(const std::function<bool(const SortedJson&)>& is_so) {
     for (int i = 0; i < 2400; ++i) {
       if (const auto answer = get("/state.json"))
-        if (Json state = Json::parse(answer->body); is_so(state)) return state;
+        if (SortedJson state = SortedJson::parse(answer->body); is_so(state)) return state;
       std::this_thread::sleep_for(std::chrono::milliseconds(10));
     }
     ADD_FAILURE() << said();
@@ -201,15 +201,17 @@ TEST_F(Verbs, ARunThatWasPausedAndSavedWritesTheSameModel) {
                               " --iterations 1000 --viewer --viewer-port 0";
   ControlledTrain train({"/bin/sh", "-c", command}, path("train.log"));
   ASSERT_EQ(train.ask("pause"), 200);
-  const auto is_paused_at_a_step = [](const Json& state) {
+  const auto is_paused_at_a_step = [](const SortedJson& state) {
     return state.at("control").at("paused") == true && state.at("step") > 0 &&
            state.at("version") > 0;  // the model of this step is shown
   };
   const int step = train.state_when(is_paused_at_a_step).at("step");
   ASSERT_LT(step, 1000);
   ASSERT_EQ(train.ask("save"), 200);
-  train.state_when([&](const Json& state) { return state.at("control").at("saved") == step; });
-  EXPECT_EQ(Json::parse(train.get("/state.json")->body).at("step"), step) << "it stands still";
+  train.state_when(
+      [&](const SortedJson& state) { return state.at("control").at("saved") == step; });
+  EXPECT_EQ(SortedJson::parse(train.get("/state.json")->body).at("step"), step)
+      << "it stands still";
   EXPECT_TRUE(fs::exists(
       path("paused/point_cloud/iteration_" + std::to_string(step) + "/point_cloud.ply")));
   ASSERT_EQ(train.ask("resume"), 200);
@@ -227,7 +229,7 @@ TEST_F(Verbs, APausedRunIsStoppedByItsPageOrByASignalWithItsModelSaved) {
                                 " --iterations 30000 --viewer --viewer-port 0";
     ControlledTrain train({"/bin/sh", "-c", command}, path(name + ".log"));
     ASSERT_EQ(train.ask("pause"), 200);
-    train.state_when([](const Json& state) { return state.at("version") > 0; });
+    train.state_when([](const SortedJson& state) { return state.at("version") > 0; });
     const int code = by_page ? (train.ask("stop"), train.wait()) : train.end(SIGINT);
     EXPECT_EQ(code, int(ExitCode::interrupted)) << train.said();
     EXPECT_THAT(train.said(), HasSubstr("the model is in"));

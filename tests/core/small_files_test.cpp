@@ -10,6 +10,7 @@
 #include "gs_core/error.h"
 #include "gs_core/system/files/access.h"
 #include "gs_core/system/files/text_file.h"
+#include "gs_core/system/text/json.h"
 #include "gs_core/system/text/read_json.h"
 #include "tests/support/temp_folder.h"
 
@@ -89,7 +90,7 @@ TEST_F(SmallFiles, ThousandsOfKeysAreRead) {
 }
 
 TEST_F(SmallFiles, AValueOfAnotherTypeIsAnErrorThatNamesTheFile) {
-  const nlohmann::ordered_json json = {{"a", "text"}};
+  const Json json = {{"a", "text"}};
   const auto take = [&](const char* key) {
     return error_of(
         [&] { take_from_json(file(), "train again", [&] { return json.at(key).get<int>(); }); });

@@ -9,10 +9,9 @@
 #include "gs_app/experiment/tables/table_scenes.h"
 #include "gs_app/report/report_folder.h"
 #include "gs_app/run/csv.h"
+#include "gs_core/system/text/json.h"
 #include "tests/fuzz/fuzz_target.h"
 #include "tests/support/random_model.h"
-
-#include <nlohmann/json.hpp>
 
 namespace gs::fuzz {
 namespace {

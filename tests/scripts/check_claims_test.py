@@ -34,13 +34,6 @@ class CheckClaims(unittest.TestCase):
         self.assertIn("AnotherTest", wrong[0])
         self.assertIn("cli/gone_test", wrong[1])
 
-    def test_a_test_that_ctest_does_not_list_is_named(self):
-        listed = ["cli/files_test.Files.ATest", "cuda/x_test.Versions/Suite.ATest/one"]
-        self.assertEqual(list(check_claims.tests_that_do_not_run(
-            "page", "`cli/files_test` ATest, `cuda/x_test` ATest, `cuda/y_test` ATest", listed)), [])
-        wrong = list(check_claims.tests_that_do_not_run("page", "`cli/files_test` BTest", listed))
-        self.assertEqual(len(wrong), 1)
-
     def test_each_promise_needs_a_row(self):
         security = "## What is promised for them\n\n- **No shell.** a\n- **No paths out\n  of it.** b\n"
         rows = "| promise | test |\n|---|---|\n| No shell | `a/b_test` First |\n"

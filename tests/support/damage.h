@@ -2,8 +2,7 @@
 // Damaged files for readers of untrusted files. Each file must be read or refused with an Error;
 // nothing may crash, hang or ask for more memory than a file of its size can need. The damage
 // depends only on the number of the case, which failures name: GS_FUZZ_FIRST and GS_FUZZ_CASES run
-// that case again, or more of them. Only one file of a program may include this header, because it
-// replaces operator new.
+// that case again, or more of them. Programs that include this have largest_allocation.cpp, too.
 #pragma once
 
 #include <algorithm>
@@ -11,41 +10,19 @@
 #include <chrono>
 #include <cstdlib>
 #include <functional>
-#include <new>
 #include <random>
 #include <string>
 
 #include "gs_core/error.h"
 #include "tests/support/foreign_leaks.h"
-#include "tests/support/sanitizers.h"
 #include "tests/support/temp_folder.h"
 
-namespace {
+namespace gs {
 
 // bytes; no file here has more than a few thousand
-constexpr std::size_t kLargestAllocation = std::size_t(256) << 20;
-std::atomic<std::size_t> largest_allocation{0};
-
-}  // namespace
-
-#ifdef GS_ADDRESS_SANITIZER
-extern "C" const char* __asan_default_options();
-const char* __asan_default_options() {
-  return "max_allocation_size_mb=256:allocator_may_return_null=0";
-}
-#else
-[[gnu::noinline]] void* operator new(std::size_t bytes) {
-  std::size_t before = largest_allocation;
-  while (bytes > before && !largest_allocation.compare_exchange_weak(before, bytes)) {
-  }
-  if (void* memory = std::malloc(bytes ? bytes : 1)) return memory;
-  throw std::bad_alloc();
-}
-[[gnu::noinline]] void operator delete(void* memory) noexcept { std::free(memory); }
-[[gnu::noinline]] void operator delete(void* memory, std::size_t) noexcept { std::free(memory); }
-#endif
-
-namespace gs {
+inline constexpr std::size_t kLargestAllocation = std::size_t(256) << 20;
+/// Bytes that were asked for at once; largest_allocation.cpp keeps count.
+extern std::atomic<std::size_t> largest_allocation;
 
 inline void damage(std::string& bytes, std::mt19937& random) {
   if (bytes.empty()) bytes = "x";

@@ -2,23 +2,22 @@
 // The two parts of a .glb, to be changed and put together again.
 #pragma once
 
-#include <nlohmann/json.hpp>
 #include <string>
 
 #include "data_loaders/formats/coding/little_endian.h"
 #include "data_loaders/formats/glb/glb.h"
+#include "gs_core/system/text/json.h"
 
 namespace gs {
 
 struct GlbParts {
-  nlohmann::ordered_json json;
+  Json json;
   std::string binary;
 };
 
 inline GlbParts glb_parts(const std::string& file) {
   const auto json_bytes = load_little<std::uint32_t>(&file[12]);
-  return {nlohmann::ordered_json::parse(file.substr(20, json_bytes)),
-          file.substr(20 + json_bytes + 8)};
+  return {Json::parse(file.substr(20, json_bytes)), file.substr(20 + json_bytes + 8)};
 }
 
 /// A .glb with this text as its JSON, whatever it is.
@@ -42,7 +41,6 @@ inline std::string glb_file_of(const GlbParts& parts) {
 /// A .glb whose one primitive holds an .spz under the name `extension`: inside of
 /// KHR_gaussian_splatting as the draft has it (`is_draft`), or as older writers put it.
 inline GlbParts glb_with_spz(const std::string& spz, const std::string& extension, bool is_draft) {
-  using Json = nlohmann::ordered_json;
   const Json entry = {{extension, {{"bufferView", 0}}}};
   const Json draft = {
       {kGlbGaussians,

@@ -6,11 +6,11 @@
 #include <cstdint>
 #include <filesystem>
 #include <map>
-#include <nlohmann/json.hpp>
 #include <string>
 #include <vector>
 
 #include "gs_core/system/safetensors.h"
+#include "gs_core/system/text/json.h"
 #include "tests/support/temp_folder.h"
 
 namespace gs {
@@ -19,7 +19,7 @@ using Arrays = std::map<std::string, FloatArray>;
 
 /// The bytes of a safetensors file.
 inline std::string safetensors_bytes(const Arrays& arrays, const std::string& kind = "F32") {
-  nlohmann::json header = {{"__metadata__", {{"format", "pt"}}}};
+  SortedJson header = {{"__metadata__", {{"format", "pt"}}}};
   std::string data;
   for (const auto& [name, array] : arrays) {
     const std::size_t begin = data.size();

@@ -10,12 +10,12 @@
 #include <cmath>
 #include <cstdlib>
 #include <filesystem>
-#include <nlohmann/json.hpp>
 #include <sstream>
 #include <string>
 
 #include "data_loaders/photos/photos.h"
 #include "gs_core/math/random.h"
+#include "gs_core/system/text/json.h"
 #include "tests/support/temp_folder.h"
 
 namespace gs {
@@ -95,8 +95,8 @@ class Program : public ::testing::Test {
   }
   std::filesystem::path path(const std::string& name) const { return folder_.path() / name; }
   std::string text(const std::string& name) const { return path(name).string(); }
-  nlohmann::json json(const std::string& name) const {
-    return nlohmann::json::parse(read_bytes(path(name)));
+  SortedJson json(const std::string& name) const {
+    return SortedJson::parse(read_bytes(path(name)));
   }
 
  private:

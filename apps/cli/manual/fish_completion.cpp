@@ -6,7 +6,7 @@
 namespace gs {
 namespace {
 
-std::string quoted(const std::string& text) {
+std::string fish_quoted(const std::string& text) {
   return "'" + replaced(replaced(text, "\\", "\\\\"), "'", "\\'") + "'";
 }
 
@@ -19,7 +19,7 @@ std::string condition(const Command& command) {
 std::string value_flags(const Argument& argument) {
   std::string text = argument.takes_files() ? " -r -F" : " -x";
   if (!argument.choices.empty())
-    text += fmt::format(" -a {}", quoted(fmt::format("{}", fmt::join(argument.choices, " "))));
+    text += fmt::format(" -a {}", fish_quoted(fmt::format("{}", fmt::join(argument.choices, " "))));
   return text;
 }
 
@@ -31,14 +31,14 @@ std::string names_of(const Argument& argument) {
 }
 
 std::string lines(const Command& command) {
-  const std::string begin = "complete -c gemsplat -n " + quoted(condition(command));
+  const std::string begin = "complete -c gemsplat -n " + fish_quoted(condition(command));
   std::string text;
   for (const Command& verb : command.verbs)
-    text += fmt::format("{} -f -a {} -d {}\n", begin, verb.name(), quoted(verb.meaning));
+    text += fmt::format("{} -f -a {} -d {}\n", begin, verb.name(), fish_quoted(verb.meaning));
   for (const Argument& argument : command.arguments)
     if (!argument.is_positional)
       text += begin + names_of(argument) + (argument.takes_value ? value_flags(argument) : "") +
-              " -d " + quoted(argument.meaning) + "\n";
+              " -d " + fish_quoted(argument.meaning) + "\n";
   for (const Command& verb : command.verbs) text += lines(verb);
   return text;
 }

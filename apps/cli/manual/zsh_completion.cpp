@@ -7,7 +7,7 @@ namespace gs {
 namespace {
 
 // Text between single quotes, in which _arguments gives colons and brackets a meaning.
-std::string quoted(std::string text) {
+std::string zsh_quoted(std::string text) {
   for (const char* special : {"\\", ":", "[", "]"})
     text = replaced(text, special, std::string("\\") + special);
   return replaced(text, "'", "'\\''");
@@ -30,7 +30,7 @@ std::string value_of(const Argument& argument) {
                  ? files
                  : fmt::format("_alternative \"words:word:{}\" \"files:file:{}\"", words, files);
   }
-  return quoted(name) + ":" + action;
+  return zsh_quoted(name) + ":" + action;
 }
 
 // One line of _arguments. An option may be given again: "*".
@@ -41,13 +41,13 @@ std::string specification(const Argument& argument) {
                                 ? "'" + argument.names.front() + "'"
                                 : fmt::format("{{{}}}", fmt::join(argument.names, ","));
   const std::string value = argument.takes_value ? ":" + value_of(argument) : "";
-  return fmt::format("    '*'{}'[{}]{}'\n", names, quoted(argument.meaning), value);
+  return fmt::format("    '*'{}'[{}]{}'\n", names, zsh_quoted(argument.meaning), value);
 }
 
 std::string describe_verbs(const Command& command) {
   std::string text = "  local -a verbs=(\n";
   for (const Command& verb : command.verbs)
-    text += fmt::format("    '{}:{}'\n", verb.name(), quoted(verb.meaning));
+    text += fmt::format("    '{}:{}'\n", verb.name(), zsh_quoted(verb.meaning));
   return text + "  )\n";
 }
 

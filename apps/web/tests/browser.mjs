@@ -2,10 +2,11 @@
 // A headless Chromium that reaches nothing but the file or the server it is given, and remembers
 // what went wrong.
 import assert from 'node:assert/strict';
+import {existsSync} from 'node:fs';
 import {mkdtemp, rm} from 'node:fs/promises';
 import {createRequire} from 'node:module';
 import {tmpdir} from 'node:os';
-import {join, resolve} from 'node:path';
+import {delimiter, join, resolve} from 'node:path';
 import {pathToFileURL} from 'node:url';
 
 const FLAGS = ['--headless', '--no-sandbox', '--disable-quic', '--no-first-run', '--disable-background-networking',
@@ -13,6 +14,19 @@ const FLAGS = ['--headless', '--no-sandbox', '--disable-quic', '--no-first-run',
 const WITHOUT_3D = ['--disable-gpu'];
 const WITH_3D = ['--use-angle=swiftshader', '--enable-unsafe-swiftshader', '--ignore-gpu-blocklist'];  // drawn by the CPU
 const THIS_MACHINE_ONLY = ['--host-resolver-rules=MAP * ~NOTFOUND, EXCLUDE 127.0.0.1', '--proxy-server=direct://'];
+
+const SKIPPED = 77;  // as CTest is told
+
+// The file of that name, or the first Chromium on the PATH where none is named. Without one the test
+// is skipped, and says so.
+export function findChromium(named) {
+  const programs = ['chromium', 'chromium-browser', 'google-chrome'];
+  const found = named ? [named] : process.env.PATH.split(delimiter).flatMap(folder => programs.map(name => join(folder, name)));
+  const chromium = found.find(file => existsSync(file));
+  if (chromium) return chromium;
+  console.log('skipped: no Chromium was found; install the package chromium');
+  process.exit(SKIPPED);
+}
 
 // Tests read pixels, for which the driver waits; on a busy machine it says so.
 const isAboutReading = text => text.includes('GL Driver Message (OpenGL, Performance') && text.includes('ReadPixels');

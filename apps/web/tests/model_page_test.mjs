@@ -3,20 +3,14 @@
 // of the model inside, and asks for nothing but itself.
 //   node model_page_test.mjs MODULES PROGRAM SCENE OUT CHROMIUM
 import {execFileSync} from 'node:child_process';
-import {existsSync} from 'node:fs';
 import {readFile, rm, writeFile} from 'node:fs/promises';
 import {join, resolve} from 'node:path';
 import {pathToFileURL} from 'node:url';
-import {Browser} from './browser.mjs';
+import {Browser, findChromium} from './browser.mjs';
 import {psnr} from './pictures.mjs';
 
-const SKIPPED = 77;  // as CTest is told
-const [modules, program, scene, out] = process.argv.slice(2, 6).map(path => resolve(path)), chromium = process.argv[6];
+const [modules, program, scene, out] = process.argv.slice(2, 6).map(path => resolve(path)), chromium = findChromium(process.argv[6]);
 const LEAST = 45;  // dB, as in view_agreement.mjs
-if (!existsSync(chromium)) {
-  console.log('skipped: no Chromium was found; install the package chromium');
-  process.exit(SKIPPED);
-}
 const gemsplat = (...words) => execFileSync(program, [...words, '-q'], {stdio: ['ignore', 'ignore', 'inherit']});
 
 await rm(out, {recursive: true, force: true});

@@ -7,17 +7,12 @@ import {execFileSync} from 'node:child_process';
 import {existsSync} from 'node:fs';
 import {mkdir, readFile, rm, stat, writeFile} from 'node:fs/promises';
 import {join, resolve} from 'node:path';
-import {Browser, finish} from './browser.mjs';
+import {Browser, findChromium, finish} from './browser.mjs';
 
-const SKIPPED = 77;  // as CTest is told
 const [modules, program, scene, out] = process.argv.slice(2, 6).map(path => resolve(path));
-const chromium = process.argv[6];
+const chromium = findChromium(process.argv[6]);
 const MOST_BYTES = 16 * 2 ** 20;  // of a report: docs/guide/report.md
 
-if (!chromium || !existsSync(chromium)) {
-  console.log('skipped: no Chromium was found; install the package chromium');
-  process.exit(SKIPPED);
-}
 
 const SETTINGS = ['--device', 'cpu', '-q', '-r', '8', '--set', 'train.log_every=5', '--set', 'density.max_gaussians=3000'];
 const gemsplat = (...words) => execFileSync(program, words, {stdio: ['ignore', 'pipe', 'inherit']}).toString();

@@ -10,18 +10,14 @@ import {existsSync} from 'node:fs';
 import {mkdir, readFile, readdir, rm, writeFile} from 'node:fs/promises';
 import {basename, join, resolve} from 'node:path';
 import {parseArgs} from 'node:util';
-import {Browser} from './browser.mjs';
+import {Browser, findChromium} from './browser.mjs';
 import {psnr} from './pictures.mjs';
 import {ViewServer, sceneOf} from './view_server.mjs';
 
-const SKIPPED = 77;  // as CTest is told
 const {values: options, positionals} = parseArgs({allowPositionals: true, options: {
   scene: {type: 'string'}, views: {type: 'string', default: '3'}, formats: {type: 'string', default: 'ply,compressed.ply,spz,sog'}, least: {type: 'string', default: '45'}}});
-const [modules, program, out, chromium, ...runs] = positionals.map((path, i) => i === 3 ? path : resolve(path));
-if (!chromium || !existsSync(chromium)) {
-  console.log('skipped: no Chromium was found; install the package chromium');
-  process.exit(SKIPPED);
-}
+const [modules, program, out, named, ...runs] = positionals.map((path, i) => i === 3 ? path : resolve(path));
+const chromium = findChromium(named);
 const gemsplat = (...words) => execFileSync(program, words, {stdio: ['ignore', 'pipe', 'inherit']}).toString();
 
 const SHORT = ['--device', 'cpu', '-q', '-r', '4', '-i', '300', '--eval', '--set', 'density.max_gaussians=5000'];

@@ -4,19 +4,13 @@
 //   node view_commands_test.mjs MODULES PROGRAM SCENE OUT CHROMIUM
 import assert from 'node:assert/strict';
 import {execFileSync, execSync} from 'node:child_process';
-import {existsSync} from 'node:fs';
 import {mkdir, readFile, rm, writeFile} from 'node:fs/promises';
 import {join, resolve} from 'node:path';
-import {Browser, finish} from './browser.mjs';
+import {Browser, findChromium, finish} from './browser.mjs';
 import {psnr} from './pictures.mjs';
 import {serveProgram} from './serve_program.mjs';
 
-const SKIPPED = 77;  // as CTest is told
-const [modules, program, scene, out] = process.argv.slice(2, 6).map(path => resolve(path)), chromium = process.argv[6];
-if (!chromium || !existsSync(chromium)) {
-  console.log('skipped: no Chromium was found; install the package chromium');
-  process.exit(SKIPPED);
-}
+const [modules, program, scene, out] = process.argv.slice(2, 6).map(path => resolve(path)), chromium = findChromium(process.argv[6]);
 
 const SETTINGS = ['--device', 'cpu', '-q', '-r', '4', '--eval', '--set', 'density.max_gaussians=5000', '--set', 'photometric.model=gains', '--set', 'photometric.rate=0.02'];
 const run = join(out, 'run');

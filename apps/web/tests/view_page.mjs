@@ -3,15 +3,13 @@
 // over a file's tests. The arguments of such a file are MODULES OUT CHROMIUM; MODULES holds
 // node_modules and view.html, and screenshots go to OUT.
 import assert from 'node:assert/strict';
-import {existsSync} from 'node:fs';
 import {mkdir} from 'node:fs/promises';
 import {join, resolve} from 'node:path';
-import {Browser, finish} from './browser.mjs';
+import {Browser, findChromium, finish} from './browser.mjs';
 import {BLOBS, CAMERAS, plainPng, plyOf, sceneFor} from './view_scene.mjs';
 import {ViewServer} from './view_server.mjs';
 
-const SKIPPED = 77;  // as CTest is told
-const [modules, out] = process.argv.slice(2, 4).map(path => resolve(path)), chromium = process.argv[4];
+const [modules, out] = process.argv.slice(2, 4).map(path => resolve(path)), chromium = findChromium(process.argv[4]);
 
 export const PHOTO = [200, 30, 160];
 export const withPhotos = CAMERAS.map((camera, i) => ({...camera, photo: i === 3 ? null : `photo/${i}`}));
@@ -56,10 +54,6 @@ export async function assertInside(page, name) {
 
 /// Runs the tests of a file in one browser, and ends the process.
 export async function runAll(tests) {
-  if (!chromium || !existsSync(chromium)) {
-    console.log('skipped: no Chromium was found; install the package chromium');
-    process.exit(SKIPPED);
-  }
   await mkdir(out, {recursive: true});
   const browser = await Browser.start(modules, chromium, {server: true});
   browser.context.setDefaultTimeout(30_000);

@@ -4,20 +4,14 @@
 //   node view_program_test.mjs MODULES PROGRAM SCENE OUT CHROMIUM
 import assert from 'node:assert/strict';
 import {execFileSync} from 'node:child_process';
-import {existsSync} from 'node:fs';
 import {mkdir, readFile, rm} from 'node:fs/promises';
 import {join, resolve} from 'node:path';
-import {Browser, finish} from './browser.mjs';
+import {Browser, findChromium, finish} from './browser.mjs';
 import {colorsAt, psnr} from './pictures.mjs';
 import {serveProgram} from './serve_program.mjs';
 
-const SKIPPED = 77;  // as CTest is told
 const STOPPED = 5;   // the program's exit code after a signal
-const [modules, program, scene, out] = process.argv.slice(2, 6).map(path => resolve(path)), chromium = process.argv[6];
-if (!chromium || !existsSync(chromium)) {
-  console.log('skipped: no Chromium was found; install the package chromium');
-  process.exit(SKIPPED);
-}
+const [modules, program, scene, out] = process.argv.slice(2, 6).map(path => resolve(path)), chromium = findChromium(process.argv[6]);
 
 const SETTINGS = ['--device', 'cpu', '-q', '-r', '4', '--eval', '--set', 'density.max_gaussians=5000'];
 const run = join(out, 'run'), renders = join(out, 'renders');

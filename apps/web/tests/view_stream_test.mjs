@@ -3,19 +3,13 @@
 // has come, and the others are held back.
 //   node view_stream_test.mjs MODULES PROGRAM OUT CHROMIUM
 import assert from 'node:assert/strict';
-import {existsSync} from 'node:fs';
 import {mkdir, open} from 'node:fs/promises';
 import {createServer, request as ask} from 'node:http';
 import {join, resolve} from 'node:path';
-import {Browser} from './browser.mjs';
+import {Browser, findChromium} from './browser.mjs';
 import {serveProgram} from './serve_program.mjs';
 
-const SKIPPED = 77;  // as CTest is told
-const [modules, program, out] = process.argv.slice(2, 5).map(path => resolve(path)), chromium = process.argv[5];
-if (!chromium || !existsSync(chromium)) {
-  console.log('skipped: no Chromium was found; install the package chromium');
-  process.exit(SKIPPED);
-}
+const [modules, program, out] = process.argv.slice(2, 5).map(path => resolve(path)), chromium = findChromium(process.argv[5]);
 
 const COUNT = 300_000;      // Gaussians
 const MOST = 0.05;          // of the bytes. The first chunk is 1/64 of the tree

@@ -5,20 +5,14 @@
 // tests/interop/gs4d_test.py makes the model.
 import assert from 'node:assert/strict';
 import {execFileSync} from 'node:child_process';
-import {existsSync} from 'node:fs';
 import {mkdir, readFile, rm, writeFile} from 'node:fs/promises';
 import {join, resolve} from 'node:path';
 import {fileURLToPath} from 'node:url';
-import {Browser} from './browser.mjs';
+import {Browser, findChromium} from './browser.mjs';
 import {psnr} from './pictures.mjs';
 import {serveProgram} from './serve_program.mjs';
 
-const SKIPPED = 77;  // as CTest is told
-const [modules, program, out] = process.argv.slice(2, 5).map(path => resolve(path)), [chromium, python = 'python3'] = process.argv.slice(5);
-if (!chromium || !existsSync(chromium)) {
-  console.log('skipped: no Chromium was found; install the package chromium');
-  process.exit(SKIPPED);
-}
+const [modules, program, out] = process.argv.slice(2, 5).map(path => resolve(path)), chromium = findChromium(process.argv[5]), python = process.argv[6] ?? 'python3';
 const WIDTH = 320, HEIGHT = 240;
 const LEAST = 45;               // dB between the page and `gemsplat render`
 const SAME = 100;              // dB of equal pictures, or more

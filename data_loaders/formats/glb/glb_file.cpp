@@ -13,7 +13,7 @@
 namespace gs {
 namespace {
 
-constexpr const char* kRemedy = "export the model again";
+constexpr const char* kRemedyOfGlb = "export the model again";
 
 std::uint32_t word(std::string_view bytes, std::size_t at) {
   return load_little<std::uint32_t>(bytes.data() + at);
@@ -29,7 +29,7 @@ GlbFile::GlbFile(const std::filesystem::path& path, std::string_view file)
   const std::string_view rest = file.substr(20);
   const std::size_t json_bytes = word(file, 12);
   if (json_bytes > rest.size()) fail("is cut short");
-  document_ = parse_json<Json>(path, rest.substr(0, json_bytes), kRemedy);
+  document_ = parse_json<SortedJson>(path, rest.substr(0, json_bytes), kRemedyOfGlb);
   const std::string_view second = rest.substr(json_bytes);
   if (second.size() < 8) return;  // without binary chunk; accessors then fail
   if (word(second, 4) != kGlbBinary || word(second, 0) > second.size() - 8)
@@ -37,21 +37,21 @@ GlbFile::GlbFile(const std::filesystem::path& path, std::string_view file)
   binary_ = second.substr(8, word(second, 0));
 }
 
-const GlbFile::Json& GlbFile::item(const char* list, std::uint64_t index) const {
-  const Json* items = find(document_, list);
+const SortedJson& GlbFile::item(const char* list, std::uint64_t index) const {
+  const SortedJson* items = find(document_, list);
   if (!items || !items->is_array() || index >= items->size() || !(*items)[index].is_object())
     fail(fmt::format("lacks an entry of \"{}\"", list));
   return (*items)[index];
 }
 
 std::uint64_t GlbFile::count(const char* list) const {
-  const Json* items = find(document_, list);
+  const SortedJson* items = find(document_, list);
   return items && items->is_array() ? items->size() : 0;
 }
 
-std::uint64_t GlbFile::number(const Json& object, const char* key,
+std::uint64_t GlbFile::number(const SortedJson& object, const char* key,
                               std::optional<std::uint64_t> otherwise) const {
-  const Json* value = find(object, key);
+  const SortedJson* value = find(object, key);
   if (!value && otherwise) return *otherwise;
   if (!value || !value->is_number_unsigned() ||
       value->get<std::uint64_t>() > std::uint64_t(1) << 53)
@@ -60,7 +60,7 @@ std::uint64_t GlbFile::number(const Json& object, const char* key,
 }
 
 std::string_view GlbFile::view(std::uint64_t index) const {
-  const Json& view = item("bufferViews", index);
+  const SortedJson& view = item("bufferViews", index);
   if (number(view, "buffer") != 0 || find(item("buffers", 0), "uri"))
     fail("has its numbers in another file");
   const std::uint64_t at = number(view, "byteOffset", 0), bytes = number(view, "byteLength");
@@ -68,26 +68,25 @@ std::string_view GlbFile::view(std::uint64_t index) const {
   return binary_.substr(at, bytes);
 }
 
-const GlbFile::Json* GlbFile::find(const Json& object, const char* key) {
+const SortedJson* GlbFile::find(const SortedJson& object, const char* key) {
   if (!object.is_object()) return nullptr;
   const auto found = object.find(key);
   return found == object.end() ? nullptr : &*found;
 }
 
 void GlbFile::fail(std::string_view what) const {
-  cannot_read(path_, fmt::format("as a .glb it {}; {}", what, kRemedy));
+  cannot_read(path_, fmt::format("as a .glb it {}; {}", what, kRemedyOfGlb));
 }
 
 GlbAccessor::GlbAccessor(const GlbFile& glb, std::uint64_t index, std::size_t width) {
-  using Json = GlbFile::Json;
-  const Json& accessor = glb.item("accessors", index);
+  const SortedJson& accessor = glb.item("accessors", index);
   constexpr const char* kTypes[] = {"", "SCALAR", "VEC2", "VEC3", "VEC4"};
-  const Json* type = GlbFile::find(accessor, "type");
+  const SortedJson* type = GlbFile::find(accessor, "type");
   if (!type || *type != kTypes[width])
     glb.fail(fmt::format("has an attribute that is not a {}", kTypes[width]));
   if (GlbFile::find(accessor, "sparse")) glb.fail("has sparse attributes, which are not read");
   component_ = glb.number(accessor, "componentType");
-  const Json* normalized = GlbFile::find(accessor, "normalized");
+  const SortedJson* normalized = GlbFile::find(accessor, "normalized");
   is_normalized_ = normalized && *normalized == true;
   const std::size_t bytes = component_bytes();
   if (bytes == 0) glb.fail("has an attribute of a type that Gaussians do not have");

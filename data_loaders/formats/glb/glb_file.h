@@ -5,10 +5,10 @@
 
 #include <cstdint>
 #include <filesystem>
-#include <nlohmann/json.hpp>
 #include <optional>
 #include <string_view>
 
+#include "gs_core/system/text/json.h"
 #include "gs_core/types.h"
 
 namespace gs {
@@ -17,31 +17,29 @@ namespace gs {
 /// and a remedy. Path and bytes must outlive it.
 class GlbFile {
  public:
-  using Json = nlohmann::json;
-
   GlbFile(const std::filesystem::path& path, std::string_view bytes);
 
   const std::filesystem::path& path() const { return path_; }
-  const Json& document() const { return document_; }
+  const SortedJson& document() const { return document_; }
   std::uint64_t bytes() const { return bytes_; }
 
   /// An element of one of the document's lists.
-  const Json& item(const char* list, std::uint64_t index) const;
+  const SortedJson& item(const char* list, std::uint64_t index) const;
   /// How many elements a list has; 0 where there is no such list.
   std::uint64_t count(const char* list) const;
   /// A whole number of an object, at most 2^53.
-  std::uint64_t number(const Json& object, const char* key,
+  std::uint64_t number(const SortedJson& object, const char* key,
                        std::optional<std::uint64_t> otherwise = {}) const;
   /// The bytes of a view of the binary chunk.
   std::string_view view(std::uint64_t index) const;
   /// A member of an object; null where it has none, or where it is no object.
-  static const Json* find(const Json& object, const char* key);
+  static const SortedJson* find(const SortedJson& object, const char* key);
   [[noreturn]] void fail(std::string_view what) const;
 
  private:
   const std::filesystem::path& path_;
   std::uint64_t bytes_;
-  Json document_;
+  SortedJson document_;
   std::string_view binary_;
 };
 

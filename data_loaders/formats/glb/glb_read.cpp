@@ -19,7 +19,6 @@
 namespace gs {
 namespace {
 
-using Json = GlbFile::Json;
 using Path = std::filesystem::path;
 
 /// A logit between those of opacities that a float tells from 0 and from 1.
@@ -29,8 +28,8 @@ float finite_logit(float opacity) {
   return std::isfinite(opacity) ? float(logit(inside)) : opacity;
 }
 
-GaussianModel plain_model(const GlbFile& glb, const Json& primitive) {
-  const Json* attributes = GlbFile::find(primitive, "attributes");
+GaussianModel plain_model(const GlbFile& glb, const SortedJson& primitive) {
+  const SortedJson* attributes = GlbFile::find(primitive, "attributes");
   if (!attributes) glb.fail("lacks attributes");
   const auto has = [&](const std::string& name) {
     return GlbFile::find(*attributes, name.c_str());
@@ -71,20 +70,20 @@ GaussianModel plain_model(const GlbFile& glb, const Json& primitive) {
   return model;
 }
 
-void check_color_space(const Json& splatting, const Path& path) {
-  const Json* space = GlbFile::find(splatting, "colorSpace");
+void check_color_space(const SortedJson& splatting, const Path& path) {
+  const SortedJson* space = GlbFile::find(splatting, "colorSpace");
   if (space && *space == "lin_rec709_display")
     cannot_read(path,
                 "its colors are linear (lin_rec709_display), but gemsplat blends display colors; "
                 "export it with the color space srgb_rec709_display");
 }
 
-GaussianModel model_of(const GlbFile& glb, const Json& primitive) {
-  const Json& extensions = *gaussians_in(primitive);
-  const Json* splatting = GlbFile::find(extensions, kGlbGaussians);
+GaussianModel model_of(const GlbFile& glb, const SortedJson& primitive) {
+  const SortedJson& extensions = *gaussians_in(primitive);
+  const SortedJson* splatting = GlbFile::find(extensions, kGlbGaussians);
   if (splatting) check_color_space(*splatting, glb.path());
-  const Json* inner = splatting ? GlbFile::find(*splatting, "extensions") : nullptr;
-  const Json* spz = inner ? spz_in(*inner) : nullptr;
+  const SortedJson* inner = splatting ? GlbFile::find(*splatting, "extensions") : nullptr;
+  const SortedJson* spz = inner ? spz_in(*inner) : nullptr;
   if (!spz) spz = spz_in(extensions);
   if (spz) {
     // The draft's frame is left, up, forward; older files have the numbers of the .spz as they are.
@@ -93,8 +92,8 @@ GaussianModel model_of(const GlbFile& glb, const Json& primitive) {
                      is_draft ? kHalfTurnX : kHalfTurnZ);
   }
   GaussianModel model = plain_model(glb, primitive);
-  const Json* extras = GlbFile::find(primitive, "extras");
-  const Json* antialiased = extras ? GlbFile::find(*extras, "antialiased") : nullptr;
+  const SortedJson* extras = GlbFile::find(primitive, "extras");
+  const SortedJson* antialiased = extras ? GlbFile::find(*extras, "antialiased") : nullptr;
   model.antialiased = antialiased && *antialiased == true;
   return model;
 }
@@ -122,7 +121,7 @@ void append(const GaussianModel& part, GaussianModel& model) {
 /// Throws Error where the instances together hold more Gaussians than a file of this size may, which
 /// many nodes of one primitive do. Nothing but one primitive at a time is in memory meanwhile.
 void check_sum(const GlbFile& glb, const std::vector<GlbInstance>& instances, std::size_t bytes) {
-  std::map<const Json*, std::uint64_t> counts;
+  std::map<const SortedJson*, std::uint64_t> counts;
   std::uint64_t sum = 0;
   for (const GlbInstance& instance : instances) {
     const auto [count, is_new] = counts.emplace(instance.primitive, 0);

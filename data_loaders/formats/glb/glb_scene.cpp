@@ -13,8 +13,6 @@
 namespace gs {
 namespace {
 
-using Json = GlbFile::Json;
-
 // Names under which an .spz stands in glTF: that of the draft, and two older ones.
 constexpr const char* kSpzExtensions[] = {"KHR_gaussian_splatting_compression_spz_2",
                                           "KHR_gaussian_splatting_compression_spz",
@@ -26,9 +24,9 @@ constexpr double kMostScale = 1e6;            // of a node, and its inverse the 
 
 /// `count` finite numbers of a node, or nothing where it has no such member.
 template <std::size_t count>
-std::optional<std::array<double, count>> numbers(const GlbFile& glb, const Json& node,
+std::optional<std::array<double, count>> numbers(const GlbFile& glb, const SortedJson& node,
                                                  const char* key) {
-  const Json* list = GlbFile::find(node, key);
+  const SortedJson* list = GlbFile::find(node, key);
   if (!list) return {};
   std::array<double, count> result;
   bool is_valid = list->is_array() && list->size() == count;
@@ -72,7 +70,7 @@ void check_similarity(const GlbFile& glb, const Mat4d& a) {
 }
 
 /// What a node does, from its matrix (column by column) or its translation, rotation and scale.
-Mat4d matrix_of(const GlbFile& glb, const Json& node) {
+Mat4d matrix_of(const GlbFile& glb, const SortedJson& node) {
   Mat4d result = diagonal(Vec3f(1));
   if (const auto matrix = numbers<16>(glb, node, "matrix")) {
     for (int i = 0; i < 16; ++i) result.m[i % 4][i / 4] = (*matrix)[std::size_t(i)];
@@ -101,7 +99,7 @@ class NodeWalk {
   explicit NodeWalk(const GlbFile& glb) : glb_(glb), is_visited_(glb.count("nodes")) {}
 
   void visit(std::uint64_t index, const Mat4d& scene_from_parent, int depth) {
-    const Json& node = glb_.item("nodes", index);
+    const SortedJson& node = glb_.item("nodes", index);
     if (is_visited_[index]) glb_.fail("has nodes that are no tree");
     is_visited_[index] = true;
     if (depth > kDeepestNode) glb_.fail(fmt::format("nests more than {} nodes", kDeepestNode));
@@ -110,16 +108,16 @@ class NodeWalk {
       add_mesh(glb_.number(node, "mesh"), scene_from_node, offset_of(node, scene_from_node));
     visit_all(GlbFile::find(node, "children"), scene_from_node, depth + 1);
   }
-  void visit_all(const Json* list, const Mat4d& scene_from_parent, int depth) {
+  void visit_all(const SortedJson* list, const Mat4d& scene_from_parent, int depth) {
     if (!list) return;
     if (!list->is_array()) glb_.fail("has a list of nodes that is no list");
-    for (const Json& index : *list) {
+    for (const SortedJson& index : *list) {
       if (!index.is_number_unsigned()) glb_.fail("names a node by something else than a number");
       visit(index.get<std::uint64_t>(), scene_from_parent, depth);
     }
   }
   void add_mesh(std::uint64_t index, const Mat4d& scene_from_mesh, const Vec3d& world_offset) {
-    const Json* primitives = GlbFile::find(glb_.item("meshes", index), "primitives");
+    const SortedJson* primitives = GlbFile::find(glb_.item("meshes", index), "primitives");
     for (std::size_t p = 0; primitives && primitives->is_array() && p < primitives->size(); ++p)
       if (gaussians_in((*primitives)[p])) {
         if (instances.size() == kMostInstances) fail_as_crowded(glb_);
@@ -131,8 +129,8 @@ class NodeWalk {
 
  private:
   /// As our writer puts it: only beside numbers that no node moves.
-  Vec3d offset_of(const Json& node, const Mat4d& scene_from_node) const {
-    const Json* extras = GlbFile::find(node, "extras");
+  Vec3d offset_of(const SortedJson& node, const Mat4d& scene_from_node) const {
+    const SortedJson* extras = GlbFile::find(node, "extras");
     if (!extras || !GlbFile::find(*extras, "world_offset") || scene_from_node != diagonal(Vec3f(1)))
       return Vec3d(0.0);
     const auto offset = *numbers<3>(glb_, *extras, "world_offset");
@@ -145,14 +143,14 @@ class NodeWalk {
 
 }  // namespace
 
-const Json* spz_in(const Json& extensions) {
+const SortedJson* spz_in(const SortedJson& extensions) {
   for (const char* name : kSpzExtensions)
-    if (const Json* spz = GlbFile::find(extensions, name)) return spz;
+    if (const SortedJson* spz = GlbFile::find(extensions, name)) return spz;
   return nullptr;
 }
 
-const Json* gaussians_in(const Json& primitive) {
-  const Json* extensions = GlbFile::find(primitive, "extensions");
+const SortedJson* gaussians_in(const SortedJson& primitive) {
+  const SortedJson* extensions = GlbFile::find(primitive, "extensions");
   if (!extensions) return nullptr;
   return GlbFile::find(*extensions, kGlbGaussians) || spz_in(*extensions) ? extensions : nullptr;
 }
@@ -161,7 +159,7 @@ std::vector<GlbInstance> glb_instances(const GlbFile& glb) {
   NodeWalk walk(glb);
   const Mat4d as_it_is = diagonal(Vec3f(1));
   if (glb.count("scenes") > 0) {
-    const Json& scene = glb.item("scenes", glb.number(glb.document(), "scene", 0));
+    const SortedJson& scene = glb.item("scenes", glb.number(glb.document(), "scene", 0));
     walk.visit_all(GlbFile::find(scene, "nodes"), as_it_is, 0);
   } else {
     for (std::uint64_t mesh = 0; mesh < glb.count("meshes"); ++mesh)

@@ -12,16 +12,16 @@ namespace gs {
 
 /// A primitive of Gaussians as one node shows it.
 struct GlbInstance {
-  const GlbFile::Json* primitive = nullptr;
+  const SortedJson* primitive = nullptr;
   Mat4d scene_from_primitive;  // turns, scales evenly and moves; axes of glTF
   Vec3d world_offset{0.0, 0.0,
                      0.0};  // of "world_offset" in the extras of a node that does not move
 };
 
 /// The extensions of a primitive that hold its Gaussians, or null where it has none.
-const GlbFile::Json* gaussians_in(const GlbFile::Json& primitive);
+const SortedJson* gaussians_in(const SortedJson& primitive);
 /// The entry of an .spz inside, under any name that it has had; null without one.
-const GlbFile::Json* spz_in(const GlbFile::Json& extensions);
+const SortedJson* spz_in(const SortedJson& extensions);
 
 /// The instances of the file's scene, in the order of its nodes; of a file without a scene, every
 /// primitive once. Throws Error, with the file and a remedy, where there are none, where nodes

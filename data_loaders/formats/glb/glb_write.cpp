@@ -6,19 +6,17 @@
 #include <algorithm>
 #include <functional>
 #include <limits>
-#include <nlohmann/json.hpp>
 
 #include "data_loaders/formats/coding/frame.h"
 #include "data_loaders/formats/coding/little_endian.h"
 #include "data_loaders/formats/coding/quantize.h"
 #include "gs_core/error.h"
 #include "gs_core/system/files/atomic_file.h"
+#include "gs_core/system/text/json.h"
 #include "gs_core/system/version.h"
 
 namespace gs {
 namespace {
-
-using Json = nlohmann::ordered_json;
 
 // Numbers of glTF, which has them from OpenGL.
 constexpr int kFloat = 5126, kUnsignedByte = 5121, kPoints = 0, kVertexData = 34962;

@@ -19,7 +19,7 @@ namespace gs {
 namespace {
 
 // Limits of what is written, far beyond any scene: ranges and their steps stay finite.
-constexpr double kMostUnits = 1e18, kMostLog = 60;
+constexpr double kMostWrittenUnits = 1e18, kMostWrittenLog = 60;
 
 /// A Gaussian as the file holds it, before it is rounded.
 struct Row {
@@ -51,13 +51,17 @@ Row row_of(const Gaussians& g, std::uint32_t i) {
   const bool is_drawn = !is_degenerate(shape.rotations);
   if (!is_drawn) shape.rotations = {{1, 0, 0, 0}, {1, 0, 0, 0}};
   for (int k = 0; k < 3; ++k)
-    shape.log_scale[k] = std::clamp(shape.log_scale[k], -kMostLog, kMostLog);
-  shape.log_time_scale = std::clamp(shape.log_time_scale, -kMostLog, kMostLog);
+    shape.log_scale[k] = std::clamp(shape.log_scale[k], -kMostWrittenLog, kMostWrittenLog);
+  shape.log_time_scale = std::clamp(shape.log_time_scale, -kMostWrittenLog, kMostWrittenLog);
   const MovingGaussian moving = moving_gaussian(shape);
-  return {within(moving.mean, kMostUnits),         within(moving.drift, kMostUnits),
-          within(moving.log_scale, kMostLog),      within(moving.time_mean, kMostUnits),
-          within(moving.log_time_scale, kMostLog), is_drawn ? sigmoid(g.logit_opacity[i]) : 0.0f,
-          packed_rotation(moving.rotation),        i};
+  return {within(moving.mean, kMostWrittenUnits),
+          within(moving.drift, kMostWrittenUnits),
+          within(moving.log_scale, kMostWrittenLog),
+          within(moving.time_mean, kMostWrittenUnits),
+          within(moving.log_time_scale, kMostWrittenLog),
+          is_drawn ? sigmoid(g.logit_opacity[i]) : 0.0f,
+          packed_rotation(moving.rotation),
+          i};
 }
 
 /// The times, cut to 0..1, between which a Gaussian is drawn; first > last if it never is.
@@ -147,9 +151,9 @@ class ChunkWriter {
         position[k].add(row.mean[k]);
         drift[k].add(row.drift[k]);
         log_scale.add(row.log_scale[k]);
-        sh0.add(within(model_.gaussians.sh0[row.source][k], kMostUnits));
+        sh0.add(within(model_.gaussians.sh0[row.source][k], kMostWrittenUnits));
         for (int c = 0; c < sh_rest_count(model_.sh_degree); ++c)
-          sh.add(within(model_.gaussians.sh_rest[row.source].coefficient[c][k], kMostUnits));
+          sh.add(within(model_.gaussians.sh_rest[row.source].coefficient[c][k], kMostWrittenUnits));
       }
     }
     Gs4dBlock block{};

@@ -14,15 +14,15 @@
 #include "data_loaders/formats/lod/rad_values.h"
 #include "gs_core/system/byte_reader.h"
 #include "gs_core/system/text/foreign_text.h"
+#include "gs_core/system/text/json.h"
 #include "gs_core/system/text/read_json.h"
 
 namespace gs {
 namespace {
 
-using Json = nlohmann::json;
 using Path = std::filesystem::path;
 
-constexpr const char* kAgain = "copy or export the file again";
+constexpr const char* kRemedyOfRad = "copy or export the file again";
 
 /// Bytes of the file, and Errors about them.
 class RadBytes {
@@ -35,30 +35,30 @@ class RadBytes {
   }
   std::uint64_t size() const { return bytes_.size(); }
   /// The JSON behind a magic number at `at`, which then lies behind its padding.
-  Json head(std::uint64_t& at, std::uint32_t magic) const {
+  SortedJson head(std::uint64_t& at, std::uint32_t magic) const {
     const std::string_view begin = part(at, 8);
     if (load_little<std::uint32_t>(begin.data()) != magic)
       fail("lacks a mark of the format where one must be");
     const auto count = load_little<std::uint32_t>(begin.data() + 4);
-    const Json json = parse_json<Json>(path, part(at + 8, count), kAgain);
+    const SortedJson json = parse_json<SortedJson>(path, part(at + 8, count), kRemedyOfRad);
     if (!json.is_object()) fail("has a header that is no JSON object");
     if (number(json, "version") != 1)
       cannot_read(path, "it is a .rad of a version other than 1; export it as version 1");
     at += 8 + count + rad_padding(count);
     return json;
   }
-  std::uint64_t number(const Json& json, const char* key) const {
+  std::uint64_t number(const SortedJson& json, const char* key) const {
     if (!json.is_object() || !json.contains(key) || !json[key].is_number_unsigned())
       fail(fmt::format("has no valid number \"{}\"", key));
     return json[key].get<std::uint64_t>();
   }
-  std::string word(const Json& json, const char* key) const {
+  std::string word(const SortedJson& json, const char* key) const {
     if (!json.is_object() || !json.contains(key) || !json[key].is_string())
       fail(fmt::format("has no text \"{}\"", key));
     return json[key].get<std::string>();
   }
   [[noreturn]] void fail(const std::string& what) const {
-    cannot_read(path, fmt::format("as a .rad it {}; it is damaged, {}", what, kAgain));
+    cannot_read(path, fmt::format("as a .rad it {}; it is damaged, {}", what, kRemedyOfRad));
   }
 
   const Path& path;
@@ -85,7 +85,7 @@ class RadChunk {
   /// (count, numbers); nothing where the chunk has no such property and it is `optional`.
   std::vector<float> values(const char* property, std::size_t numbers,
                             bool optional = false) const {
-    const Json* json = find(property);
+    const SortedJson* json = find(property);
     if (!json && optional) return {};
     if (!json) bytes_.fail(fmt::format("lacks {}", property));
     const std::string encoding = bytes_.word(*json, "encoding");
@@ -95,7 +95,7 @@ class RadChunk {
                    limit(*json, "min"), limit(*json, "max"));
   }
   std::vector<Quatf> rotations() const {
-    const Json* json = find("orientation");
+    const SortedJson* json = find("orientation");
     std::vector<Quatf> result(count_);
     if (json && bytes_.word(*json, "encoding") == "oct88r8") {
       const std::string raw = data(*json, kOctBytes * count_);
@@ -113,7 +113,7 @@ class RadChunk {
   /// Which Gaussians have no children.
   std::vector<bool> is_leaf() const {
     std::vector<bool> result(count_, true);
-    const Json* json = find("child_count");
+    const SortedJson* json = find("child_count");
     if (!json) return result;
     if (bytes_.word(*json, "encoding") != "u16")
       unknown("child_count", bytes_.word(*json, "encoding"));
@@ -126,12 +126,12 @@ class RadChunk {
   std::size_t count() const { return count_; }
 
  private:
-  const Json* find(const char* property) const {
-    for (const Json& json : json_["properties"])
+  const SortedJson* find(const char* property) const {
+    for (const SortedJson& json : json_["properties"])
       if (bytes_.word(json, "property") == property) return &json;
     return nullptr;
   }
-  std::string data(const Json& json, std::size_t size) const {
+  std::string data(const SortedJson& json, std::size_t size) const {
     const std::uint64_t offset = bytes_.number(json, "offset"),
                         count = bytes_.number(json, "bytes");
     if (offset > end_ - std::min(end_, payload_)) bytes_.fail("has a property beyond its chunk");
@@ -144,7 +144,7 @@ class RadChunk {
       unknown("compression", bytes_.word(json, "compression"));
     return inflate_raw(bytes_.path, packed, size);
   }
-  float limit(const Json& json, const char* key) const {
+  float limit(const SortedJson& json, const char* key) const {
     return json.contains(key) && json[key].is_number() ? json[key].get<float>() : 0;
   }
   [[noreturn]] void unknown(const std::string& what, const std::string& word) const {
@@ -155,7 +155,7 @@ class RadChunk {
 
   const RadBytes& bytes_;
   std::size_t count_ = 0;
-  Json json_;
+  SortedJson json_;
   std::uint64_t payload_ = 0, end_ = 0;
 };
 
@@ -200,7 +200,7 @@ GaussianModel read_rad(const Path& path) {
   const std::size_t size = reader.size();
   const RadBytes bytes(path, {reinterpret_cast<const char*>(reader.take(size)), size});
   std::uint64_t begin = 0;
-  const Json head = bytes.head(begin, kRadMagic);
+  const SortedJson head = bytes.head(begin, kRadMagic);
   const std::uint64_t count = bytes.number(head, "count");
   check_count(path, count, size);
   const std::uint64_t each = head.contains("chunkSize") ? bytes.number(head, "chunkSize") : count;
@@ -210,11 +210,11 @@ GaussianModel read_rad(const Path& path) {
       head["chunks"].size() != (count == 0 ? 0 : (count - 1) / each + 1))
     bytes.fail("names another number of chunks than its Gaussians need");
   const std::string comment =
-      head.contains("comment") && head["comment"].is_string() ? head["comment"] : Json("");
+      head.contains("comment") && head["comment"].is_string() ? head["comment"] : SortedJson("");
   GaussianModel model{Gaussians(), int(degree), comment.starts_with("gemsplat "),
                       comment.ends_with(" antialiased")};
   std::uint64_t done = 0;
-  for (const Json& range : head["chunks"]) {
+  for (const SortedJson& range : head["chunks"]) {
     if (range.is_object() && range.contains("filename"))
       cannot_read(path, "its chunks are files of their own; export it as one file");
     const std::uint64_t offset = bytes.number(range, "offset"),

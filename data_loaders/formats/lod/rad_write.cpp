@@ -3,7 +3,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <nlohmann/json.hpp>
 
 #include "data_loaders/formats/coding/compression.h"
 #include "data_loaders/formats/coding/little_endian.h"
@@ -13,13 +12,12 @@
 #include "data_loaders/formats/lod/rad_values.h"
 #include "gs_core/error.h"
 #include "gs_core/system/files/atomic_file.h"
+#include "gs_core/system/text/json.h"
 #include "gs_core/system/version.h"
 #include "gs_core/threads/parallel.h"
 
 namespace gs {
 namespace {
-
-using Json = nlohmann::ordered_json;
 
 constexpr double kOutliers = 0.001;      // share of the values that may lie beyond a range of bytes
 constexpr std::size_t kFirstChunk = 64;  // the first of several chunks has 1/64 of the tree

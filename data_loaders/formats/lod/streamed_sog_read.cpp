@@ -8,15 +8,15 @@
 #include "data_loaders/formats/sog/sog.h"
 #include "gs_core/system/byte_reader.h"
 #include "gs_core/system/text/foreign_text.h"
+#include "gs_core/system/text/json.h"
 #include "gs_core/system/text/read_json.h"
 
 namespace gs {
 namespace {
 
-using Json = nlohmann::json;
 using Path = std::filesystem::path;
 
-constexpr const char* kAgain = "export the folder again";
+constexpr const char* kRemedyOfStreamedSog = "export the folder again";
 constexpr std::uint64_t kMostRows = std::uint32_t(-1);
 
 /// Rows of a file that belong to one leaf.
@@ -28,7 +28,7 @@ struct Interval {
 class LodMeta {
  public:
   LodMeta(const Path& path, int level)
-      : path_(path), meta_(read_json_as<Json>(path, kAgain)), level_(level) {
+      : path_(path), meta_(read_json_as<SortedJson>(path, kRemedyOfStreamedSog)), level_(level) {
     if (!meta_.is_object()) fail("is no JSON object");
     if (number(meta_, "version", 1000) != 1)
       cannot_read(path, "it is a streamed SOG of a version other than 1; export it as version 1");
@@ -45,7 +45,8 @@ class LodMeta {
     return meta_.contains("environment") ? beside(meta_["environment"]) : Path();
   }
   [[noreturn]] void fail(const std::string& what) const {
-    cannot_read(path_, fmt::format("as a streamed SOG it {}; it is damaged, {}", what, kAgain));
+    cannot_read(path_, fmt::format("as a streamed SOG it {}; it is damaged, {}", what,
+                                   kRemedyOfStreamedSog));
   }
 
  private:
@@ -56,14 +57,14 @@ class LodMeta {
       cannot_read(path_, fmt::format("it has no level {}; its levels are 0, the finest, to {}",
                                      level_, levels - 1));
   }
-  std::uint64_t number(const Json& object, const char* key, std::uint64_t most) const {
+  std::uint64_t number(const SortedJson& object, const char* key, std::uint64_t most) const {
     if (!object.contains(key) || !object[key].is_number_unsigned() ||
         object[key].get<std::uint64_t>() > most)
       fail(fmt::format("has no valid number \"{}\"", key));
     return object[key].get<std::uint64_t>();
   }
   // A file inside the folder.
-  Path beside(const Json& name) const {
+  Path beside(const SortedJson& name) const {
     if (!name.is_string()) fail("names a file that is no text");
     const auto text = name.get<std::string>();
     const Path file = Path(text).lexically_normal();
@@ -74,16 +75,16 @@ class LodMeta {
     return path_.parent_path() / file;
   }
   // read_json_as() has checked that nothing nests deep.
-  void collect(const Json& node) {
+  void collect(const SortedJson& node) {
     if (!node.is_object()) fail("has a node that is no JSON object");
     if (node.contains("lods")) return collect_leaf(node["lods"]);
     if (!node.contains("children") || !node["children"].is_array())
       fail("has a node with neither children nor levels");
-    for (const Json& child : node["children"]) collect(child);
+    for (const SortedJson& child : node["children"]) collect(child);
   }
-  void collect_leaf(const Json& lods) {
+  void collect_leaf(const SortedJson& lods) {
     if (!lods.is_object()) fail("has a leaf without levels");
-    const Json* chosen = nullptr;
+    const SortedJson* chosen = nullptr;
     for (int k = level_; !chosen && k >= 0; --k)
       if (const auto lod = lods.find(std::to_string(k)); lod != lods.end()) chosen = &*lod;
     for (int k = level_ + 1; !chosen && k < kMostLevels; ++k)
@@ -102,7 +103,7 @@ class LodMeta {
   static constexpr int kMostLevels = 64;  // each has fewer Gaussians than the one before it
 
   const Path& path_;
-  Json meta_;
+  SortedJson meta_;
   int level_;
   std::map<Path, std::vector<Interval>> intervals_;
 };

@@ -3,19 +3,17 @@
 
 #include <algorithm>
 #include <cmath>
-#include <nlohmann/json.hpp>
 #include <numeric>
 
 #include "data_loaders/formats/lod/streamed_sog.h"
 #include "data_loaders/formats/sog/sog.h"
 #include "gs_core/system/files/atomic_file.h"
+#include "gs_core/system/text/json.h"
 #include "gs_core/system/version.h"
 #include "gs_model/edit/merge_gaussians.h"
 
 namespace gs {
 namespace {
-
-using Json = nlohmann::ordered_json;
 
 /// A box that holds ellipsoids of one standard deviation.
 struct Bound {

@@ -12,15 +12,15 @@
 #include "data_loaders/formats/sog/zip_file.h"
 #include "gs_core/system/byte_reader.h"
 #include "gs_core/system/text/foreign_text.h"
+#include "gs_core/system/text/json.h"
 #include "gs_core/system/text/read_json.h"
 
 namespace gs {
 namespace {
 
-using Json = nlohmann::json;
 using Path = std::filesystem::path;
 
-constexpr const char *kMeta = "meta.json", *kAgain = "export the file again";
+constexpr const char *kMeta = "meta.json", *kRemedyOfSog = "export the file again";
 
 /// The files by name, and the bytes of all of them.
 struct SogFiles {
@@ -35,7 +35,7 @@ class Sog {
       : path_(path), entries_(std::move(files.entries)), file_bytes_(files.bytes) {
     const auto entry = entries_.find(kMeta);
     if (entry == entries_.end()) fail("lacks meta.json");
-    meta_ = parse_json<Json>(path_ / kMeta, entry->second, kAgain);
+    meta_ = parse_json<SortedJson>(path_ / kMeta, entry->second, kRemedyOfSog);
     if (!meta_.is_object()) fail("has a meta.json that is not a JSON object");
     if (number(meta_, "version", 1000) != kSogVersion)
       cannot_read(path_, "it is a .sog of a version other than 2; export it again as version 2");
@@ -53,27 +53,27 @@ class Sog {
            generator->get<std::string>().starts_with("gemsplat ");
   }
   bool has(const char* key) const { return meta_.contains(key); }
-  const Json& section(const char* key) const {
+  const SortedJson& section(const char* key) const {
     if (!meta_.contains(key) || !meta_[key].is_object()) fail(fmt::format("lacks {}", key));
     return meta_[key];
   }
-  std::uint64_t number(const Json& object, const char* key, std::uint64_t most) const {
+  std::uint64_t number(const SortedJson& object, const char* key, std::uint64_t most) const {
     if (!object.contains(key) || !object[key].is_number_unsigned() ||
         object[key].get<std::uint64_t>() > most)
       fail(fmt::format("has no valid number \"{}\"", key));
     return object[key].get<std::uint64_t>();
   }
-  std::vector<float> numbers(const Json& object, const char* key, std::size_t count) const {
+  std::vector<float> numbers(const SortedJson& object, const char* key, std::size_t count) const {
     std::vector<float> result;
     if (object.contains(key) && object[key].is_array())
-      for (const Json& value : object[key])
+      for (const SortedJson& value : object[key])
         if (value.is_number()) result.push_back(value.get<float>());
     if (result.size() != count) fail(fmt::format("has no {} numbers in \"{}\"", count, key));
     return result;
   }
   /// The picture that stands at `index` of "files", of at least `pixels` pixels.
-  Image8 picture(const Json& object, std::size_t index, std::size_t pixels) const {
-    const Json* files = object.contains("files") ? &object["files"] : nullptr;
+  Image8 picture(const SortedJson& object, std::size_t index, std::size_t pixels) const {
+    const SortedJson* files = object.contains("files") ? &object["files"] : nullptr;
     if (!files || !files->is_array() || files->size() <= index || !(*files)[index].is_string())
       fail("names too few files");
     const std::string name = (*files)[index].get<std::string>();
@@ -93,7 +93,7 @@ class Sog {
   const Path& path_;
   std::map<std::string, std::string_view> entries_;
   std::size_t file_bytes_;
-  Json meta_;
+  SortedJson meta_;
   std::size_t count_ = 0;
 };
 
@@ -106,12 +106,12 @@ struct MeansPictures {
 
 MeansPictures means_pictures(const Sog& sog) {
   if (sog.count() == 0) return {};
-  const Json& means = sog.section("means");
+  const SortedJson& means = sog.section("means");
   return {sog.picture(means, 0, sog.count()), sog.picture(means, 1, sog.count())};
 }
 
 void read_means(const Sog& sog, const MeansPictures& pictures, const Gaussians& g) {
-  const Json& means = sog.section("means");
+  const SortedJson& means = sog.section("means");
   const std::vector<float> low = sog.numbers(means, "mins", 3),
                            high = sog.numbers(means, "maxs", 3);
   for (std::size_t i = 0; i < g.count(); ++i)
@@ -135,7 +135,7 @@ void read_rotations(const Sog& sog, const Gaussians& g) {
 
 // Returns the picture, whose alpha may mean something else.
 Image8 read_coded(const Sog& sog, const char* key, const Buffer<Vec3f>& rows) {
-  const Json& section = sog.section(key);
+  const SortedJson& section = sog.section(key);
   const std::vector<float> book = sog.numbers(section, "codebook", kSogCodebook);
   Image8 picture = sog.picture(section, 0, rows.size());
   for (std::size_t i = 0; i < rows.size(); ++i)
@@ -145,7 +145,7 @@ Image8 read_coded(const Sog& sog, const char* key, const Buffer<Vec3f>& rows) {
 
 // Returns the SH degree.
 int read_sh(const Sog& sog, const Gaussians& g) {
-  const Json& section = sog.section("shN");
+  const SortedJson& section = sog.section("shN");
   const int degree = int(sog.number(section, "bands", kMaxShDegree));
   const std::size_t size = sog.number(section, "count", kSogLargestPalette);
   const std::size_t rest = std::size_t(sh_rest_count(degree));
@@ -188,13 +188,13 @@ std::string bytes_of(const Path& file) {
 }
 
 // The names in "files" of all sections. Those that lead to another folder are left out.
-std::vector<std::string> named_files(const Json& meta) {
+std::vector<std::string> named_files(const SortedJson& meta) {
   std::vector<std::string> names;
   if (!meta.is_object()) return names;
-  for (const Json& section : meta) {
+  for (const SortedJson& section : meta) {
     if (!section.is_object() || !section.contains("files") || !section["files"].is_array())
       continue;
-    for (const Json& name : section["files"]) {
+    for (const SortedJson& name : section["files"]) {
       if (!name.is_string()) continue;
       const auto text = name.get<std::string>();
       if (text != "." && text != ".." && Path(text).filename() == text) names.push_back(text);
@@ -218,7 +218,8 @@ GaussianModel read_sog(const Path& path) {
 GaussianModel read_sog_folder(const Path& path) {
   std::map<std::string, std::string> owned;
   owned[kMeta] = read_json_text(path);
-  for (const std::string& name : named_files(parse_json<Json>(path, owned[kMeta], kAgain)))
+  for (const std::string& name :
+       named_files(parse_json<SortedJson>(path, owned[kMeta], kRemedyOfSog)))
     if (std::error_code missing;
         !owned.contains(name) && std::filesystem::exists(path.parent_path() / name, missing))
       owned[name] = bytes_of(path.parent_path() / name);

@@ -2,7 +2,6 @@
 #include <spdlog/fmt/fmt.h>
 
 #include <algorithm>
-#include <nlohmann/json.hpp>
 
 #include "data_loaders/formats/coding/morton_rows.h"
 #include "data_loaders/formats/coding/quantize.h"
@@ -13,18 +12,17 @@
 #include "data_loaders/formats/sog/zip_file.h"
 #include "gs_core/error.h"
 #include "gs_core/system/files/atomic_file.h"
+#include "gs_core/system/text/json.h"
 #include "gs_core/system/version.h"
 #include "gs_core/threads/parallel.h"
 
 namespace gs {
 namespace {
 
-using Json = nlohmann::ordered_json;
-
 constexpr std::uint32_t kMost16 = 65535;
 
 /// The archive in the making.
-struct Archive {
+struct ArchiveFiles {
   Json meta;
   std::vector<ZipEntry> entries;
 
@@ -45,7 +43,7 @@ void make_opaque(Image8& picture) {
   for (std::size_t i = 3; i < picture.pixels.size(); i += 4) picture.pixels[i] = 255;
 }
 
-void add_means(const Gaussians& g, Archive& archive) {
+void add_means(const Gaussians& g, ArchiveFiles& archive) {
   Vec3f low(0), high(0);
   const auto spread = [&](std::size_t i) {
     return Vec3f(sog_log(g.mean[i].x), sog_log(g.mean[i].y), sog_log(g.mean[i].z));
@@ -75,7 +73,7 @@ void add_means(const Gaussians& g, Archive& archive) {
                            {"files", {"means_l.webp", "means_u.webp"}}};
 }
 
-void add_rotations(const Gaussians& g, Archive& archive) {
+void add_rotations(const Gaussians& g, ArchiveFiles& archive) {
   Image8 picture = picture_for(g.count());
   parallel_for(g.count(), 4096, [&](std::size_t i) {
     const Quatf& q = g.rotation[i];
@@ -91,7 +89,7 @@ void add_rotations(const Gaussians& g, Archive& archive) {
 // A picture of indices into a codebook of all numbers of `rows`; `alpha` of each Gaussian.
 template <class Alpha>
 void add_coded(const std::string& name, const Buffer<Vec3f>& rows, Alpha&& alpha,
-               Archive& archive) {
+               ArchiveFiles& archive) {
   const float* numbers = &rows[0].x;
   const std::vector<float> book =
       codebook_of(std::vector<float>(numbers, numbers + 3 * rows.size()), kSogCodebook);
@@ -113,7 +111,7 @@ std::size_t palette_size(std::size_t count) {
   return size;
 }
 
-void add_sh(const GaussianModel& model, Archive& archive) {
+void add_sh(const GaussianModel& model, ArchiveFiles& archive) {
   const Gaussians& g = model.gaussians;
   const std::size_t rest = std::size_t(sh_rest_count(model.sh_degree)), dimensions = 3 * rest;
   std::vector<float> points(g.count() * dimensions);
@@ -159,7 +157,7 @@ void check_count(const std::filesystem::path& path, std::size_t count) {
 // meta.json and the pictures, rows in their order.
 std::vector<ZipEntry> entries_of(const GaussianModel& model) {
   const Gaussians& g = model.gaussians;
-  Archive archive;
+  ArchiveFiles archive;
   archive.meta = {{"version", kSogVersion},
                   {"asset", {{"generator", fmt::format("gemsplat {}", kVersion)}}},
                   {"count", g.count()}};

@@ -56,9 +56,10 @@ constexpr std::array<std::uint32_t, 256> crc_table() {
 }
 
 /// A part of the archive; Error where it does not lie inside.
-class Archive {
+class ArchiveReader {
  public:
-  Archive(const std::filesystem::path& path, std::string_view bytes) : path_(path), bytes_(bytes) {}
+  ArchiveReader(const std::filesystem::path& path, std::string_view bytes)
+      : path_(path), bytes_(bytes) {}
 
   std::string_view part(std::uint64_t offset, std::uint64_t length) const {
     if (offset > bytes_.size() || length > bytes_.size() - offset) damaged();
@@ -128,7 +129,7 @@ std::string zip_of(const std::vector<ZipEntry>& entries) {
 
 std::map<std::string, std::string_view> zip_entries(const std::filesystem::path& path,
                                                     std::string_view bytes) {
-  const Archive archive(path, bytes);
+  const ArchiveReader archive(path, bytes);
   const EndRecord end = archive.end();
   std::map<std::string, std::string_view> entries;
   std::uint64_t at = end.central_offset, total = 0;

@@ -10,6 +10,7 @@
 #include "gs_core/error.h"
 #include "gs_core/system/byte_reader.h"
 #include "gs_core/system/files/text_file.h"
+#include "gs_core/system/text/json.h"
 #include "gs_core/system/text/parse_number.h"
 #include "gs_core/system/text/read_json.h"
 
@@ -18,11 +19,10 @@ namespace {
 
 using Path = std::filesystem::path;
 using Ring = std::vector<Vec2<double>>;
-using Json = nlohmann::json;
 
 constexpr std::uint64_t kMostBytes = std::uint64_t(16) << 20;
 constexpr const char* kBlanks = " \t\r,";
-constexpr const char* kRemedy =
+constexpr const char* kRemedyOfPolygons =
     "draw the area again: polygons of GeoJSON, or a vertex a line as two numbers";
 
 Vec2<double> vertex_of(const Path& file, std::string_view line, int number) {
@@ -60,32 +60,32 @@ std::vector<Ring> rings_of_text(const Path& file, std::string_view text) {
 }
 
 // A GeoJSON object: a feature, a collection, or a geometry.
-void add_rings(const Json& object, std::vector<Ring>& rings) {
-  const auto add_polygon = [&](const Json& polygon) {
-    for (const Json& ring : polygon) {
+void add_rings(const SortedJson& object, std::vector<Ring>& rings) {
+  const auto add_polygon = [&](const SortedJson& polygon) {
+    for (const SortedJson& ring : polygon) {
       Ring vertices;
-      for (const Json& vertex : ring)
+      for (const SortedJson& vertex : ring)
         vertices.push_back({vertex.at(0).get<double>(), vertex.at(1).get<double>()});
       rings.push_back(std::move(vertices));
     }
   };
   const auto type = object.at("type").get<std::string>();
   if (type == "FeatureCollection")
-    for (const Json& feature : object.at("features")) add_rings(feature, rings);
+    for (const SortedJson& feature : object.at("features")) add_rings(feature, rings);
   else if (type == "GeometryCollection")
-    for (const Json& geometry : object.at("geometries")) add_rings(geometry, rings);
+    for (const SortedJson& geometry : object.at("geometries")) add_rings(geometry, rings);
   else if (type == "Feature")
     add_rings(object.at("geometry"), rings);
   else if (type == "Polygon")
     add_polygon(object.at("coordinates"));
   else if (type == "MultiPolygon")
-    for (const Json& polygon : object.at("coordinates")) add_polygon(polygon);
+    for (const SortedJson& polygon : object.at("coordinates")) add_polygon(polygon);
 }
 
 std::vector<Ring> rings_of_json(const Path& file, std::string_view text) {
-  const Json json = parse_json<Json>(file, text, kRemedy);
+  const SortedJson json = parse_json<SortedJson>(file, text, kRemedyOfPolygons);
   std::vector<Ring> rings;
-  take_from_json(file, kRemedy, [&] { add_rings(json, rings); });
+  take_from_json(file, kRemedyOfPolygons, [&] { add_rings(json, rings); });
   return rings;
 }
 
@@ -96,11 +96,11 @@ Polygon read_polygon(const Path& file) {
   const std::size_t first = text.find_first_not_of(" \t\r\n");
   std::vector<Ring> rings = first != text.npos && text[first] == '{' ? rings_of_json(file, text)
                                                                      : rings_of_text(file, text);
-  if (rings.empty()) cannot_read(file, std::string("it holds no polygon; ") + kRemedy);
+  if (rings.empty()) cannot_read(file, std::string("it holds no polygon; ") + kRemedyOfPolygons);
   for (const Ring& ring : rings)
     if (ring.size() < 3)
       cannot_read(file, fmt::format("a ring has {} vertices, and an area needs 3; {}", ring.size(),
-                                    kRemedy));
+                                    kRemedyOfPolygons));
   return Polygon(std::move(rings));
 }
 

@@ -11,11 +11,10 @@
 #include "gs_app/report/report_curves.h"
 #include "gs_app/run/page_text.h"
 #include "gs_core/error.h"
+#include "gs_core/system/text/json.h"
 
 namespace gs {
 namespace {
-
-using Json = nlohmann::ordered_json;
 
 // Pixels.
 constexpr double kWidth = 420, kHeight = 260;  // of the area of a chart
@@ -157,10 +156,6 @@ std::string legend(const std::vector<std::string>& configs, double top) {
         kLeft, y - 5, kColors[i % std::size(kColors)], kLeft + 26, y, html_text(configs[i]));
   }
   return text;
-}
-
-void add_name(const std::string& name, std::vector<std::string>& names) {
-  if (std::find(names.begin(), names.end(), name) == names.end()) names.push_back(name);
 }
 
 }  // namespace

@@ -4,6 +4,7 @@
 #include <spdlog/fmt/fmt.h>
 
 #include "gs_app/run/csv.h"
+#include "gs_core/system/text/json.h"
 
 namespace gs {
 namespace {
@@ -15,7 +16,7 @@ constexpr const char* kProvenance[] = {"iterations", "device",  "cpu",    "drive
 // A cell of results.json; empty if the run does not have it.
 std::string cell_of(const RunRow& row, const char* key) {
   if (!row.results.contains(key)) return "";
-  const nlohmann::ordered_json& value = row.results[key];
+  const Json& value = row.results[key];
   return csv_cell(value.is_string() ? value.get<std::string>() : value.dump());
 }
 

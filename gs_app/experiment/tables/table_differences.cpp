@@ -7,10 +7,6 @@
 namespace gs {
 namespace {
 
-void add_name(const std::string& name, std::vector<std::string>& names) {
-  if (std::find(names.begin(), names.end(), name) == names.end()) names.push_back(name);
-}
-
 const RunRow* partner_of(const RunRow& row, const std::vector<RunRow>& rows,
                          const std::string& baseline) {
   const auto partner = std::find_if(rows.begin(), rows.end(), [&](const RunRow& other) {

@@ -3,12 +3,11 @@
 
 #include "gs_app/experiment/tables/table_settings.h"
 #include "gs_app/run/provenance.h"
+#include "gs_core/system/text/json.h"
 #include "gs_core/system/version.h"
 
 namespace gs {
 namespace {
-
-using Json = nlohmann::ordered_json;
 
 Json scene_json(const SceneRow& scene) {
   Json json = {{"name", scene.name},

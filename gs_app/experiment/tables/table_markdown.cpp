@@ -8,11 +8,10 @@
 #include "gs_app/experiment/tables/table_settings.h"
 #include "gs_app/run/provenance.h"
 #include "gs_core/config/text/markdown.h"
+#include "gs_core/system/text/json.h"
 
 namespace gs {
 namespace {
-
-using Json = nlohmann::ordered_json;
 
 // As many as the report shows; results.json has all of them.
 constexpr std::size_t kHashDigits = 10;

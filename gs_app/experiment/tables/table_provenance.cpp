@@ -3,12 +3,11 @@
 
 #include <spdlog/fmt/fmt.h>
 
+#include "gs_core/system/text/json.h"
 #include "gs_core/system/version.h"
 
 namespace gs {
 namespace {
-
-using Json = nlohmann::ordered_json;
 
 // As a shell reads it.
 std::string quoted(const std::string& word) {

@@ -3,12 +3,12 @@
 #pragma once
 
 #include <filesystem>
-#include <nlohmann/json.hpp>
 #include <optional>
 #include <string>
 #include <vector>
 
 #include "gs_app/run/provenance.h"
+#include "gs_core/system/text/json.h"
 
 namespace gs {
 
@@ -27,7 +27,7 @@ std::string diff_file_name(const UncommittedChanges& changes);
 /// {"command": [...], "folder", "version", "commit", "compiler", "cuda", "uncommitted": {"hash",
 /// "files": [...], "diff"}}. "cuda" is null in a build without CUDA, "uncommitted" where there is
 /// nothing or nothing is known.
-nlohmann::ordered_json provenance_json(const Provenance& provenance);
+Json provenance_json(const Provenance& provenance);
 
 /// The same as a list.
 std::string provenance_markdown(const Provenance& provenance);

@@ -8,12 +8,11 @@
 
 #include "gs_core/error.h"
 #include "gs_core/system/files/access.h"
+#include "gs_core/system/text/json.h"
 #include "gs_core/system/text/read_json.h"
 
 namespace gs {
 namespace {
-
-using Json = nlohmann::ordered_json;
 
 constexpr double kMiB = 1 << 20;
 const std::vector<Metric> kMetrics = {
@@ -132,6 +131,10 @@ std::string summary_of(const ExperimentRun& run) {
       text +=
           fmt::format("{}{} {:.{}f}", text.empty() ? "" : ", ", metric.key, *value, metric.digits);
   return text;
+}
+
+void add_name(const std::string& name, std::vector<std::string>& names) {
+  if (std::find(names.begin(), names.end(), name) == names.end()) names.push_back(name);
 }
 
 }  // namespace gs

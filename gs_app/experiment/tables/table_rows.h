@@ -3,12 +3,12 @@
 // config as a group.
 #pragma once
 
-#include <nlohmann/json.hpp>
 #include <optional>
 #include <string>
 #include <vector>
 
 #include "gs_app/experiment/experiment_run.h"
+#include "gs_core/system/text/json.h"
 
 namespace gs {
 
@@ -25,7 +25,7 @@ struct Metric {
 struct RunRow {
   const ExperimentRun* run;
   std::string state;
-  nlohmann::ordered_json results;  // its results.json; null unless it is finished
+  Json results;  // its results.json; null unless it is finished
 };
 
 /// Of some runs.
@@ -66,5 +66,8 @@ std::string summary_of(const ExperimentRun& run);
 
 /// All metrics, whether runs have them or not: the columns of results.csv.
 const std::vector<Metric>& all_metrics();
+
+/// Adds a name to those found so far, unless it is one of them.
+void add_name(const std::string& name, std::vector<std::string>& names);
 
 }  // namespace gs

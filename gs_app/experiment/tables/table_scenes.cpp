@@ -9,15 +9,14 @@
 
 #include "gs_app/experiment/tables/table_settings.h"
 #include "gs_core/error.h"
+#include "gs_core/system/text/json.h"
 #include "gs_core/system/text/read_json.h"
 
 namespace gs {
 namespace {
 
-using Json = nlohmann::ordered_json;
-
 // Of a file that a run wrote; what is wrong with it is not shown.
-constexpr const char* kRemedy = "train again";
+constexpr const char* kRemedyOfScenes = "train again";
 
 // The most frequent picture size, and how many others there are.
 std::string size_text(const Json& cameras) {
@@ -36,9 +35,9 @@ std::string size_text(const Json& cameras) {
 std::optional<SceneViews> views_of(const RunRow& row) {
   const std::filesystem::path split_file = row.run->folder.split();
   try {
-    const Json split = read_json_as(split_file, kRemedy);
-    const Json cameras = read_json_as(row.run->folder.cameras(), kRemedy);
-    return take_from_json(split_file, kRemedy, [&] {
+    const Json split = read_json_as(split_file, kRemedyOfScenes);
+    const Json cameras = read_json_as(row.run->folder.cameras(), kRemedyOfScenes);
+    return take_from_json(split_file, kRemedyOfScenes, [&] {
       return SceneViews{row.results.value("scene_hash", ""), split.at("train").size(),
                         split.at("test").size(), size_text(cameras)};
     });

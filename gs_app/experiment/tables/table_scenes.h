@@ -3,11 +3,11 @@
 // were trained on.
 #pragma once
 
-#include <nlohmann/json.hpp>
 #include <string>
 #include <vector>
 
 #include "gs_app/experiment/tables/table_rows.h"
+#include "gs_core/system/text/json.h"
 
 namespace gs {
 
@@ -27,7 +27,7 @@ struct SceneRow {
   };
 
   std::string name, path;
-  nlohmann::ordered_json settings;  // of the scene's own `set`
+  Json settings;  // of the scene's own `set`
   /// Usually one; several if configs change the views, e.g. with different resolutions. Empty
   /// before a run has finished.
   std::vector<Variant> variants;

@@ -5,11 +5,10 @@
 
 #include "gs_core/config/config_diff.h"
 #include "gs_core/config/text/config_text.h"
+#include "gs_core/system/text/json.h"
 
 namespace gs {
 namespace {
-
-using Json = nlohmann::ordered_json;
 
 // TOML text of a value is also JSON, unless it has bytes that are not UTF-8, as paths may have.
 Json json_of(const std::string& toml) {

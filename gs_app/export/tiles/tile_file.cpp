@@ -4,19 +4,17 @@
 #include <spdlog/fmt/fmt.h>
 
 #include <algorithm>
-#include <nlohmann/json.hpp>
 
 #include "data_loaders/formats/coding/little_endian.h"
 #include "data_loaders/formats/glb/glb.h"
 #include "data_loaders/formats/spz/spz.h"
 #include "gs_core/error.h"
 #include "gs_core/system/files/atomic_file.h"
+#include "gs_core/system/text/json.h"
 #include "gs_core/system/version.h"
 
 namespace gs {
 namespace {
-
-using Json = nlohmann::ordered_json;
 
 const AxisSigns kAsTheyAre{1, 1, 1};
 constexpr int kSpzVersion = 3;  // CesiumJS 1.145 fails on 4, and 2 has coarser rotations

@@ -5,7 +5,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <nlohmann/json.hpp>
 
 #include "data_loaders/formats/coding/compression.h"
 #include "data_loaders/formats/coding/finite_rows.h"
@@ -20,13 +19,13 @@
 #include "gs_core/system/files/move_aside.h"
 #include "gs_core/system/files/output_lock.h"
 #include "gs_core/system/log.h"
+#include "gs_core/system/text/json.h"
 #include "gs_core/system/version.h"
 
 namespace gs {
 namespace {
 
 namespace fs = std::filesystem;
-using Json = nlohmann::ordered_json;
 
 /// The model in meters east, north and up, as tiles hold it.
 GaussianModel placed(const GaussianModel& model, const TilesetRequest& request) {

@@ -20,13 +20,13 @@
 #include "gs_core/system/files/atomic_file.h"
 #include "gs_core/system/files/output_lock.h"
 #include "gs_core/system/files/scratch_folder.h"
+#include "gs_core/system/text/json.h"
 #include "gs_render/paths/camera_path.h"
 
 namespace gs {
 namespace {
 
 namespace fs = std::filesystem;
-using Json = nlohmann::ordered_json;
 
 // Of apps/web/view/page.html.
 constexpr std::string_view kBody = "<div id=\"app\">", kTitle = "<title>gemsplat view</title>";

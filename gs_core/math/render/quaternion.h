@@ -7,6 +7,8 @@
 
 namespace gs {
 
+inline Quat<double> in_double(const Quatf& q) { return {q.w, q.x, q.y, q.z}; }
+
 /// The rotation b followed by a.
 template <class T>
 GS_HD Quat<T> product(const Quat<T>& a, const Quat<T>& b) {

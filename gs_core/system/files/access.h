@@ -25,4 +25,8 @@ class AccessError : public Error {
 /// cannot be listed: a part of them would look like all.
 std::vector<std::filesystem::path> entries_of(const std::filesystem::path& folder);
 
+/// Whether there is a file, or a folder, of that path; false too where the system does not say.
+bool is_file(const std::filesystem::path& path);
+bool is_folder(const std::filesystem::path& path);
+
 }  // namespace gs

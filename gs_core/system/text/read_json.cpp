@@ -7,6 +7,7 @@
 
 #include "gs_core/system/byte_reader.h"
 #include "gs_core/system/files/text_file.h"
+#include "gs_core/system/text/json.h"
 
 namespace gs {
 namespace {
@@ -79,8 +80,8 @@ std::string read_json_text(const std::filesystem::path& path) {
   return read_text_file(path, kLargestJson);
 }
 
-nlohmann::ordered_json read_json(const std::filesystem::path& path) {
-  nlohmann::ordered_json json = read_json_as(path, kRemedyOfRuns);
+Json read_json(const std::filesystem::path& path) {
+  Json json = read_json_as(path, kRemedyOfRuns);
   if (!json.is_object()) cannot_read(path, fmt::format("it is damaged; {}", kRemedyOfRuns));
   return json;
 }

@@ -10,10 +10,11 @@
 
 #include <cstdint>
 #include <filesystem>
-#include <nlohmann/json.hpp>
 #include <string>
 #include <string_view>
 #include <type_traits>
+
+#include "gs_core/system/text/json.h"
 
 namespace gs {
 
@@ -34,14 +35,14 @@ namespace detail {
 }  // namespace detail
 
 /// The value of a text that stands in the file `path`.
-template <class Json = nlohmann::ordered_json>
-Json parse_json(const std::filesystem::path& path, std::string_view text, std::string_view remedy) {
-  measure_json(path, text, remedy, std::is_same_v<Json, nlohmann::ordered_json>);
+template <class J = Json>
+J parse_json(const std::filesystem::path& path, std::string_view text, std::string_view remedy) {
+  measure_json(path, text, remedy, std::is_same_v<J, Json>);
   try {
-    return Json::parse(text.begin(), text.end());
-  } catch (const typename Json::parse_error& error) {
+    return J::parse(text.begin(), text.end());
+  } catch (const typename J::parse_error& error) {
     detail::no_json(path, error.byte, remedy);
-  } catch (const typename Json::exception&) {
+  } catch (const typename J::exception&) {
     detail::no_number(path, remedy);
   }
 }
@@ -50,13 +51,13 @@ Json parse_json(const std::filesystem::path& path, std::string_view text, std::s
 std::string read_json_text(const std::filesystem::path& path);
 
 /// The value in a file.
-template <class Json = nlohmann::ordered_json>
-Json read_json_as(const std::filesystem::path& path, std::string_view remedy) {
-  return parse_json<Json>(path, read_json_text(path), remedy);
+template <class J = Json>
+J read_json_as(const std::filesystem::path& path, std::string_view remedy) {
+  return parse_json<J>(path, read_json_text(path), remedy);
 }
 
 /// The object in a file of a run or an experiment.
-nlohmann::ordered_json read_json(const std::filesystem::path& path);
+Json read_json(const std::filesystem::path& path);
 
 /// Calls take(), which takes values out of what `path` held, and returns its result. A value that is
 /// missing or of another type becomes an Error.
@@ -64,7 +65,7 @@ template <class Take>
 auto take_from_json(const std::filesystem::path& path, std::string_view remedy, Take&& take) {
   try {
     return take();
-  } catch (const nlohmann::json::exception& error) {
+  } catch (const SortedJson::exception& error) {
     detail::other_form(path, error.what(), remedy);
   }
 }

@@ -6,10 +6,10 @@
 #include <gmock/gmock.h>
 
 #include <cmath>
-#include <nlohmann/json.hpp>
 
 #include "gs_core/error.h"
 #include "gs_core/math/random.h"
+#include "gs_core/system/text/json.h"
 #include "tests/support/temp_folder.h"
 
 namespace gs {
@@ -74,11 +74,10 @@ class CameraFile : public testing::Test {
 
 /// One camera as the reference writes it; `change` replaces or adds keys, null removes one.
 std::string reference_text(const std::string& change = "{}") {
-  auto camera =
-      nlohmann::json::parse(R"({"id": 0, "img_name": "DSC05572", "width": 640, "height": 480,
+  auto camera = SortedJson::parse(R"({"id": 0, "img_name": "DSC05572", "width": 640, "height": 480,
       "position": [1.0, 2.0, 3.0], "rotation": [[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]],
       "fy": 501.25, "fx": 500.5})");
-  camera.merge_patch(nlohmann::json::parse(change));
+  camera.merge_patch(SortedJson::parse(change));
   return "[" + camera.dump() + "]";
 }
 

@@ -6,11 +6,11 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
-#include <nlohmann/json.hpp>
 
 #include "data_loaders/lenses/undistort.h"
 #include "gs_core/error.h"
 #include "gs_core/math/render/rotation.h"
+#include "gs_core/system/text/json.h"
 #include "tests/support/colmap_writer.h"
 
 namespace gs {
@@ -55,11 +55,11 @@ ColmapModel turned_model(const Vec3d& moved = Vec3d(0.0)) {
 }
 
 /// The same in OpenGL's axes, as nerfstudio writes it.
-nlohmann::json transforms_of(const ColmapModel& model) {
+SortedJson transforms_of(const ColmapModel& model) {
   const ColmapCamera& camera = model.cameras.begin()->second;
-  nlohmann::json json = {{"w", camera.width},        {"h", camera.height},
-                         {"fl_x", camera.params[0]}, {"fl_y", camera.params[1]},
-                         {"cx", camera.params[2]},   {"cy", camera.params[3]}};
+  SortedJson json = {{"w", camera.width},        {"h", camera.height},
+                     {"fl_x", camera.params[0]}, {"fl_y", camera.params[1]},
+                     {"cx", camera.params[2]},   {"cy", camera.params[3]}};
   for (const ColmapImage& image : model.images) {
     const Mat3<double> R = rotation_matrix(image.cam_from_world_rotation);
     const Vec3d c = -multiply_transposed(R, image.cam_from_world_translation);

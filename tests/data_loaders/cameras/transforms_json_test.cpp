@@ -6,18 +6,17 @@
 
 #include <algorithm>
 #include <cmath>
-#include <nlohmann/json.hpp>
 
 #include "data_loaders/formats/ply/ply.h"
 #include "gs_core/error.h"
 #include "gs_core/math/random.h"
 #include "gs_core/math/render/rotation.h"
+#include "gs_core/system/text/json.h"
 #include "tests/support/colmap_writer.h"
 
 namespace gs {
 namespace {
 
-using nlohmann::json;
 using testing::AllOf;
 using testing::ElementsAre;
 using testing::HasSubstr;
@@ -26,30 +25,30 @@ using testing::StartsWith;
 
 constexpr double kTolerance = 1e-12;  // some roundings of double
 
-json identity() { return json::parse("[[1,0,0,0],[0,1,0,0],[0,0,1,0],[0,0,0,1]]"); }
+SortedJson identity() { return SortedJson::parse("[[1,0,0,0],[0,1,0,0],[0,0,1,0],[0,0,0,1]]"); }
 
-json frame(const std::string& file_path) {
+SortedJson frame(const std::string& file_path) {
   return {{"file_path", file_path}, {"transform_matrix", identity()}};
 }
 
 /// Two frames that share a pinhole of 12 x 8 pixels; `change` replaces or adds keys at the top, and
 /// `frame_change` in the second frame; null removes one.
-json small_file(const char* change = "{}", const char* frame_change = "{}") {
-  json file = {{"fl_x", 10.5}, {"fl_y", 11.5}, {"cx", 6.5}, {"cy", 3.5}, {"w", 12}, {"h", 8}};
-  file["frames"] = json::array({frame("images/a.png"), frame("images/b.png")});
-  file.merge_patch(json::parse(change));
+SortedJson small_file(const char* change = "{}", const char* frame_change = "{}") {
+  SortedJson file = {{"fl_x", 10.5}, {"fl_y", 11.5}, {"cx", 6.5}, {"cy", 3.5}, {"w", 12}, {"h", 8}};
+  file["frames"] = SortedJson::array({frame("images/a.png"), frame("images/b.png")});
+  file.merge_patch(SortedJson::parse(change));
   if (file.contains("frames") && file["frames"].size() > 1)
-    file["frames"][1].merge_patch(json::parse(frame_change));
+    file["frames"][1].merge_patch(SortedJson::parse(frame_change));
   return file;
 }
 
 class Transforms : public testing::Test {
  protected:
   const std::filesystem::path& folder() const { return temp_.path(); }
-  void write(const json& file, const char* name = "transforms.json") const {
+  void write(const SortedJson& file, const char* name = "transforms.json") const {
     write_bytes(folder() / name, file.dump());
   }
-  TransformsScene read(const json& file) const {
+  TransformsScene read(const SortedJson& file) const {
     write(file);
     return read_transforms(folder());
   }
@@ -63,12 +62,12 @@ class Transforms : public testing::Test {
     ADD_FAILURE() << "read_transforms threw no Error";
     return "";
   }
-  std::string error_reading(const json& file) const {
+  std::string error_reading(const SortedJson& file) const {
     write(file);
     return error();
   }
   /// The camera of the first image.
-  ColmapCamera camera_of(const json& file) const {
+  ColmapCamera camera_of(const SortedJson& file) const {
     const ColmapModel model = read(file).model;
     return model.cameras.at(model.images.at(0).camera_id);
   }
@@ -111,7 +110,7 @@ TEST_F(Transforms, FolderIsKnownByEitherFile) {
 TEST_F(Transforms, TimesOfFramesAreCounted) {
   EXPECT_EQ(read(small_file()).time_count, 0u);
   EXPECT_EQ(read(small_file("{}", R"({"time": 0.5})")).time_count, 1u);
-  json moving = small_file("{}", R"({"time": 0.5})");
+  SortedJson moving = small_file("{}", R"({"time": 0.5})");
   moving["frames"][0]["time"] = 0;
   EXPECT_EQ(read(moving).time_count, 2u);
   moving["frames"][0]["time"] = "noon";  // a note of another program
@@ -119,7 +118,8 @@ TEST_F(Transforms, TimesOfFramesAreCounted) {
 }
 
 TEST_F(Transforms, TimesOfBlendersFilesAreCountedTogether) {
-  json train = small_file("{}", R"({"time": 0.5})"), test = small_file("{}", R"({"time": 1.0})");
+  SortedJson train = small_file("{}", R"({"time": 0.5})"),
+             test = small_file("{}", R"({"time": 1.0})");
   test["frames"].erase(0);
   test["frames"][0]["file_path"] = "test/r_0";
   write(train, "transforms_train.json");
@@ -137,8 +137,9 @@ TEST_F(Transforms, CameraAtTheOriginLooksAlongMinusZWithYUp) {
 }
 
 TEST_F(Transforms, CameraOnTheXAxisLooksBackAtTheOrigin) {
-  json file = small_file();  // world z is up, as in Blender: right = y, up = z, backwards = x
-  file["frames"][0]["transform_matrix"] = json::parse("[[0,0,1,4],[1,0,0,0],[0,1,0,0],[0,0,0,1]]");
+  SortedJson file = small_file();  // world z is up, as in Blender: right = y, up = z, backwards = x
+  file["frames"][0]["transform_matrix"] =
+      SortedJson::parse("[[0,0,1,4],[1,0,0,0],[0,1,0,0],[0,0,0,1]]");
   const ColmapImage image = read(file).model.images[0];
   expect_near(in_camera(image, {4.0, 0.0, 0.0}), {0.0, 0.0, 0.0});
   expect_near(in_camera(image, {0.0, 0.0, 0.0}), {0.0, 0.0, 4.0});
@@ -148,7 +149,7 @@ TEST_F(Transforms, CameraOnTheXAxisLooksBackAtTheOrigin) {
 /// Random rotations cover all four branches of the conversion to a quaternion, because each
 /// component is the largest in some of them.
 TEST_F(Transforms, PoseIsTheInverseOfTheMatrixForAnyRotation) {
-  json file = small_file();
+  SortedJson file = small_file();
   int largest_count[4] = {};
   for (std::uint64_t seed = 0; seed < 40; ++seed) {
     const Vec4f r = Random{seed, RandomStream::test}.normal4(0);
@@ -170,9 +171,9 @@ TEST_F(Transforms, PoseIsTheInverseOfTheMatrixForAnyRotation) {
 }
 
 TEST_F(Transforms, RotationsWithFewDigitsAreTakenAndTheCenterStays) {
-  json file = small_file();
+  SortedJson file = small_file();
   file["frames"][0]["transform_matrix"] =
-      json::parse("[[0.866,-0.5,0,10],[0.5,0.866,0,20],[0,0,1,30],[0,0,0,1]]");
+      SortedJson::parse("[[0.866,-0.5,0,10],[0.5,0.866,0,20],[0,0,1,30],[0,0,0,1]]");
   const ColmapImage image = read(file).model.images[0];
   EXPECT_NEAR(squared_norm(image.cam_from_world_rotation), 1, kTolerance);
   expect_near(in_camera(image, {10.0, 20.0, 30.0}), {0.0, 0.0, 0.0});
@@ -199,7 +200,7 @@ TEST_F(Transforms, OneFocalLengthStandsForBothAndTheCenterIsThePictures) {
 
 TEST_F(Transforms, AnglesAreThoseAcrossTheWholePicture) {
   const double right = std::acos(-1) / 2;  // 90 degrees: the focal length is half the side
-  json file = small_file(R"({"fl_x": null, "fl_y": null})");
+  SortedJson file = small_file(R"({"fl_x": null, "fl_y": null})");
   file["camera_angle_x"] = right;
   const std::vector<double> square = camera_of(file).params;
   EXPECT_NEAR(square[0], 6, kTolerance);
@@ -272,7 +273,7 @@ TEST_F(Transforms, AFramesOwnIntrinsicsGoBeforeTheTops) {
 }
 
 TEST_F(Transforms, AFramesOwnAngleGoesBeforeTheTopsFocalLength) {
-  json file = small_file();
+  SortedJson file = small_file();
   file["frames"][1]["camera_angle_x"] = std::acos(-1) / 2;
   const ColmapModel model = read(file).model;
   EXPECT_NEAR(model.cameras.at(model.images[1].camera_id).params[0], 6, kTolerance);
@@ -282,7 +283,7 @@ TEST_F(Transforms, AFramesOwnAngleGoesBeforeTheTopsFocalLength) {
 // --- Names
 
 TEST_F(Transforms, NamesAreRelativeToTheFolderWithSlashes) {
-  json file = small_file();
+  SortedJson file = small_file();
   file["frames"] = {frame("./images/a.png"), frame("images\\b c.png"), frame("images/../d.jpg"),
                     frame(".//e.png")};
   EXPECT_THAT(names_of(read(file).model),
@@ -290,7 +291,7 @@ TEST_F(Transforms, NamesAreRelativeToTheFolderWithSlashes) {
 }
 
 TEST_F(Transforms, AnAbsentExtensionIsThatOfTheFirstFileThatExists) {
-  json file = small_file();
+  SortedJson file = small_file();
   file["frames"] = {frame("./a"), frame("./b"), frame("./c"), frame("./d"), frame("./shot.001")};
   for (const char* name : {"a.jpeg", "a.jpg", "a.png", "b.jpeg", "b.jpg", "c.jpeg", "shot.001.jpg"})
     write_bytes(folder() / name, "");
@@ -303,7 +304,7 @@ TEST_F(Transforms, AnAbsentExtensionIsThatOfTheFirstFileThatExists) {
 
 /// A file as Blender writes it for the NeRF synthetic scenes, with photos of 20 x 10 pixels.
 void write_blender_file(const std::filesystem::path& folder, const std::string& split, int count) {
-  json file = {{"camera_angle_x", std::acos(-1) / 2}, {"frames", json::array()}};
+  SortedJson file = {{"camera_angle_x", std::acos(-1) / 2}, {"frames", SortedJson::array()}};
   for (int i = 0; i < count; ++i) {
     const std::string name = split + "/r_" + std::to_string(i);
     file["frames"].push_back(frame("./" + name));
@@ -394,7 +395,7 @@ TEST_F(Transforms, ListsOfFilenamesSplit) {
       {R"({"train_filenames": ["a.png", "b.png"]})", {"a.png", "b.png"}, {}},
   };
   for (const SplitCase& c : cases) {
-    json file = small_file(c.lists);
+    SortedJson file = small_file(c.lists);
     file["frames"] = {frame("a.png"), frame("b.png"), frame("c.png"), frame("d.png")};
     const TransformsScene scene = read(file);
     EXPECT_TRUE(scene.has_split) << c.lists;
@@ -437,7 +438,7 @@ TEST_F(Transforms, ColorsMayBeRealNumbersOrAbsent) {
   const std::string head =
       "ply\nformat ascii 1.0\nelement vertex 2\nproperty double x\n"
       "property double y\nproperty double z\n";
-  const json file = small_file(R"({"ply_file_path": "p.ply"})");
+  const SortedJson file = small_file(R"({"ply_file_path": "p.ply"})");
   write_bytes(folder() / "p.ply", head +
                                       "property float red\nproperty float green\nproperty float "
                                       "blue\nend_header\n1 2 3 0 0.2 1\n4 5 6 nan -1 7\n");
@@ -462,7 +463,7 @@ TEST_F(Transforms, PointsThatAreNotFiniteAreLeftOutAndCounted) {
 }
 
 TEST_F(Transforms, AnUnreadablePlyIsAWarning) {
-  const json file = small_file(R"({"ply_file_path": "p.ply"})");
+  const SortedJson file = small_file(R"({"ply_file_path": "p.ply"})");
   for (const char* bytes : {"", "no ply",
                             "ply\nformat ascii 1.0\nelement vertex 1\n"
                             "property float x\nend_header\n1\n"}) {

@@ -15,6 +15,7 @@
 #include "gs_core/math/render/rotation.h"
 #include "gs_core/math/render/sh.h"
 #include "gs_core/system/log.h"
+#include "gs_core/system/text/json.h"
 #include "tests/support/error_of.h"
 #include "tests/support/glb_parts.h"
 #include "tests/support/models.h"
@@ -24,7 +25,6 @@
 namespace gs {
 namespace {
 
-using Json = nlohmann::ordered_json;
 using testing::AllOf;
 using testing::HasSubstr;
 

@@ -5,9 +5,9 @@
 #include <gmock/gmock.h>
 
 #include <cmath>
-#include <nlohmann/json.hpp>
 
 #include "gs_core/math/random.h"
+#include "gs_core/system/text/json.h"
 
 namespace gs {
 namespace {
@@ -168,7 +168,7 @@ TEST(ModelInfo, JsonHoldsTheSameNumbers) {
   model.gaussians.rotation[5] = {0, 0, 0, 0};
   model.gaussians.log_scale[6] = Vec3f(89.0f);
   const ModelInfo info = inspect(model);
-  const auto json = nlohmann::json::parse(to_json_text(info));
+  const auto json = SortedJson::parse(to_json_text(info));
   EXPECT_EQ(json["count"], 1000);
   EXPECT_EQ(json["sh_degree"], 1);
   EXPECT_EQ(json["antialiased"], false);

@@ -8,7 +8,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <nlohmann/json.hpp>
 
 #include "data_loaders/formats/coding/compression.h"
 #include "data_loaders/formats/coding/finite_rows.h"
@@ -17,6 +16,7 @@
 #include "data_loaders/formats/formats.h"
 #include "data_loaders/formats/lod/rad_layout.h"
 #include "data_loaders/formats/lod/rad_values.h"
+#include "gs_core/system/text/json.h"
 #include "gs_model/edit/merge_gaussians.h"
 #include "tests/support/error_of.h"
 #include "tests/support/random_model.h"
@@ -25,7 +25,6 @@
 namespace gs {
 namespace {
 
-using Json = nlohmann::ordered_json;
 using testing::ElementsAre;
 using testing::HasSubstr;
 

@@ -6,13 +6,12 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include <nlohmann/json.hpp>
-
 #include "data_loaders/formats/coding/finite_rows.h"
 #include "data_loaders/formats/formats.h"
 #include "data_loaders/formats/sog/sog.h"
 #include "data_loaders/formats/sog/webp.h"
 #include "gs_core/system/log.h"
+#include "gs_core/system/text/json.h"
 #include "gs_core/threads/parallel.h"
 #include "tests/support/damage.h"
 #include "tests/support/error_of.h"
@@ -22,7 +21,6 @@ namespace gs {
 namespace {
 
 namespace fs = std::filesystem;
-using Json = nlohmann::ordered_json;
 using testing::AllOf;
 using testing::HasSubstr;
 

@@ -306,13 +306,12 @@ Measured trained_on_corner(DepthKind kind, float weight, std::uint64_t seed) {
 // that anchor them, maps of scale and shift teach shapes and no distances.
 TEST(DepthTeacher, BringsDepthNearerToTheTruthWithFewPhotos) {
   for (const DepthKind kind :
-       {DepthKind::metric, DepthKind::scaled, DepthKind::relative, DepthKind::inverse})
-    for (const std::uint64_t seed : {1, 2}) {
-      const Measured alone = trained_on_corner(kind, 0, seed);
-      const Measured taught = trained_on_corner(kind, LossConfig{}.depth_weight, seed);
-      EXPECT_LT(taught.depth, 0.6 * alone.depth) << word_of(kind) << ", seed " << seed;
-      EXPECT_GT(taught.psnr, 45) << word_of(kind) << ", seed " << seed;
-    }
+       {DepthKind::metric, DepthKind::scaled, DepthKind::relative, DepthKind::inverse}) {
+    const Measured alone = trained_on_corner(kind, 0, 1);
+    const Measured taught = trained_on_corner(kind, LossConfig{}.depth_weight, 1);
+    EXPECT_LT(taught.depth, 0.6 * alone.depth) << word_of(kind);
+    EXPECT_GT(taught.psnr, 45) << word_of(kind);
+  }
 }
 
 }  // namespace
