@@ -25,12 +25,12 @@ struct Process {
 };
 
 /// The backend of a GPU, 0 <= index < device_count(), or of several, which train one model together
-/// (docs/gpus.md). A GPU that is named twice counts as two, for tests. Throws Error where a GPU
-/// cannot be used, and UsageError where two of them cannot read each other's memory.
+/// (docs/method/several_gpus.md). A GPU that is named twice counts as two, for tests. Throws Error
+/// where a GPU cannot be used, and UsageError where two of them cannot read each other's memory.
 ///
 /// chunk_rows   2^k rows, at least 32; GPUs get the chunks of the model in turn
 /// process      one of several that make the same calls, and each of which has a backend of as many
-///              GPUs; waits for the others (docs/gpus.md#processes)
+///              GPUs; waits for the others (docs/method/several_gpus.md#processes)
 std::unique_ptr<Backend> make_backend(const std::vector<int>& devices,
                                       std::size_t chunk_rows = kChunkRows,
                                       const Process& process = {});

@@ -8,8 +8,8 @@ namespace gs {
 namespace {
 
 constexpr double kStandardSteps = 30000;  // length of the run that the steps in the config refer to
-constexpr int kMinRefineFrom = 300;  // steps; earlier statistics are unreliable: docs/schedule.md
-// steps; shorter ones see each view too rarely: docs/schedule.md
+constexpr int kMinRefineFrom = 300;       // steps; earlier statistics are unreliable
+// steps; shorter ones see each view too rarely: docs/method/schedule.md
 constexpr int kMinRefineInterval = 100;
 constexpr int kMinResetInterval = 1000;  // steps; opacities need as many to recover from a reset
 constexpr int kRareFilter = 10;          // refinement intervals between filters after the last one

@@ -16,7 +16,7 @@ namespace gs {
 ///
 /// The steps in the config are those of a run of 30,000 steps. A run of S steps multiplies each by
 /// S / 30,000. For example, a Morton order every 5,000 steps comes every 1,167 in a run of 7,000.
-/// docs/schedule.md has the rule for intervals and a table of common lengths.
+/// docs/method/schedule.md has the rule for intervals and a table of common lengths.
 class Schedule {
  public:
   /// `views`: photos of an epoch; where it is 0, rules in epochs count for nothing. The method is the

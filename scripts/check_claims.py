@@ -1,6 +1,6 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: Apache-2.0
-"""Checks that docs/reliability.md and SECURITY.md claim nothing but what a test shows.
+"""Checks that reliability.md, the table of mends and SECURITY.md claim only what a test shows.
 
     scripts/check_claims.py
 
@@ -15,7 +15,8 @@ import sys
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[1]
-PAGES = ("docs/reliability.md", "SECURITY.md")
+PAGES = ("docs/develop/reliability.md", "SECURITY.md", "docs/lab/2026-11-mends.md")
+TESTING = "docs/develop/testing.md"
 # `folder/file_test` Name, Name and Name; also a script of tests/faults, which needs no names.
 MENTION = re.compile(r"`((?:[a-z_0-9]+/)+[a-z_0-9]+_test|faults/(?:inject|kills))`"
                      r"((?:(?:,| and|\s)+(?!`)[A-Z]\w*[a-z]\w*)*)")
@@ -74,7 +75,7 @@ def promises_without_a_test(security, reliability):
     rows = {row["promise"] for _, row in tables(reliability) if "promise" in row}
     for promise in re.findall(r"^- \*\*(.+?)\.\*\*", re.sub(r"\n  ", " ", section), re.M):
         if promise not in rows:
-            yield f"SECURITY.md promises \"{promise}\", for which docs/reliability.md has no row"
+            yield f"SECURITY.md promises \"{promise}\", for which {PAGES[0]} has no row"
 
 
 def fuzz_targets():
@@ -93,9 +94,9 @@ def wrong_fuzz_targets(security, reliability, developing):
     described = {name for _, row in tables(developing) if "reads" in row
                  for name in re.findall(r"`(\w+)`", row.get("target", ""))}
     if described != targets:
-        yield f"docs/developing.md describes other fuzz targets: {sorted(described ^ targets)}"
-    for page, text, count in (("docs/reliability.md", reliability, r"the (\d+) \[fuzz targets\]"),
-                              ("docs/developing.md", developing, r"has (\d+) targets for libFuzzer")):
+        yield f"{TESTING} describes other fuzz targets: {sorted(described ^ targets)}"
+    for page, text, count in ((PAGES[0], reliability, r"the (\d+) \[fuzz targets\]"),
+                              (TESTING, developing, r"has (\d+) targets for libFuzzer")):
         stated = re.search(count, re.sub(r"\s+", " ", text))
         if not stated or int(stated.group(1)) != len(targets):
             yield f"{page} does not say that there are {len(targets)} fuzz targets"
@@ -108,7 +109,7 @@ def wrong_fuzz_targets(security, reliability, developing):
 def main():
     argparse.ArgumentParser(description=__doc__,
                             formatter_class=argparse.RawDescriptionHelpFormatter).parse_args()
-    text = {page: (ROOT / page).read_text() for page in (*PAGES, "docs/developing.md")}
+    text = {page: (ROOT / page).read_text() for page in (*PAGES, TESTING)}
     reliability, security = text[PAGES[0]], text[PAGES[1]]
     in_sources = tests_in_sources()
     wrong = []
@@ -116,7 +117,7 @@ def main():
         wrong += rows_without_a_test(page, text[page])
         wrong += missing_tests(page, text[page], in_sources)
     wrong += promises_without_a_test(security, reliability)
-    wrong += wrong_fuzz_targets(security, reliability, text["docs/developing.md"])
+    wrong += wrong_fuzz_targets(security, reliability, text[TESTING])
     print("\n".join(wrong) or "every line of the pages names a test that exists")
     return 1 if wrong else 0
 

@@ -2,13 +2,13 @@
 # SPDX-License-Identifier: Apache-2.0
 # Checks that CI has no time for; they run before a release. All take some six hours on 2 cores.
 #   scripts/check_more.sh [CHECK...]     only these; without names, all that `checks` lists below
-# The last result of each check stands in docs/checks.csv, with its date and commit; a check of a tree
+# The last result of each check stands in docs/develop/checks.csv, with its date and commit. A check of a tree
 # with changes is not written there.
 set -euo pipefail
 source "$(dirname "$0")/common.sh"
 
 readonly checks=(minimal threads sanitizers fuzz clang tidy cccl programs faults coverage)
-readonly results=docs/checks.csv
+readonly results=docs/develop/checks.csv
 
 run_tests() { ctest --test-dir "build/$1" --output-on-failure --no-tests=error --progress -j"$(nproc)" "${@:2}"; }
 

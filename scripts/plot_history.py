@@ -1,6 +1,6 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: Apache-2.0
-"""Draws docs/benchmarks/history.csv as docs/images/benchmark_history.svg. Needs nothing but Python 3.
+"""Draws docs/lab/benchmarks/history.csv as docs/images/benchmark_history.svg. Needs Python 3 alone.
 
     python3 scripts/plot_history.py            # writes the picture
     python3 scripts/plot_history.py --check    # changes nothing; fails if a row is wrong or the picture is not that of the table
@@ -18,7 +18,7 @@ import sys
 from xml.sax.saxutils import escape
 
 ROOT = pathlib.Path(__file__).resolve().parent.parent
-TABLE = ROOT / "docs/benchmarks/history.csv"
+TABLE = ROOT / "docs/lab/benchmarks/history.csv"
 PICTURE = ROOT / "docs/images/benchmark_history.svg"
 
 COLUMNS = ["date", "trainer", "commit", "device", "scene", "resolution", "steps", "gaussians", "quantity", "value", "runs", "source"]
@@ -198,7 +198,7 @@ def legend():
     y = 52
     return [line(MARGIN, y - 4, MARGIN + 28, y - 4, "ours"), text(MARGIN + 36, y, "gemsplat, commit by commit"),
             line(MARGIN + 230, y - 4, MARGIN + 258, y - 4, "other"), text(MARGIN + 266, y, f"{OTHER}, as handed to us"),
-            text(WIDTH - MARGIN, y, "docs/benchmarks/history.csv", "faint", "end")]
+            text(WIDTH - MARGIN, y, "docs/lab/benchmarks/history.csv", "faint", "end")]
 
 
 def draw(rows):

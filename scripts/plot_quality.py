@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: Apache-2.0
-"""Draws docs/benchmarks/quality.csv as docs/images/quality.svg: quality over the seconds of training. Needs nothing but
-Python 3.
+"""Draws docs/lab/benchmarks/quality.csv as docs/images/quality.svg: quality over the seconds of
+training. Needs nothing but Python 3.
 
     python3 scripts/plot_quality.py            # writes the picture
     python3 scripts/plot_quality.py --check    # changes nothing; fails if the picture is not that of the table
@@ -16,7 +16,7 @@ from xml.sax.saxutils import escape
 
 from plot_history import ROOT, line, number, text, ticks
 
-TABLE = ROOT / "docs/benchmarks/quality.csv"
+TABLE = ROOT / "docs/lab/benchmarks/quality.csv"
 PICTURE = ROOT / "docs/images/quality.svg"
 
 METRICS = [("psnr", "PSNR of the test views / dB"), ("ssim", "SSIM of the test views")]

@@ -2,8 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 # Which program reads which of our files (tests/interop/readers). Usage: scripts/readers.sh [PROGRAM [FOLDER [CHROMIUM [--write]]]]
 # Packages go to FOLDER, of the versions in tests/interop/readers/package-lock.json. --write puts the result into
-# docs/formats.md and docs/formats/readers.json; otherwise a difference from the latter is an error. Returns 77, and says why,
-# where packages or Chromium cannot be had.
+# docs/formats/readers.md and docs/formats/readers.json; otherwise a difference from the latter is
+# an error. Returns 77, and says why, where packages or Chromium cannot be had.
 set -euo pipefail
 source "$(dirname "$0")/common.sh"
 

@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
 # SPDX-License-Identifier: Apache-2.0
-# Makes the packages of a release from the commit that is checked out (docs/releases.md):
+# Makes the packages of a release from the commit that is checked out (docs/develop/releases.md):
 #   scripts/release.sh [deb] [tar] [wheel] [--without-cuda] [--architectures LIST] [--sysroot DIR] [--out DIR] [--uncommitted]
 #     deb             Debian packages for the distribution of this machine, with every library
 #     tar             an archive for any Linux, without libraries under the GPL

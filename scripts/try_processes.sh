@@ -1,10 +1,10 @@
 #!/usr/bin/env bash
 # SPDX-License-Identifier: Apache-2.0
 # On a machine with two GPUs: trains a scene with one GPU, with two in one process, and with two processes that
-# talk to each other as those of two machines do (docs/gpus.md#processes), and says whether all models have the same
-# bytes, and how long they took. Then it kills one of two processes at a random moment, again and again: the other
-# must end within 30 s with one message, and the run must go on with one process. Ends with 1 where anything is not
-# as it should be.
+# talk to each other as those of two machines do (docs/method/several_gpus.md#processes), and says
+# whether all models have the same bytes, and how long they took. Then it kills one of two processes
+# at a random moment, again and again: the other must end within 30 s with one message, and the run
+# must go on with one process. Ends with 1 where anything is not as it should be.
 #   scripts/try_processes.sh [--kills N] [--out DIR] [--direct] [SCENE [FLAG...]]
 #     --kills N   how often [10]
 #     --out DIR   where to [out/processes]

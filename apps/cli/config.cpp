@@ -68,7 +68,7 @@ void add_config(CLI::App& program) {
   add_general_options(verb, *command);
   verb.add_flag("--list", command->list, "list the presets, and do nothing else");
   verb.add_flag("--markdown", command->markdown,
-                "print docs/configuration.md, and do nothing else");
+                "print docs/reference/settings.md, and do nothing else");
 
   command->explain = verb.add_subcommand(
       "explain", "Print meaning, unit, range, default, source and origin of settings");

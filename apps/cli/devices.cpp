@@ -61,7 +61,7 @@ Capability report_capability() {
 
 Capability python_capability() {
 #ifdef GS_HAVE_PYTHON
-  return {"Python", true, "scripts/setup.sh builds the module gemsplat (docs/embedding.md)"};
+  return {"Python", true, "scripts/setup.sh builds the module gemsplat (docs/reference/python.md)"};
 #else
   return {"Python", false,
           "there is no Python module; install pybind11-dev, python3-dev and python3-numpy, and "

@@ -273,7 +273,7 @@ void add_experiment(CLI::App& program) {
   CLI::App& verb = *program.add_subcommand(
       "experiment", "Train scenes x configs x seeds of a file and write tables of the results");
   const auto command = std::make_shared<ExperimentCommand>();
-  verb.add_option("file", command->file, "the experiment (docs/experiments.md)")
+  verb.add_option("file", command->file, "the experiment (docs/guide/experiments.md)")
       ->type_name("FILE.toml")
       ->required();
   verb.add_option("--devices", command->devices,
@@ -284,7 +284,7 @@ void add_experiment(CLI::App& program) {
       ->type_name("N")
       ->check(CLI::Range(1, 1024));
   verb.add_option("--gpus-per-run", command->gpus_per_run,
-                  "train each run on so many GPUs that follow each other (docs/gpus.md)")
+                  "GPUs for each run, with consecutive numbers (docs/guide/several_gpus.md)")
       ->type_name("N")
       ->check(CLI::Range(1, kMostBatch));
   auto* only = verb.add_option("--only", command->only,
@@ -299,8 +299,7 @@ void add_experiment(CLI::App& program) {
       "--dry-run", command->dry_run,
       "list the runs and train nothing; with --slurm, write the script without submitting it");
   verb.add_option("--status-every", command->status_every,
-                  "without a terminal, say every so many seconds how far the runs are; 0: never "
-                  "[60]")
+                  "without a terminal, seconds between two lines of progress; 0: none [60]")
       ->type_name("SECONDS")
       ->check(CLI::NonNegativeNumber);
   verb.add_flag("-q,--quiet", command->quiet, "print warnings and errors only");

@@ -321,8 +321,8 @@ void add_export(CLI::App& program) {
                     "(lod-meta.json and model.rad), with a table of what each level costs");
   lod->excludes("--table");
   verb.add_option("--lod-leaf", command->lod_leaf,
-                  "Gaussians of the parts that a viewer shows at levels of their own, at most "
-                  "[50000]")
+                  "largest number of Gaussians in one leaf of the tree; a viewer chooses the level "
+                  "of each leaf [50000]")
       ->check(CLI::Range(std::size_t(100), std::size_t(10'000'000)))
       ->type_name("N")
       ->needs(lod);

@@ -37,8 +37,8 @@ void check(const GeorefCommand& command) {
     throw UsageError("--gps, --crs and --origin are three ways to say where a scene is; give one");
   if (is_above_sea(command) != command.has_geoid)
     throw UsageError(
-        "--heights sea-level and --geoid METERS belong together: sea level is so many meters above "
-        "the ellipsoid there, -107 to 86");
+        "--heights sea-level and --geoid METERS belong together: METERS is the height of sea level "
+        "above the ellipsoid there, -107 to 86");
 }
 
 std::string text_of_heights(const GeorefCommand& command) {
@@ -150,7 +150,7 @@ void add_source_options(CLI::App& verb, GeorefCommand& command) {
       ->type_name("LON,LAT,HEIGHT")
       ->group("Place");
   verb.add_option("--max-distance", command.most_distance,
-                  "a camera may be so far from its GPS place, in meters, and count [5]")
+                  "ignore cameras farther than this from their GPS position, in meters [5]")
       ->check(CLI::Range(0.001, 10'000.0))
       ->type_name("METERS")
       ->group("Place");
@@ -160,7 +160,7 @@ void add_source_options(CLI::App& verb, GeorefCommand& command) {
       ->type_name("ellipsoid|sea-level")
       ->group("Place");
   verb.add_option("--geoid", command.geoid,
-                  "sea level is so many meters above the ellipsoid there; with --heights sea-level")
+                  "height of sea level above the ellipsoid there; with --heights sea-level")
       ->check(CLI::Range(-120.0, 120.0))
       ->type_name("METERS")
       ->group("Place");

@@ -77,7 +77,7 @@ void add_merge(CLI::App& program) {
       ->required();
   verb.add_option("--run", command->runs,
                   "a block's run that was trained elsewhere than by the partition's experiment; "
-                  "its settings say of which block; may be repeated")
+                  "its settings name the block; may be repeated")
       ->type_name("RUN")
       ->expected(1)
       ->take_all();

@@ -131,14 +131,14 @@ void add_partition(CLI::App& program) {
       ->check(CLI::Range(2, 10'000))
       ->type_name("N");
   verb.add_option("--border", command->options.border,
-                  "blocks also train what lies so far outside of them, as a share of their size "
-                  "[0.1]")
+                  "width of the border that a block trains beyond its planes, as a share of its "
+                  "size [0.1]")
       ->check(CLI::Range(0.0, 1.0))
       ->type_name("SHARE");
   verb.add_option(
           "--least-share", command->options.least_share,
-          "a block uses the photos of which at least this share of the sparse points or, with "
-          "--from, of the picture is in it [0.1]")
+          "give a block every photo with at least this share of its sparse points (with --from: of "
+          "its pixels) inside the block [0.1]")
       ->check(CLI::Range(0.0, 1.0))
       ->type_name("SHARE");
   verb.add_flag("--dry-run", command->dry_run, "print the blocks and write nothing");

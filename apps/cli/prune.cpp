@@ -219,7 +219,7 @@ void add_prune(CLI::App& program) {
       ->type_name("RUN|MODEL")
       ->required();
   verb.add_option("-o,--output", command->output,
-                  "file to write; its ending chooses the format (docs/formats.md)")
+                  "file to write; its ending chooses the format (docs/reference/formats.md)")
       ->type_name("FILE")
       ->required();
   verb.add_option("--iteration", command->step,
@@ -245,7 +245,7 @@ void add_prune(CLI::App& program) {
       ->type_name("SHARE")
       ->check(CLI::NonNegativeNumber);
   verb.add_option("--witnesses", command->witnesses,
-                  "with --floaters: keep Gaussians that at least this many training photos show "
+                  "with --floaters: spare a Gaussian that this many training photos show "
                   "among their own scene points [1]")
       ->type_name("VIEWS")
       ->check(CLI::PositiveNumber);

@@ -231,10 +231,10 @@ void add_train(CLI::App& program) {
   add_setting(verb, line, "--steps-scaler", "train.steps_scaler", "Training");
   add_setting(verb, line, "--strategy", "density.strategy", "Training");
   add_setting(verb, line, "--max-gaussians,--max-cap,--cap-max", "density.max_gaussians",
-              "Training", "largest number of Gaussians; auto: as many as fit into memory");
+              "Training", "largest number of Gaussians; auto: the number that fits into memory");
   verb.add_option("--gpus", command->gpus,
-                  "train on so many GPUs, or on all; a new run updates by as many photos at once "
-                  "(docs/gpus.md)")
+                  "number of GPUs to train on, or all; a new run updates by the same number of "
+                  "photos at once (docs/guide/several_gpus.md)")
       ->type_name("N|all")
       ->group("Training");
   add_setting(verb, line, "--seed", "train.seed", "Training");

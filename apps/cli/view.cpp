@@ -102,8 +102,8 @@ void add_view(CLI::App& program) {
                 "large for it")
       ->group("Server");
   verb.add_option("--stream-from", command->stream_from,
-                  "models of so many Gaussians are streamed in levels of detail, which are made "
-                  "first; 0: none [2000000]")
+                  "smallest number of Gaussians that is streamed in levels of detail, which are "
+                  "made first; 0: none [2000000]")
       ->type_name("N")
       ->group("Server");
   verb.add_option("--cameras", command->cameras, "cameras.json [that of the run]")

@@ -137,7 +137,8 @@ void bind_edits(py::module_& module, py::class_<Model, ModelPointer>& model) {
       py::arg("plane") = "xz", py::arg("whole") = false, py::arg("decimate_by") = "merge",
       py::arg("device") = "auto",
       R"(A new model after operations, in their order. They are those of `gemsplat edit`, in the same words
-without dashes: model.edit("drop opacity=..0.05", "straighten", "decimate 0.5"). docs/editing.md
+without dashes: model.edit("drop opacity=..0.05", "straighten", "decimate 0.5").
+docs/reference/edit.md
 lists them.
 
 cameras: a list of Camera in the model's coordinates, all of which count as training views; by

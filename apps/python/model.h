@@ -15,7 +15,7 @@ namespace gs::python {
 using Model = OpenedModel;
 
 /// The arguments of Model(). Of two forms, such as scales and log_scales, one is None. Shapes:
-/// docs/embedding.md.
+/// docs/reference/python.md.
 struct ModelArrays {
   pybind11::object means, rotations, scales, log_scales, opacities, logit_opacities, colors, sh0,
       sh_rest;

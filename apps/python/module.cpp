@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // The module gemsplat._gemsplat; gemsplat/__init__.py offers its names as gemsplat. Types are in
-// gemsplat/__init__.pyi, shapes in docs/embedding.md.
+// gemsplat/__init__.pyi, shapes in docs/reference/python.md.
 #include <pybind11/pybind11.h>
 
 #include "apps/python/camera.h"

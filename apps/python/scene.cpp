@@ -188,7 +188,7 @@ units; without points training starts at random. point_colors: (M, 3) uint8, els
       py::arg("path"),
       R"(A folder with photos and a COLMAP model, or a transforms.json. Keywords are the settings of
 [dataset]: eval=True holds out every test_every-th view, resolution=4 divides the photos' size by
-4, 16 and more is their width, images, masks, model, ... (docs/configuration.md).)");
+4, 16 and more is their width, images, masks, model, ... (docs/reference/settings.md).)");
   const auto views = [&](const char* name, std::vector<View> Scene::*member, const char* meaning) {
     scene.def_property_readonly(
         name,

@@ -269,7 +269,8 @@ the run ends at once and train() raises it. A run that went back after a breakdo
 again. The GIL is released except during callbacks.
 
 Without output nothing is written. With output=FOLDER the run writes what `gemsplat train -o
-FOLDER` writes, checkpoints included: see docs/conventions.md and docs/checkpoints.md.
+FOLDER` writes, checkpoints included: see docs/reference/run_folder.md and
+docs/reference/checkpoints.md.
   resume            True: go on with the run in the output folder, or start it where there is none.
                     A path: go on with the run of that folder or checkpoint. Settings are those of
                     the run; a setting that may not change is refused (UsageError).

@@ -3,7 +3,7 @@
 //   node build.mjs MODULES OUT
 // MODULES holds node_modules (made by npm ci). Writes OUT/report.html and OUT/view.html. The report
 // keeps a placeholder, which gemsplat replaces with the data (gs_app/report/report_page.cpp); the
-// viewer asks its server for data (docs/viewer.md).
+// viewer asks its server for data (docs/reference/viewer_http.md).
 import {mkdir, readFile, writeFile} from 'node:fs/promises';
 import {createRequire} from 'node:module';
 import {dirname, join, resolve} from 'node:path';

@@ -102,7 +102,7 @@ std::vector<NcclId> Processes::exchanged_ids() const {
     if (!error && std::streamsize(size) != bytes)
       throw UsageError("process 0 has " + std::to_string(size / sizeof(NcclId)) +
                        " GPUs, and process " + std::to_string(process_.rank) + " has " +
-                       std::to_string(ids.size()) + "; give each as many (train.ranks)");
+                       std::to_string(ids.size()) + "; give each the same number (train.ranks)");
     std::ifstream file(process_.meeting_file, std::ios::binary);
     if (file.read(reinterpret_cast<char*>(ids.data()), bytes)) return ids;
     std::this_thread::sleep_for(kBetweenLooks);

@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
-// Several processes that train one model, on one machine or on several (docs/gpus.md#processes). All
-// take the same steps of the same model by the same settings, and each draws some photos of a batch.
-// So they only have to share what stage 6 leaves of a photo, and nothing else is said.
+// Several processes that train one model, on one machine or on several
+// (docs/method/several_gpus.md#processes). All take the same steps of the same model by the same
+// settings, and each draws some photos of a batch. So they only have to share what stage 6 leaves
+// of a photo, and nothing else is said.
 #pragma once
 
 #include <atomic>

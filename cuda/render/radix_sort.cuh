@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // CUB's stable radix sort of key-value pairs, with blocks that suit the lists of a view. These
 // mostly have less than a million pairs. CUB gives a block some nine thousand, so that most of a
-// large GPU would be idle (docs/benchmarks.md).
+// large GPU would be idle (docs/lab/2026-11-gpu-stages.md).
 #pragma once
 
 #include <cub/device/device_radix_sort.cuh>

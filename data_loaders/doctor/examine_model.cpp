@@ -193,7 +193,7 @@ void examine_points(Examination& examination) {
                     "that error is large: poses or lens are inaccurate, and pictures will be soft; "
                     "try another --camera-model with `gemsplat reconstruct`, `colmap "
                     "bundle_adjuster`, or training with --set poses.refine=true, which also "
-                    "learns the poses (docs/poses.md)");
+                    "learns the poses (docs/method/poses.md)");
   if (2 * few > points.size() && observations > 0)
     examination.add(Level::note, "points",
                     fmt::format("{} of {} points were seen in fewer than {} photos", few,

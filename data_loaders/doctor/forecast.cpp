@@ -18,14 +18,14 @@ namespace {
 
 constexpr double kPlyBytes = 248;  // per Gaussian of SH degree 3
 
-// Growth of adaptive density control in 30,000 steps (docs/benchmarks.md, "GPU: training").
+// Growth of adaptive density control in 30,000 steps (docs/lab/2026-11-gpu-training.md).
 constexpr double kFullSteps = 30000;
 constexpr double kGrowth = 25;        // fox_640: 24 times its points, south_building: 27 times
 constexpr double kOrdinaryEnd = 1e6;  // few scenes end with more, unless they start with more
 constexpr double kLeastGrowth = 2;
 constexpr double kFirstGrowth = 300;  // steps; no earlier refinement in any run (gs_train/schedule)
 
-// Seconds of 30,000 steps on one H200, fitted to docs/benchmarks.md, "GPU: training": a constant, a
+// Seconds of 30,000 steps on one H200, fitted to docs/lab/2026-11-gpu-training.md: a constant, a
 // share per million Gaussians, and one per million pixels of a photo.
 constexpr double kSecondsOfSteps = 6, kSecondsOfMillion = 35, kSecondsOfMegapixel = 13;
 

@@ -45,7 +45,7 @@ struct Forecast {
 /// Runs too short for a refinement end with `start`.
 double expected_gaussians(const Config& config, std::size_t points, std::size_t most = kMostPoints);
 
-/// Whether to divide a scene into blocks (docs/blocks.md).
+/// Whether to divide a scene into blocks (docs/method/blocks.md).
 struct BlockAdvice {
   std::size_t blocks = 1;  // 1: one run holds it
   std::string text;        // in a sentence; empty where the memory of the device is unknown

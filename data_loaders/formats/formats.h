@@ -7,7 +7,7 @@
 //   2. Add a row to the table in formats.cpp, and x.cpp to data_loaders/CMakeLists.txt.
 //   3. For a reader, add a row to kKinds in tests/data_loaders/formats/formats_test.cpp (what may
 //      be lost) and one to kReaders in formats_fuzz_test.cpp (10,000 damaged files).
-//   4. Add a row to the tables of docs/formats.md.
+//   4. Add a row to the tables of docs/reference/formats.md.
 // Every verb that reads or writes a model then knows it: export, train --export, eval, render,
 // info.
 #pragma once

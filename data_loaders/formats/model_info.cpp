@@ -166,7 +166,7 @@ void suspect(const Gaussians& gaussians, const std::vector<std::size_t>& rows, M
         return coordinate > kLargeCoordinate &&
                std::exp(largest(gaussians.log_scale[i])) < kFineSteps * step;
       },
-      "lie so far from the origin that floats hold their positions coarsely: move the scene to the "
+      "lie far from the origin, where floats hold their positions coarsely: move the scene to the "
       "origin");
   note(info, "duplicates", count_duplicates(gaussians, rows),
        "stand exactly where another one does");

@@ -49,7 +49,7 @@ std::set<std::string> stage_names() {
   if (stage.stage == ColmapStage::model && read_colmap_log(plan.files.log()).no_model)
     throw Error(fmt::format(
         "COLMAP could not place the cameras: no two photos share enough detail from places far "
-        "enough apart; take more photos, each of which shows two thirds of the one before{}. The "
+        "enough apart; take more photos, each with two thirds of the one before in it{}. The "
         "output of COLMAP is in {}",
         plan.matching == Matching::sequential ? ", or try " + plan.flag("matching", "exhaustive")
                                               : "",

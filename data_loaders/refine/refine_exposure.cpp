@@ -12,7 +12,8 @@ namespace gs {
 namespace {
 
 constexpr double kFewestSamples = 20;  // of one photo
-// Display sRGB: the difference of one point's color between well-fitted photos (docs/data.md).
+// Display sRGB: the difference of one point's color between well-fitted photos
+// (docs/lab/2026-11-cameras.md).
 constexpr double kColorNoise = 0.02;
 // Of log exposures; matters only where there is little data.
 constexpr double kExposureSpread = 0.5;

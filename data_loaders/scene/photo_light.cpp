@@ -6,8 +6,8 @@
 namespace gs {
 namespace {
 
-// Chosen by three scenes (docs/photometric.md#auto): of one the photos differ by 8.2 % and, under
-// exposures, by 3.2 %; of two by 5.1 % and 4.1 %, and by 5.8 % and 4.6 %.
+// Chosen by three scenes (docs/lab/2026-11-photometric.md): of one the photos differ by 8.2 % and,
+// under exposures, by 3.2 %; of two by 5.1 % and 4.1 %, and by 5.8 % and 4.6 %.
 constexpr double kFewestDifference = 0.06;  // of a point's colors, relative
 constexpr double kFewestExplained = 1.5;    // times as much without exposures as with them
 

@@ -48,7 +48,7 @@ std::string experiment_toml(const BlocksFile& blocks, std::uint64_t seed) {
   return fmt::format(
       "# Trains all blocks of a divided scene: gemsplat experiment blocks.toml; then gemsplat "
       "merge\n"
-      "# makes one model of them. For a cluster add [slurm] (docs/experiments.md) and give "
+      "# makes one model of them. For a cluster add [slurm] (docs/guide/experiments.md) and give "
       "--slurm.\n"
       "output = \"runs\"\n"
       "scenes = [{{path = {}, name = \"scene\"}}]\n"

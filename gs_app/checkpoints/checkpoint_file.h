@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// A checkpoint as a file. docs/checkpoints.md lists its sections.
+// A checkpoint as a file. docs/reference/checkpoints.md lists its sections.
 #pragma once
 
 #include <cstdint>

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // `gemsplat train --resume`: which run to go on with, from which checkpoint, with which settings.
-// docs/checkpoints.md
+// docs/reference/checkpoints.md
 #pragma once
 
 #include <filesystem>

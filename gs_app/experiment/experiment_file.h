@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// An experiment as its TOML file states it: scenes x configs x seeds. docs/experiments.md describes
-// the file. Start reading this folder here.
+// An experiment as its TOML file states it: scenes x configs x seeds. docs/guide/experiments.md
+// describes the file. Start reading this folder here.
 #pragma once
 
 #include <cstdint>

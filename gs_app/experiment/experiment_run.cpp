@@ -95,8 +95,8 @@ std::vector<RunSlot> slots_on(const std::vector<std::string>& devices, int gpus_
   const std::size_t group = std::size_t(std::max(gpus_per_run, 1));
   if (devices.size() % group != 0)
     throw UsageError(
-        fmt::format("--gpus-per-run {}: give --devices of so many GPUs, or of 2, 3, "
-                    "... times as many; there are {}",
+        fmt::format("--gpus-per-run {}: give a multiple of this number of GPUs in "
+                    "--devices; there are {}",
                     group, devices.size()));
   std::vector<RunSlot> of_job;
   for (std::size_t first = 0; first < devices.size(); first += group) {

@@ -40,7 +40,7 @@ void SightObserver::after_step(int step, Trainer& trainer) {
   if (has_seen_something(trainer)) return;
   progress_.clear();
   log_warning(
-      "step {}: no view has shown any Gaussian so far, so nothing is being learned; look at the "
+      "step {}: no view has shown any Gaussian yet, so nothing is being learned; look at the "
       "scene with `gemsplat doctor`, and check its poses, render.near_plane and render.far_plane",
       step);
 }

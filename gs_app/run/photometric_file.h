@@ -10,8 +10,8 @@
 namespace gs {
 
 /// {"model", "photos": {name: {"camera", number: value, ...}, ...}, "held_out": {the same}, "rule",
-/// "spreads": {rule: spread, ...}}. docs/photometric.md says what the numbers mean. Written whole or
-/// not at all. Throws Error.
+/// "spreads": {rule: spread, ...}}. docs/method/photometric.md says what the numbers mean. Written
+/// whole or not at all. Throws Error.
 void write_photometric(const std::filesystem::path& path, const SceneLooks& looks);
 
 /// Throws Error that names the file.

@@ -86,11 +86,11 @@ int first_gpu_of(const ProcessPlace& place, int first, int gpus, int visible) {
   // Without a word of the starter all processes are taken to be on this machine.
   const int gpu = first + gpus * place.on_machine.value_or(place.rank);
   if (gpu + gpus > visible)
-    throw UsageError(fmt::format(
-        "process {} needs the GPU cuda:{}, and it sees {}; start at most as many processes on a "
-        "machine as its GPUs are enough for, or let srun give each its own (--gpus-per-task={})",
-        place.rank, gpu + gpus - 1, visible == 1 ? "only cuda:0" : fmt::format("{}", visible),
-        gpus));
+    throw UsageError(
+        fmt::format("process {} needs the GPU cuda:{}, and it sees {}; start fewer processes on a "
+                    "machine, or let srun give each its own GPUs (--gpus-per-task={})",
+                    place.rank, gpu + gpus - 1,
+                    visible == 1 ? "only cuda:0" : fmt::format("{}", visible), gpus));
   return gpu;
 }
 

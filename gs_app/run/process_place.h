@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Which process of a run this one is, as srun or mpirun says that has started it (docs/gpus.md).
+// Which process of a run this one is, as srun or mpirun says that has started it
+// (docs/method/several_gpus.md).
 #pragma once
 
 #include <functional>

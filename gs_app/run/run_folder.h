@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // The folder of one run. Its layout is that of the reference trainer (Kerbl et al. 2023), which
-// other viewers expect, with our own files besides. docs/conventions.md lists them.
+// other viewers expect, with our own files besides. docs/reference/run_folder.md lists them.
 #pragma once
 
 #include <filesystem>

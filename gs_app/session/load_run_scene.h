@@ -27,7 +27,8 @@ Scene load_run_scene(const DatasetConfig& dataset, SessionHooks& hooks,
 
 /// The same for a run. Where photometric.model is "auto" and exposures can be solved for, they
 /// choose the model, and the config then names it. Exposures that were solved for that choice alone
-/// are forgotten: gains that start from them make neutral pictures worse (docs/photometric.md).
+/// are forgotten: gains that start from them make neutral pictures worse
+/// (docs/method/photometric.md).
 Scene load_run_scene(Config& config, SessionHooks& hooks);
 
 /// The choice where it is still open: by the exposures of a scene that somebody else has made, and

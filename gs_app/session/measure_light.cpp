@@ -16,7 +16,7 @@ namespace {
 constexpr int kSteps = 1200;
 constexpr int kReduction = 4;           // of the photos, in each direction
 constexpr float kRate = 0.02f;          // of the gains, so that they arrive in so short a run
-constexpr double kLeastSpread = 0.075;  // docs/photometric.md has what scenes of the bench have
+constexpr double kLeastSpread = 0.075;  // scenes of the bench: docs/lab/2026-11-photometric.md
 
 // Colors do not depend on the direction, so that gains alone explain light.
 Config config_of_short_run(const Config& config) {

@@ -39,8 +39,8 @@ struct TrainRequest {
   bool shows_progress = true;             // the progress line of the steps, on standard error
   bool stops_on_signal = true;   // SIGINT and SIGTERM end the run early, with its state saved
   const Scene* scene = nullptr;  // null: load dataset.source. Outlives the session.
-  // One of several processes that run the same session (docs/gpus.md#processes). Process 0 writes the
-  // run's folder, and the others write nothing.
+  // One of several processes that run the same session (docs/method/several_gpus.md#processes).
+  // Process 0 writes the run's folder, and the others write nothing.
   std::optional<ProcessPlace> place = {};
 };
 

@@ -25,7 +25,7 @@ namespace gs {
 namespace {
 
 // The fastest to write of the formats that the page reads and that keep all SH coefficients:
-// docs/viewer.md has times.
+// docs/reference/viewer.md has times.
 const ModelFormat& snapshot_format(bool has_time) {
   return format_named(has_time ? "gs4d" : "compressed.ply");
 }

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// The viewer's answers to HTTP requests: the page and its data. docs/viewer.md lists the addresses.
-// Start reading here.
+// The viewer's answers to HTTP requests: the page and its data. docs/reference/viewer_http.md lists
+// the addresses. Start reading here.
 #pragma once
 
 #include <string>

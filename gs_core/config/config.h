@@ -23,7 +23,7 @@ struct DatasetConfig {
   std::string masks;  // the masks' folder; empty: `masks` in the scene; none: no masks, no alpha
   MaskMode mask_mode = MaskMode::automatic;
   bool invert_masks = false;  // in mask files, black trains and white does not
-  // The folder of depth maps; empty: `depth` in the scene; none: no maps (docs/depth.md)
+  // The folder of depth maps; empty: `depth` in the scene; none: no maps (docs/method/depth.md)
   std::string depth;
   DepthKind depth_kind = DepthKind::automatic;
   float depth_unit = 1e-3f;  // world units of a step of the integers in PNG files
@@ -87,13 +87,13 @@ struct LossConfig {
   float depth_weight = 0.2f;  // of the depth loss at the first step, where there are maps
 };
 
-/// How photos that differ in exposure and white balance are explained (docs/photometric.md).
+/// How photos that differ in exposure and white balance are explained (docs/method/photometric.md).
 struct PhotometricConfig {
   std::string model = "none";  // none, gains, auto
   float rate = 5e-3f;          // Adam's, of its numbers
 };
 
-/// Poses of the training photos, refined while training (docs/poses.md).
+/// Poses of the training photos, refined while training (docs/method/poses.md).
 struct PosesConfig {
   bool refine = false;
   float rate = 1e-4f;  // Adam's, of radians and of shares of the scene's extent

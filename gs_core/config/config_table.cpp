@@ -23,9 +23,9 @@ constexpr std::string_view kIntroduction =
     "# Configuration\n"
     "\n"
     "This page lists every setting. The program writes it from the one list of them\n"
-    "([config_fields.h](../gs_core/config/config_fields.h)):\n"
+    "([config_fields.h](../../gs_core/config/config_fields.h)):\n"
     "```\n"
-    "gemsplat config --markdown > docs/configuration.md\n"
+    "gemsplat config --markdown > docs/reference/settings.md\n"
     "```\n"
     "A run takes its settings from these sources; a later one wins:\n"
     "\n"
@@ -114,7 +114,7 @@ std::string changes_of(const Preset& preset) {
 std::string presets_table() {
   std::string text =
       "\n## Presets\n"
-      "Presets are files of [configs/](../configs) that are part of the program. Use one by `-c "
+      "Presets are files of [configs/](../../configs) that are part of the program. Use one by `-c "
       "fast`, or\nby `base = \"fast\"` in a file of your own.\n\n" +
       markdown_header({"preset", "what it is", "what differs (from)"});
   for (const Preset& preset : presets())

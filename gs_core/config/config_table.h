@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The settings as people read them: docs/configuration.md, and the texts of `gemsplat config
+// The settings as people read them: docs/reference/settings.md, and the texts of `gemsplat config
 // explain` and `diff`.
 #pragma once
 
@@ -9,8 +9,8 @@
 
 namespace gs {
 
-/// docs/configuration.md: every setting in tables, and the presets. A test holds the file against
-/// it.
+/// docs/reference/settings.md: every setting in tables, and the presets. A test holds the file
+/// against it.
 std::string config_markdown();
 
 /// Value, origin, meaning, unit, range, default and source of the settings that `wanted` names: a

@@ -3,7 +3,7 @@
 // about their opacity, drawn as in LiteGS, and are split along the longest axis as in Improved-GS.
 // The number rises evenly to density.max_gaussians.
 //
-// Measured part by part in docs/density.md and docs/defaults.md.
+// Measured part by part in docs/lab/2026-11-density.md and 2026-11-defaults.md.
 #include "gs_core/density/growth_method.h"
 
 namespace gs {

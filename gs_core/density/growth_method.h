@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 // What a method of density control does, as constants: one function in a file of its own for each
-// method, which density.strategy names. docs/density.md explains the rules; gs_train/density carries
-// them out. What a person changes, such as steps and thresholds, is a setting of [density] instead.
+// method, which density.strategy names. docs/method/density.md explains the rules; gs_train/density
+// carries them out. What a person changes, such as steps and thresholds, is a setting of [density]
+// instead.
 #pragma once
 
 #include <string>

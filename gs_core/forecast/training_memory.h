@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// The GPU memory that training takes at most: the sum over all of its buffers. docs/architecture.md
-// ("Memory") has the same as a table. On the CPU one figure for each Gaussian stands for them.
+// The GPU memory that training takes at most: the sum over all of its buffers.
+// docs/develop/architecture.md ("Memory") has the same as a table. On the CPU one figure for each
+// Gaussian stands for them.
 #pragma once
 
 #include <cstddef>
@@ -17,7 +18,7 @@ inline constexpr std::size_t kBytesWorthReleasing = std::size_t(16) << 20;
 
 /// Places for instances that a run ends up with for each Gaussian: 1.2 times those of the view with
 /// the most. Trained scenes have 1.8 to 2.8 instances per Gaussian in the mean over their views
-/// (docs/benchmarks.md, "GPU, stage by stage").
+/// (docs/lab/2026-11-gpu-stages.md).
 inline constexpr double kInstancePlaces = 3.5;
 
 /// How a run's Gaussians become more. It decides what arrays hold in reserve.

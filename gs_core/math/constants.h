@@ -62,7 +62,7 @@ inline constexpr float kColorOffset = 0.5f;             // color of all-zero coe
 inline constexpr int kSsimRadius = 5;                   // pixels: an 11x11 window [SSIM]
 inline constexpr float kSsimC1 = 1e-4f;                 // (0.01 * 1)^2 [SSIM]
 inline constexpr float kSsimC2 = 9e-4f;                 // (0.03 * 1)^2 [SSIM]
-inline constexpr float kPhotoWhite = 0.92f;             // display sRGB: photos flatten from here on (docs/data.md)
+inline constexpr float kPhotoWhite = 0.92f;             // display sRGB: photos flatten from here on
 
 // Adam (Kingma & Ba 2015), with the epsilon of [3DGS].
 inline constexpr double kAdamBeta1 = 0.9;

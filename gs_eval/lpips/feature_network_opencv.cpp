@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Each stage is a chain of layers of its own, which OpenCV 4.6 computes to the last digits of float.
-// The rest of LPIPS is not left to it: docs/equations.md says why.
+// The rest of LPIPS is not left to it: docs/method/equations.md says why.
 #include <algorithm>
 #include <opencv2/dnn.hpp>
 

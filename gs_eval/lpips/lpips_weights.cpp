@@ -7,8 +7,8 @@ namespace gs {
 namespace {
 
 const std::string kRemedy =
-    "make it with the lines of Python in docs/equations.md, under LPIPS, or measure without it "
-    "(--lpips none)";
+    "make it with the lines of Python in docs/method/equations.md, under LPIPS, or measure without "
+    "it (--lpips none)";
 
 struct ConvolutionPlan {
   const char* name;  // behind "net."

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // The networks of LPIPS, and their weights, which the user gives in a file. gemsplat has none of its
-// own: docs/equations.md says why.
+// own: docs/method/equations.md says why.
 #pragma once
 
 #include <array>

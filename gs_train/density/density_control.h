@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Density control: where Gaussians are added, moved and removed while training, as a method of
-// gs_core/density says. docs/extending.md shows how to add one.
+// gs_core/density says. docs/develop/extending.md shows how to add one.
 #pragma once
 
 #include <algorithm>

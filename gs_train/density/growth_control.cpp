@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Density control by the rules of a GrowthMethod (gs_core/density): which Gaussians grow, what they
-// become, how opacities are lowered, and what is removed. docs/density.md explains the rules.
+// become, how opacities are lowered, and what is removed. docs/method/density.md explains the
+// rules.
 #include <limits>
 #include <numeric>
 #include <vector>

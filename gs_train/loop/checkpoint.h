@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // The state that a run can be resumed from: everything that its next step depends on, besides the
-// scene and the config. See docs/checkpoints.md.
+// scene and the config. See docs/reference/checkpoints.md.
 #pragma once
 
 #include <cstdint>

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// How a run reacts when something goes wrong. docs/checkpoints.md describes all of it.
+// How a run reacts when something goes wrong. docs/reference/checkpoints.md describes all of it.
 #pragma once
 
 #include <functional>

@@ -40,7 +40,7 @@ class Observer {
 /// backend, the observers and the checkpoints outlive it.
 ///
 /// With checkpoints a run survives a kill, a breakdown of the model, and a lack of memory where
-/// releasing caches and an end of growth help: docs/checkpoints.md.
+/// releasing caches and an end of growth help: docs/reference/checkpoints.md.
 class Trainer {
  public:
   /// Initializes the Gaussians from the scene's points. Throws Error where there is nothing to

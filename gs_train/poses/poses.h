@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Poses of training photos that are refined while training: their start, the camera of a photo, one
-// update, and what they have in common. docs/poses.md explains the method.
+// update, and what they have in common. docs/method/poses.md explains the method.
 #pragma once
 
 #include <vector>

@@ -21,7 +21,8 @@ function(gs_header_library target header)
   find_path(${target}_DIR_FOUND ${header} HINTS ${GS_DEPS_INCLUDE})
   if(NOT ${target}_DIR_FOUND)
     message(FATAL_ERROR "${header} was not found. Run scripts/setup.sh, or give the folder of the "
-                        "header-only dependencies with -DGS_DEPS_INCLUDE=DIR (docs/developing.md).")
+                        "header-only dependencies with -DGS_DEPS_INCLUDE=DIR "
+                        "(docs/develop/developing.md).")
   endif()
   add_library(${target} INTERFACE)
   target_include_directories(${target} SYSTEM INTERFACE $<BUILD_INTERFACE:${${target}_DIR_FOUND}>)

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 # `cmake --install` writes the program, the libraries with their headers, an example, the Python
-# module, and the package that find_package(gemsplat) reads (docs/embedding.md). Each of the
+# module, and the package that find_package(gemsplat) reads (docs/reference/cpp.md). Each of the
 # components program, dev and python is one Debian package (package.cmake).
 include(GNUInstallDirs)
 include(CMakePackageConfigHelpers)

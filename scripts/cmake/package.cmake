@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 # Man pages, completions, NOTICE and SBOM, which the build makes, and Debian packages (`cpack -G DEB`).
-# scripts/release.sh makes all packages of a release; docs/releases.md explains them.
+# scripts/release.sh makes all packages of a release; docs/develop/releases.md explains them.
 
 # What is inside this build, in the words of scripts/release/third_party.json.
 set(gs_has "")

@@ -156,7 +156,7 @@ def check(arguments):
     missing = unexpected(arguments.files, rows_of(arguments.have, arguments.static), arguments.static)
     if missing:
         sys.exit("error: " + "\n       ".join(missing) + "\nEither the build machine has a library that others lack, or "
-                 "scripts/release/third_party.json lacks a row (docs/releases.md)")
+                 "scripts/release/third_party.json lacks a row (docs/develop/releases.md)")
     print(f"{len(arguments.files)} files need nothing unexpected")
 
 

@@ -35,7 +35,7 @@ class ExperimentFile : public ::testing::TestWithParam<fs::path> {
           "gemsplat/out/film_scene", "gemsplat/out/film_scene_20", "gemsplat/examples/courtyard"}) {
       fs::create_directories(temp_.path() / scene);
     }
-    for (const char* scene :  // of the wide bench: docs/scenes.md
+    for (const char* scene :  // of the wide bench: docs/lab/scenes.md
          {"bonsai",     "trex",     "herzjesu25", "castle19", "seneca",   "kitchen", "dtu24",
           "dancer",     "flower",   "can",        "bear",     "castle30", "dtu65",   "lego",
           "redkitchen", "corridor", "fountain11", "terrace",  "aerial",   "family",  "chair",

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Times one training step on the CPU, stage by stage, on generated scenes. docs/benchmarks.md has its
-// figures, with the machine.
+// Times one training step on the CPU, stage by stage, on generated scenes. docs/lab/2026-11-cpu.md
+// has its figures, with the machine.
 //   per_MP     time per million pixels
 //   per_100k   time per 100,000 visible Gaussians
 //   tiles      instances per visible Gaussian

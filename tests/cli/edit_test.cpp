@@ -123,7 +123,7 @@ TEST_F(EditVerb, AMovedFileSaysSoAndExportKeepsTheWayBack) {
   EXPECT_FALSE(json("c.ply.transforms.json").contains("was_moved"));
 }
 
-// The lines of docs/other_programs.md.
+// The lines of docs/guide/other_programs.md.
 TEST_F(EditVerb, TurnsModelsForProgramsWhoseZOrYIsUp) {
   ASSERT_EQ(edit("--recenter -o " + text("up.ply")).code, 0);
   ASSERT_EQ(edit("--recenter --turn -90,0,0 -o " + text("z_up.ply")).code, 0);

@@ -78,7 +78,7 @@ TEST_F(Prune, AShareOfTheGaussiansIsKeptThatContributesMost) {
   EXPECT_TRUE(read_bytes(path("b.ply")) == read_bytes(path("c.ply")));
 }
 
-// The recipe of docs/finetuning.md: prune, then recover without new Gaussians.
+// The recipe of docs/guide/finetune.md: prune, then recover without new Gaussians.
 TEST_F(Prune, APrunedModelRecovers) {
   const Outcome outcome = prune("--keep 0.3 --json -o " + text("small.ply"));
   ASSERT_EQ(outcome.code, 0) << outcome.err;

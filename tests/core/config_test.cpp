@@ -338,10 +338,10 @@ TEST(Preset, EachIsAFileOfTheFolderSaysWhatItIsForAndIsValid) {
 }
 
 TEST(ConfigTable, TheDocumentIsUpToDate) {
-  const auto file = std::filesystem::path(GS_SOURCE_DIR) / "docs/configuration.md";
+  const auto file = std::filesystem::path(GS_SOURCE_DIR) / "docs/reference/settings.md";
   EXPECT_TRUE(read_bytes(file) == config_markdown())
       << file << " is not what the code says; write it anew with\n"
-      << "  build/default/bin/gemsplat config --markdown > docs/configuration.md";
+      << "  build/default/bin/gemsplat config --markdown > docs/reference/settings.md";
 }
 
 TEST(ConfigTable, ExplainsASettingASectionOrEverything) {
@@ -605,7 +605,7 @@ TEST_F(ConfigFile, RulesThatNoMethodHasAreRefusedWithTheirPlaceAndTheNearestMeth
   EXPECT_THAT(refusal("base = 'paper_litegs'\n[density]\nstrategy = 'budgeted'\n"
                       "keep_parent = false\n"),
               AllOf(HasSubstr(":4: density.keep_parent = false cannot be used"),
-                    HasSubstr("the nearest is litegs"), HasSubstr("docs/extending.md")));
+                    HasSubstr("the nearest is litegs"), HasSubstr("docs/develop/extending.md")));
   EXPECT_THAT(refusal("[density]\nscore = 'errors'\n"), HasSubstr("density.score = \"errors\""));
   EXPECT_THAT(refusal("[density]\nscore_threshold = 'high'\n"),
               HasSubstr("density.score_threshold = \"high\""));

@@ -7,8 +7,8 @@
 //
 // Within most of them the subfolders have an order, too.
 //
-// This test reads the source tree. The rules are the two tables below; docs/developing.md explains
-// them.
+// This test reads the source tree. The rules are the two tables below; docs/develop/testing.md
+// explains them.
 #include <gmock/gmock.h>
 
 #include <algorithm>

@@ -11,7 +11,7 @@
 namespace gs {
 namespace {
 
-constexpr double kTolerance = 0.1;  // what docs/architecture.md promises
+constexpr double kTolerance = 0.1;  // what docs/develop/architecture.md promises
 constexpr double kMib = 1 << 20;
 const LearningRates kRates{1e-4f, 5e-3f, 1e-3f, 2.5e-2f, 2.5e-3f, 1.25e-4f};
 const Recipe kSmall{.sigma_low = 0.5f, .sigma_high = 2};

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// docs/embedding.md shows the installed example: its C++ is in that file, line for line.
+// docs/reference/cpp.md shows the installed example: its C++ is in that file, line for line.
 #include <gtest/gtest.h>
 
 #include <string>
@@ -26,7 +26,7 @@ std::vector<std::string> blocks_of(const std::string& text, const std::string& l
 }
 
 void expect_blocks_in(const std::string& language, const std::string& file) {
-  const std::vector<std::string> blocks = blocks_of(source_file("docs/embedding.md"), language);
+  const std::vector<std::string> blocks = blocks_of(source_file("docs/reference/cpp.md"), language);
   ASSERT_EQ(blocks.size(), 1u);
   EXPECT_NE(source_file(file).find(blocks[0]), std::string::npos) << file << " does not hold\n"
                                                                   << blocks[0];
@@ -38,7 +38,7 @@ TEST(EmbeddingDocs, TheCppIsThatOfTheExample) {
 
 TEST(EmbeddingDocs, TheExampleFindsThePackageAsTheDocsSay) {
   const std::string example = source_file("examples/embed_cpp/CMakeLists.txt");
-  const auto blocks = blocks_of(source_file("docs/embedding.md"), "cmake");
+  const auto blocks = blocks_of(source_file("docs/reference/cpp.md"), "cmake");
   ASSERT_EQ(blocks.size(), 1u);
   std::string expected = blocks[0];
   expected.replace(expected.find("my_program"), 10, "gemsplat_example");

@@ -22,7 +22,7 @@ import scenarios
 from visitor import Visitor
 
 HANGS_AFTER = 60  # seconds
-EXIT_CODES = (0, 2, 3, 4, 5)  # docs/conventions.md; 1 would be a bug of the program
+EXIT_CODES = (0, 2, 3, 4, 5)  # docs/reference/conventions.md; 1 would be a bug of the program
 # Text that belongs to a debugger, and not to a user.
 RAW_TEXT = re.compile(r"std::|bad_alloc|terminate called|json\.exception|basic_string|what\(\)|"
                       r"filesystem error|_M_|internal error|Sanitizer|\[json|vector::")

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Reads .gs4d files by the words of docs/formats.md alone, and compares every Gaussian with the PLY
-that gemsplat wrote the file from: where it is at several times, its covariance, opacity and color.
+"""Reads .gs4d files by the words of docs/formats/gs4d.md alone, and compares every Gaussian with
+the PLY that gemsplat wrote the file from: where it is at several times, its covariance, opacity and
+color.
 
   python3 gs4d_test.py PROGRAM FOLDER      exit code 1 if a value differs by more than its rounding
   python3 gs4d_test.py --make FILE.ply [COUNT LONGEST]     only writes a model that moves
@@ -79,7 +80,7 @@ def turned(R, variances):
 
 
 def moving_of_ply(g):
-    """Mean, velocity, conditional covariance and time scale, by the formulas of docs/equations.md."""
+    """Mean, velocity, conditional covariance and time scale, by docs/method/equations.md."""
     R = matrix_product(left_matrix(*unit([g[f"rot_{i}"] for i in range(4)])),
                        right_matrix(*unit([g[f"right_rot_{i}"] for i in range(4)])))
     S = turned(R, [math.exp(2 * g[name]) for name in ("scale_0", "scale_1", "scale_2", "time_scale")])

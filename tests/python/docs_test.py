@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Runs the Python of docs/embedding.md, and compares the type stubs with the module."""
+"""Runs the Python of docs/reference/python.md, and compares the type stubs with the module."""
 
 import ast
 import contextlib
@@ -14,7 +14,8 @@ from support import SOURCE, TestCase
 
 
 def python_blocks():
-    return re.findall(r"^```python\n(.*?)^```", (SOURCE / "docs" / "embedding.md").read_text(), re.M | re.S)
+    page = SOURCE / "docs" / "reference" / "python.md"
+    return re.findall(r"^```python\n(.*?)^```", page.read_text(), re.M | re.S)
 
 
 class Docs(TestCase):
@@ -30,7 +31,7 @@ class Docs(TestCase):
         for block in blocks:
             out = io.StringIO()
             with contextlib.redirect_stdout(out):
-                exec(compile(block, "docs/embedding.md", "exec"), names)
+                exec(compile(block, "docs/reference/python.md", "exec"), names)
             printed.append(out.getvalue())
         self.assertRegex(printed[0], r"^20 0\.\d+ \d+\n(.*\n)+100 .*\n<gemsplat.Evaluation: .* over 5 views>\n\(90, 120, 3\) ")
         self.assertRegex(printed[1], r"^\d+ \d+\n$")

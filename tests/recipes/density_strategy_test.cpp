@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The recipe "a method of density control" of docs/extending.md.
+// The recipe "a method of density control" of docs/develop/extending.md.
 #include <gtest/gtest.h>
 
 #include "gs_train/density/density_control.h"

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// docs/extending.md shows code that is compiled: each block stands word for word in the file that
-// the comment above it names.
+// docs/develop/extending.md shows code that is compiled: each block stands word for word in the
+// file that the comment above it names.
 #include <gtest/gtest.h>
 
 #include <filesystem>
@@ -43,12 +43,12 @@ std::vector<Block> blocks_of(const std::string& page) {
 }
 
 TEST(ExtendingDocs, EveryBlockStandsInTheFileThatItNames) {
-  const std::vector<Block> blocks = blocks_of("docs/extending.md");
+  const std::vector<Block> blocks = blocks_of("docs/develop/extending.md");
   EXPECT_GE(blocks.size(), 9u);
   for (const Block& block : blocks) {
-    ASSERT_NE(block.file, "") << "docs/extending.md:" << block.line << " names no file";
+    ASSERT_NE(block.file, "") << "docs/develop/extending.md:" << block.line << " names no file";
     EXPECT_NE(source_file(block.file).find(block.code), std::string::npos)
-        << "docs/extending.md:" << block.line << ": " << block.file << " does not hold\n"
+        << "docs/develop/extending.md:" << block.line << ": " << block.file << " does not hold\n"
         << block.code;
   }
 }

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The recipe "a file format" of docs/extending.md.
+// The recipe "a file format" of docs/develop/extending.md.
 #include <gtest/gtest.h>
 
 #include "tests/support/random_model.h"

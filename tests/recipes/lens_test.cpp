@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The recipe "a lens" of docs/extending.md.
+// The recipe "a lens" of docs/develop/extending.md.
 #include <ceres/jet.h>
 #include <gtest/gtest.h>
 

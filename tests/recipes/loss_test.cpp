@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The recipe "a loss" of docs/extending.md.
+// The recipe "a loss" of docs/develop/extending.md.
 #include <gtest/gtest.h>
 
 // [recipe]

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The recipe "a photo term" of docs/extending.md.
+// The recipe "a photo term" of docs/develop/extending.md.
 #include <gtest/gtest.h>
 
 #include "gs_train/train_step.h"

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The recipe "a quantity per Gaussian" of docs/extending.md: a parameter and a statistic.
+// The recipe "a quantity per Gaussian" of docs/develop/extending.md: a parameter and a statistic.
 #include <gtest/gtest.h>
 
 #include "gs_core/model_rows.h"

@@ -9,7 +9,7 @@ import xml.etree.ElementTree as ElementTree
 
 ROOT = pathlib.Path(__file__).resolve().parents[2]
 SCRIPT = ROOT / "scripts/plot_history.py"
-TABLE = (ROOT / "docs/benchmarks/history.csv").read_text(encoding="utf-8")
+TABLE = (ROOT / "docs/lab/benchmarks/history.csv").read_text(encoding="utf-8")
 HEADER = TABLE.split("\n", 1)[0] + "\n"
 ROW = "2026-11-22T09:53,gemsplat,8224c4b,NVIDIA H200,fox_640,359x640,30000,215465,train_seconds,14.48,8,a test\n"
 

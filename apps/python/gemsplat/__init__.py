@@ -5,7 +5,7 @@
     result = gemsplat.train(scene, iterations=7000)
     result.model.save("model.ply")
 
-docs/embedding.md explains all of it; __init__.pyi has the signatures.
+docs/reference/python.md explains all of it; __init__.pyi has the signatures.
 """
 
 try:

@@ -11,7 +11,7 @@ import {Browser, findChromium, finish} from './browser.mjs';
 
 const [modules, program, scene, out] = process.argv.slice(2, 6).map(path => resolve(path));
 const chromium = findChromium(process.argv[6]);
-const MOST_BYTES = 16 * 2 ** 20;  // of a report: docs/report.md
+const MOST_BYTES = 16 * 2 ** 20;  // of a report: docs/guide/report.md
 
 
 const SETTINGS = ['--device', 'cpu', '-q', '-r', '8', '--set', 'train.log_every=5', '--set', 'density.max_gaussians=3000'];

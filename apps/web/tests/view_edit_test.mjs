@@ -206,7 +206,7 @@ const tests = {
   },
 };
 
-// What a photo shows of a color (docs/photometric.md), 0 to 255.
+// What a photo shows of a color (docs/method/photometric.md), 0 to 255.
 function lookOf({look: {gain}}, color) {
   return color.map((c, i) => 255 * Math.min(1, gain[i] * c));
 }

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// A small server with the viewer's API (docs/viewer.md) for tests, and scenes for it to serve.
+// A small server with the viewer's API (docs/reference/viewer_http.md) for tests, and scenes for it
+// to serve.
 import {createServer} from 'node:http';
 import {readFile, stat} from 'node:fs/promises';
 import {basename, join} from 'node:path';
@@ -48,7 +49,7 @@ export class ViewServer {
   }
 }
 
-const HALF_TURN = [1, 0, 0, 0, 0, -1, 0, 0, 0, 0, -1, 0, 0, 0, 0, 1];  // about x: .spz has y up (docs/formats.md)
+const HALF_TURN = [1, 0, 0, 0, 0, -1, 0, 0, 0, 0, -1, 0, 0, 0, 0, 1];  // about x: .spz has y up
 const FORMATS = ['compressed.ply', 'ply', 'spz', 'sog', 'splat'];
 export const formatOf = file => FORMATS.find(ending => file.endsWith(`.${ending}`));
 

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Entry point of the viewer: asks the server for the scene (docs/viewer.md) and builds the page, or
-// says why that failed.
+// Entry point of the viewer: asks the server for the scene (docs/reference/viewer_http.md) and
+// builds the page, or says why that failed.
 import {el} from '../shared/dom.js';
 import {askForScene} from './server.js';
 import {Viewer} from './viewer.js';
@@ -16,7 +16,7 @@ async function start() {
 }
 
 const started = start();
-// For tests and scripts: docs/viewer.md.
+// For tests and scripts: docs/reference/viewer.md.
 window.gemsplatViewer = {
   ready: started.then(() => undefined),
   setCamera: async index => (await started).goTo(index, {jump: true}),

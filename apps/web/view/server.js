@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// The page's requests to its server (docs/viewer.md). Every failure becomes an Error whose message
-// is a sentence.
+// The page's requests to its server (docs/reference/viewer_http.md). Every failure becomes an Error
+// whose message is a sentence.
 
 const OVERTAKEN = 409;  // the status of a frame that a newer request of this page has replaced
 

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Trained Gaussians as PLY, the format that every viewer and trainer of 3D Gaussians reads; and
-// sparse points as PLY. docs/conventions.md describes both.
+// sparse points as PLY. docs/formats/ply.md describes both.
 #pragma once
 
 #include <filesystem>

@@ -1,9 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 // A small HTTP server in which one function answers every request. It is meant for people who
 // look at their own files: unless told otherwise it listens only to this machine, and it refuses
-// requests that another web page makes a browser send (DNS rebinding). Slow or silent connections,
-// however many there are, hold up nobody: of an address with more than 32, the others wait for their
-// turn. There is one request on each connection. A POST is taken of this server's own page alone,
+// requests that another web page makes a browser send (DNS rebinding). A slow connection never
+// blocks others: at most 32 connections of one address are served, and the rest wait. There is one request on each connection. A POST is taken of this server's own page alone,
 // or of a program that is no browser, and only without a body.
 #pragma once
 

@@ -181,7 +181,7 @@ ModelPage write_model_page(const fs::path& file, const OpenedModel& opened, cons
 }
 
 std::string summary(const ModelPage& page) {
-  return fmt::format("{}: {:.1f} MB, of which {:.1f} MB of {} are {} Gaussians; a browser opens it",
+  return fmt::format("{}: {:.1f} MB, with {:.1f} MB of {} for {} Gaussians; a browser opens it",
                      page.file.string(), double(page.bytes) / 1e6, double(page.model_bytes) / 1e6,
                      page.format, with_commas(page.gaussians));
 }

@@ -41,7 +41,7 @@ struct ModelPage {
 ModelPage write_model_page(const std::filesystem::path& file, const OpenedModel& opened,
                            const Config& config, int sh_degree, const std::string& title);
 
-/// "out/a.html: 7.1 MB, of which 3.7 MB of .sog are 79,879 Gaussians; a browser opens it"
+/// "out/a.html: 7.1 MB, with 3.7 MB of .sog for 79,879 Gaussians; a browser opens it"
 std::string summary(const ModelPage& page);
 
 }  // namespace gs

@@ -166,7 +166,7 @@ std::string RemovedRules::resolved(const std::string& strategy, std::string_view
         "{}{}{} = {} cannot be used: it is a constant of a method now, and no method has it "
         "together with the other ones (the nearest is {}); leave it out, set density.strategy to "
         "one of {}, "
-        "or write a method (docs/extending.md)",
+        "or write a method (docs/develop/extending.md)",
         setting.where, kSection, setting.rule, shown_word(setting.text), nearest,
         growth_method_words()));
   };

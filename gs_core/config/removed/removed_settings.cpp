@@ -53,7 +53,7 @@ struct RemovedWord {
 };
 // clang-format off
 constexpr RemovedWord kWords[] = {
-    {"density.strategy", "budgeted", "its methods have names of their own: \"growth\" has the constants of the defaults, \"adaptive\" those of Kerbl et al. 2023, and docs/density.md lists the others"},
+    {"density.strategy", "budgeted", "its methods have names of their own: \"growth\" has the constants of the defaults, \"adaptive\" those of Kerbl et al. 2023, and docs/method/density.md lists the others"},
     {"photometric.model", "ppisp", "this model was no better than gains where both were measured; train with \"gains\""},
     {"optimizer.moments", "compact", "moments in 32 bits are larger and slower than \"half\", and no better; train with \"half\""},
 };

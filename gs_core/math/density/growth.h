@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Stage 9 for one Gaussian at a time: its score, the children of a split, and changes of its opacity;
 // and how many Gaussians there shall be. The methods of gs_core/density choose among these rules;
-// docs/density.md explains them.
+// docs/method/density.md explains them.
 #pragma once
 
 #include <cmath>
@@ -61,7 +61,7 @@ GS_HD void add_to(FragmentSums& sum, const FragmentSums& part) {
   sum.second += part.second;
 }
 /// How much the pixels of a Gaussian disagree about its opacity: the number of fragments times the
-/// variance of their forces f.                                      after LiteGS (see docs/density.md)
+/// variance of their forces f.                          after LiteGS (docs/method/density.md)
 ///
 ///   n (Q / (n + 1) - (F / (n + 1))^2) = n (Q (n + 1) - F^2) / (n + 1)^2
 ///

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Stage 5 for photos with a depth map: the inverse depth of a pixel is compared with that of the
-// map. docs/depth.md explains the choices.
+// map. docs/method/depth.md explains the choices.
 //
 // Of a pixel, blending knows Z = sum w z and A = sum w over its fragments of weight w and depth z.
 // With the mask m of the pixel and t the inverse depth that the map stands for,

@@ -44,7 +44,7 @@ TEST(RadValues, NumbersOf16BitsAreTheNearest) {
   EXPECT_TRUE(std::isinf(from_half(0xfc00)));
 }
 
-// Two Gaussians of two numbers each; bytes as docs/formats.md has them.
+// Two Gaussians of two numbers each; bytes as docs/formats/rad.md has them.
 std::vector<float> two_by_two(const char* encoding, std::string bytes, float min = 0,
                               float max = 0) {
   EXPECT_EQ(bytes.size(), 4 * bytes_of_encoding(encoding));

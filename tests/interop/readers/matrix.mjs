@@ -2,7 +2,7 @@
 // Which program reads which of our files: runs each reader on each file, and writes a table.
 //   node matrix.mjs MODULES PROGRAM OUT CHROMIUM [--write | --only READER]
 // MODULES holds node_modules (package.json beside this file). OUT gets files and pictures. With --write
-// docs/formats.md gets the table between its marks, and docs/formats/readers.json the
+// docs/formats/readers.md gets the table between its marks, and docs/formats/readers.json the
 // results; without, the results are compared with that file, and a difference is a failure.
 import {execFileSync} from 'node:child_process';
 import {createRequire} from 'node:module';
@@ -179,7 +179,7 @@ function table({readers, results}) {
 const BEGIN = '<!-- the table of tests/interop/readers -->\n', END = '<!-- its end -->';
 const found = await run(), kept = join(docs, 'formats/readers.json');
 if (process.argv[6] === '--write') {
-  const page = join(docs, 'formats.md'), text = readFileSync(page, 'utf8'), [before, rest] = text.split(BEGIN), after = rest.slice(rest.indexOf(END));
+  const page = join(docs, 'formats/readers.md'), text = readFileSync(page, 'utf8'), [before, rest] = text.split(BEGIN), after = rest.slice(rest.indexOf(END));
   writeFileSync(page, before + BEGIN + table(found) + after);
   mkdirSync(dirname(kept), {recursive: true});
   writeFileSync(kept, JSON.stringify(found, null, 1) + '\n');

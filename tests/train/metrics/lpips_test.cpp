@@ -35,7 +35,7 @@ class LpipsTest : public testing::Test {
   std::string refusal(const Arrays& arrays) {
     const std::string file = write(arrays);
     const std::string error = error_of([&] { Lpips network(file); });
-    EXPECT_THAT(error, AllOf(HasSubstr(file), HasSubstr("docs/equations.md")));
+    EXPECT_THAT(error, AllOf(HasSubstr(file), HasSubstr("docs/method/equations.md")));
     return error;
   }
 

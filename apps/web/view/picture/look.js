@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // The look of a photo: what a learned photometric model makes of the scene's colors there
-// (docs/photometric.md). The server sends the numbers of each camera's photo.
+// (docs/method/photometric.md). The server sends the numbers of each camera's photo.
 import {Vector3} from 'three';
 
 export const lookUniforms = () => ({hasLook: {value: false}, lookGain: {value: new Vector3(1, 1, 1)}});

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Changes to Spark's shaders that make it evaluate the same equation as gemsplat
-// (docs/equations.md).
+// (docs/method/equations.md).
 import {Matrix3, Matrix4, Vector3} from 'three';
 import {lookShader} from './look.js';
 

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // The picture that the browser draws: Spark on three.js, set up to agree with gemsplat's renderer
-// (docs/viewer.md).
+// (docs/reference/viewer.md).
 import {PagedSplats, SparkRenderer, SplatFileType, SplatMesh} from '@sparkjsdev/spark';
 import {readGs4d} from './gs4d.js';
 import {MovingModel} from './moving.js';

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Depth and normals as `gemsplat render` defines them (docs/rendering.md): the mean depth of a
-// pixel's fragments, and the normal of the surface that the depth picture shows.
+// Depth and normals as `gemsplat render` defines them (docs/reference/rendering.md): the mean depth
+// of a pixel's fragments, and the normal of the surface that the depth picture shows.
 import {DataTexture, FloatType, HalfFloatType, LinearFilter, Mesh, NearestFilter, OrthographicCamera, PlaneGeometry, RGBAFormat, Scene,
         ShaderMaterial, Vector2, Vector4, WebGLRenderTarget} from 'three';
 import {compositeVertexShader} from './shaders.js';

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // The region of a crop: a box that stands upright or a sphere, as `gemsplat edit` takes it
-// (docs/editing.md). A box has the axes of the model after `--up`, which turns up to -y.
+// (docs/reference/edit.md). A box has the axes of the model after `--up`, which turns up to -y.
 import {Matrix4, Quaternion, Vector3} from 'three';
 import {MovingModel} from '../picture/moving.js';
 

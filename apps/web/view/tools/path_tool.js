@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // The tool "Path": key frames set from the view, a preview, and the file that `gemsplat render
-// --path FILE` reads (docs/rendering.md).
+// --path FILE` reads (docs/reference/rendering.md).
 import {Vector3} from 'three';
 import {el, segmented} from '../../shared/dom.js';
 import {fixed} from '../../shared/format.js';
