@@ -1,23 +1,25 @@
 // SPDX-License-Identifier: Apache-2.0
-// What the log says while a test does something, whatever tests before it have done with the log.
 #pragma once
 
-#include <gtest/gtest.h>
-
 #include <string>
+#include <string_view>
 
 #include "gs_core/system/log.h"
 
 namespace gs {
 
-/// Everything that is logged from here to text(), which is called once.
+/// Keeps the lines of the log while it lives.
 class CapturedLog {
  public:
   CapturedLog() {
-    setup_log(Verbosity::normal);
-    testing::internal::CaptureStderr();
+    text_.clear();
+    detail::set_log_sink([](detail::LogLevel, std::string_view line) { text_ += line; });
   }
-  std::string text() { return testing::internal::GetCapturedStderr(); }
+  ~CapturedLog() { detail::set_log_sink(nullptr); }
+  const std::string& text() const { return text_; }
+
+ private:
+  static inline std::string text_;
 };
 
 }  // namespace gs
