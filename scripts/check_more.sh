@@ -46,9 +46,9 @@ check_sanitizers() {
 # sanitizers and compiled by clang++.
 check_fuzz() {
   install_clang
-  build fuzz data_loaders_scene_tests data_loaders_formats_tests fuzz_targets
+  build fuzz data_loaders_scene_tests model_tests fuzz_targets
   build/fuzz/tests/data_loaders_scene_tests --gtest_filter='Fuzz.*'
-  build/fuzz/tests/data_loaders_formats_tests --gtest_filter='*FormatsFuzz*'
+  build/fuzz/tests/model_tests --gtest_filter='*FormatsFuzz*'
   scripts/fuzz.sh --runs 100000
 }
 

@@ -9,13 +9,13 @@
 #include "apps/cli/devices.h"
 #include "apps/cli/options.h"
 #include "apps/cli/verbs.h"
-#include "data_loaders/formats/model_info.h"
 #include "gs_app/run/open_model.h"
 #include "gs_app/run/provenance.h"
 #include "gs_core/error.h"
 #include "gs_core/system/log.h"
 #include "gs_core/system/text/json.h"
 #include "gs_core/system/version.h"
+#include "gs_model/formats/model_info.h"
 
 namespace gs {
 namespace {

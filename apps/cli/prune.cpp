@@ -13,8 +13,6 @@
 #include "apps/cli/devices.h"
 #include "apps/cli/options.h"
 #include "apps/cli/verbs.h"
-#include "data_loaders/formats/coding/finite_rows.h"
-#include "data_loaders/formats/model_transform.h"
 #include "gs_app/edit/contributions.h"
 #include "gs_app/export/export_model.h"
 #include "gs_app/run/open_model.h"
@@ -26,6 +24,8 @@
 #include "gs_core/threads/parallel.h"
 #include "gs_eval/metrics.h"
 #include "gs_model/edit/select.h"
+#include "gs_model/formats/coding/finite_rows.h"
+#include "gs_model/formats/model_transform.h"
 #include "gs_train/density/floaters.h"
 
 namespace gs {

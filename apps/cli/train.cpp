@@ -13,7 +13,6 @@
 #include "apps/cli/options.h"
 #include "apps/cli/reconstruct.h"
 #include "apps/cli/verbs.h"
-#include "data_loaders/formats/formats.h"
 #include "gs_app/run/make_backend.h"
 #include "gs_app/run/text.h"
 #include "gs_app/session/train_session.h"
@@ -21,6 +20,7 @@
 #include "gs_core/error.h"
 #include "gs_core/system/processes/process.h"
 #include "gs_core/system/processes/signals.h"
+#include "gs_model/formats/formats.h"
 
 namespace gs {
 namespace {

@@ -12,12 +12,12 @@
 #include "apps/python/render.h"
 #include "apps/python/scene.h"
 #include "apps/python/train.h"
-#include "data_loaders/formats/formats.h"
 #include "gs_app/run/make_backend.h"
 #include "gs_core/error.h"
 #include "gs_core/system/log.h"
 #include "gs_core/system/version.h"
 #include "gs_core/threads/parallel.h"
+#include "gs_model/formats/formats.h"
 
 namespace py = pybind11;
 

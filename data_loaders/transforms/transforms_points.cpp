@@ -6,10 +6,10 @@
 #include <algorithm>
 #include <cmath>
 
-#include "data_loaders/formats/ply/ply_file.h"
 #include "gs_core/error.h"
 #include "gs_core/system/byte_reader.h"
 #include "gs_core/system/log.h"
+#include "gs_model/formats/ply/ply_file.h"
 
 namespace gs {
 namespace {

@@ -5,12 +5,12 @@
 #include <filesystem>
 #include <string>
 
-#include "data_loaders/formats/formats.h"
 #include "data_loaders/photos/photos.h"
 #include "data_loaders/scene/load_scene.h"
 #include "gs_app/run/make_backend.h"
 #include "gs_core/error.h"
 #include "gs_eval/metrics.h"
+#include "gs_model/formats/formats.h"
 #include "gs_train/loop/trainer.h"
 
 namespace {

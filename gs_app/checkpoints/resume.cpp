@@ -7,7 +7,6 @@
 #include <charconv>
 #include <cmath>
 
-#include "data_loaders/formats/formats.h"
 #include "data_loaders/reconstruct/photo_folder.h"
 #include "gs_app/checkpoints/checkpoint_folder.h"
 #include "gs_core/config/config_diff.h"
@@ -17,6 +16,7 @@
 #include "gs_core/system/files/atomic_file.h"
 #include "gs_core/system/files/move_aside.h"
 #include "gs_core/system/log.h"
+#include "gs_model/formats/formats.h"
 #include "gs_train/photometric/photometric_model.h"
 #include "gs_train/schedule.h"
 

@@ -7,8 +7,6 @@
 #include <set>
 
 #include "data_loaders/colmap/world_offset.h"
-#include "data_loaders/formats/coding/finite_rows.h"
-#include "data_loaders/formats/model_moment.h"
 #include "data_loaders/photos/photo_names.h"
 #include "gs_app/export/cameras.h"
 #include "gs_app/pictures/pictures.h"
@@ -20,6 +18,8 @@
 #include "gs_core/math/render/quaternion.h"
 #include "gs_core/math/render/rotation.h"
 #include "gs_model/edit/upright.h"
+#include "gs_model/formats/coding/finite_rows.h"
+#include "gs_model/formats/model_moment.h"
 
 namespace gs {
 namespace {

@@ -20,9 +20,9 @@
 #include <vector>
 
 #include "data_loaders/cameras/camera_file.h"
-#include "data_loaders/formats/model_transform.h"
 #include "gs_app/run/open_model.h"
 #include "gs_model/edit/decimate.h"
+#include "gs_model/formats/model_transform.h"
 
 namespace gs {
 

@@ -7,8 +7,6 @@
 #include <cmath>
 #include <memory>
 
-#include "data_loaders/formats/coding/finite_rows.h"
-#include "data_loaders/formats/model_moment.h"
 #include "data_loaders/photos/photo_names.h"
 #include "gs_app/edit/contributions.h"
 #include "gs_app/pictures/pictures.h"
@@ -16,6 +14,8 @@
 #include "gs_core/error.h"
 #include "gs_core/math/render/activations.h"
 #include "gs_core/math/render/rotation.h"
+#include "gs_model/formats/coding/finite_rows.h"
+#include "gs_model/formats/model_moment.h"
 
 namespace gs {
 namespace {

@@ -15,8 +15,8 @@
 #include <string_view>
 #include <vector>
 
-#include "data_loaders/formats/sidecar.h"
 #include "gs_app/export/fidelity.h"
+#include "gs_model/formats/sidecar.h"
 
 namespace gs {
 

@@ -4,8 +4,8 @@
 
 #include <vector>
 
-#include "data_loaders/formats/sidecar.h"
 #include "gs_core/camera.h"
+#include "gs_model/formats/sidecar.h"
 #include "gs_train/backend.h"
 
 namespace gs {

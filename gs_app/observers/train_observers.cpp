@@ -8,11 +8,11 @@
 #include <cstdio>
 #include <sstream>
 
-#include "data_loaders/formats/ply/ply.h"
 #include "gs_app/run/csv.h"
 #include "gs_app/run/results.h"
 #include "gs_app/run/text.h"
 #include "gs_core/system/log.h"
+#include "gs_model/formats/ply/ply.h"
 
 namespace gs {
 namespace {

@@ -3,7 +3,6 @@
 
 #include <spdlog/fmt/fmt.h>
 
-#include "data_loaders/formats/ply/ply.h"
 #include "gs_app/report/report_curves.h"
 #include "gs_app/report/report_histograms.h"
 #include "gs_app/report/report_page.h"
@@ -15,6 +14,7 @@
 #include "gs_core/system/text/json.h"
 #include "gs_core/system/text/plain_message.h"
 #include "gs_core/system/text/read_json.h"
+#include "gs_model/formats/ply/ply.h"
 
 namespace gs {
 namespace {

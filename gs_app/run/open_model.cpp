@@ -7,13 +7,13 @@
 
 #include "data_loaders/cameras/exposure_file.h"
 #include "data_loaders/colmap/world_offset.h"
-#include "data_loaders/formats/formats.h"
-#include "data_loaders/formats/lod/streamed_sog.h"
-#include "data_loaders/formats/model_moment.h"
 #include "data_loaders/scene/load_scene.h"
 #include "gs_app/run/pose_file.h"
 #include "gs_core/error.h"
 #include "gs_core/system/log.h"
+#include "gs_model/formats/formats.h"
+#include "gs_model/formats/lod/streamed_sog.h"
+#include "gs_model/formats/model_moment.h"
 #include "gs_render/render_settings.h"
 
 namespace gs {

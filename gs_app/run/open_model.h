@@ -5,11 +5,11 @@
 #include <filesystem>
 #include <optional>
 
-#include "data_loaders/formats/sidecar.h"
 #include "gs_app/run/run_folder.h"
 #include "gs_core/config/config.h"
 #include "gs_core/gaussians.h"
 #include "gs_core/scene.h"
+#include "gs_model/formats/sidecar.h"
 #include "gs_render/render_pass.h"
 
 namespace gs {

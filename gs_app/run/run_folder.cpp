@@ -10,7 +10,6 @@
 #include "data_loaders/cameras/camera_file.h"
 #include "data_loaders/cameras/exposure_file.h"
 #include "data_loaders/colmap/world_offset.h"
-#include "data_loaders/formats/ply/ply.h"
 #include "gs_core/error.h"
 #include "gs_core/system/files/access.h"
 #include "gs_core/system/files/atomic_file.h"
@@ -18,6 +17,7 @@
 #include "gs_core/system/log.h"
 #include "gs_core/system/text/json.h"
 #include "gs_core/system/text/read_json.h"
+#include "gs_model/formats/ply/ply.h"
 
 namespace gs {
 namespace {

@@ -7,8 +7,8 @@
 #include <vector>
 
 #include "data_loaders/cameras/camera_file.h"
-#include "data_loaders/formats/model_transform.h"
 #include "gs_core/scene.h"
+#include "gs_model/formats/model_transform.h"
 
 namespace gs {
 

@@ -6,14 +6,14 @@
 #include <algorithm>
 #include <cmath>
 
-#include "data_loaders/formats/coding/finite_rows.h"
-#include "data_loaders/formats/model_info.h"
-#include "data_loaders/formats/ply/ply.h"
 #include "gs_app/run/open_model.h"
 #include "gs_app/run/text.h"
 #include "gs_app/session/align_start.h"
 #include "gs_core/error.h"
 #include "gs_core/system/log.h"
+#include "gs_model/formats/coding/finite_rows.h"
+#include "gs_model/formats/model_info.h"
+#include "gs_model/formats/ply/ply.h"
 #include "gs_train/loop/view_sampler.h"
 
 namespace gs {

@@ -8,7 +8,6 @@
 #include <set>
 #include <string_view>
 
-#include "data_loaders/formats/formats.h"
 #include "data_loaders/scene/scene_hash.h"
 #include "data_loaders/scene/scene_model.h"
 #include "gs_app/observers/sight_observer.h"
@@ -26,6 +25,7 @@
 #include "gs_core/error.h"
 #include "gs_core/system/log.h"
 #include "gs_core/threads/parallel.h"
+#include "gs_model/formats/formats.h"
 
 namespace gs {
 namespace {

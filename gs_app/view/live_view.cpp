@@ -9,7 +9,6 @@
 #include <limits>
 #include <new>
 
-#include "data_loaders/formats/formats.h"
 #include "gs_app/view/served_model.h"
 #include "gs_core/error.h"
 #include "gs_core/system/files/scratch_folder.h"
@@ -18,6 +17,7 @@
 #include "gs_core/system/text/plain_message.h"
 #include "gs_core/threads/low_priority.h"
 #include "gs_core/threads/parallel.h"
+#include "gs_model/formats/formats.h"
 #include "gs_render/render_settings.h"
 #include "gs_train/poses/poses.h"
 

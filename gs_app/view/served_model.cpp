@@ -4,16 +4,16 @@
 #include <algorithm>
 #include <cstring>
 
-#include "data_loaders/formats/lod/streamed_sog.h"
-#include "data_loaders/formats/model_transform.h"
-#include "data_loaders/formats/ply/compressed_ply.h"
-#include "data_loaders/formats/ply/mip_filter.h"
-#include "data_loaders/formats/ply/ply.h"
-#include "data_loaders/formats/ply/ply_file.h"
 #include "gs_app/run/text.h"
 #include "gs_core/system/byte_reader.h"
 #include "gs_core/system/log.h"
 #include "gs_core/system/text/json.h"
+#include "gs_model/formats/lod/streamed_sog.h"
+#include "gs_model/formats/model_transform.h"
+#include "gs_model/formats/ply/compressed_ply.h"
+#include "gs_model/formats/ply/mip_filter.h"
+#include "gs_model/formats/ply/ply.h"
+#include "gs_model/formats/ply/ply_file.h"
 
 namespace gs {
 namespace {

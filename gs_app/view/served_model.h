@@ -7,10 +7,10 @@
 #include <memory>
 #include <string>
 
-#include "data_loaders/formats/formats.h"
 #include "gs_app/run/open_model.h"
 #include "gs_core/system/files/scratch_folder.h"
 #include "gs_core/system/text/json.h"
+#include "gs_model/formats/formats.h"
 
 namespace gs {
 

@@ -94,6 +94,26 @@ function(gs_library name)
   endif()
 endfunction()
 
+# gs_use_library(target name [SOURCES ...] [INSTEAD ...] [INCLUDE ...] [LINK ...]): a library that a build
+# may lack. With GS_HAVE_<name> it is linked, and SOURCES are compiled or, if none are given,
+# GS_HAVE_<name> is defined for the code to ask. Without it, INSTEAD is compiled.
+function(gs_use_library target name)
+  cmake_parse_arguments(PARSE_ARGV 2 use "" "" "SOURCES;INSTEAD;INCLUDE;LINK")
+  # A program may have its own functions in place of these (apps/cli/lazy), so each file is one that
+  # the linker can leave.
+  set_source_files_properties(${use_SOURCES} ${use_INSTEAD} PROPERTIES SKIP_UNITY_BUILD_INCLUSION ON)
+  if(NOT GS_HAVE_${name})
+    target_sources(${target} PRIVATE ${use_INSTEAD})
+    return()
+  endif()
+  target_sources(${target} PRIVATE ${use_SOURCES})
+  if(NOT use_SOURCES)
+    target_compile_definitions(${target} PRIVATE GS_HAVE_${name})
+  endif()
+  target_include_directories(${target} SYSTEM PRIVATE ${use_INCLUDE})
+  target_link_libraries(${target} PRIVATE ${use_LINK})
+endfunction()
+
 # gs_compile_quickly(target): for code that is compiled often and whose speed does not matter.
 function(gs_compile_quickly target)
   target_compile_options(${target} PRIVATE $<$<CONFIG:Release>:-O1>)

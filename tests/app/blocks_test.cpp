@@ -8,13 +8,13 @@
 #include <numeric>
 #include <set>
 
-#include "data_loaders/formats/ply/ply.h"
 #include "gs_app/blocks/merge_blocks.h"
 #include "gs_app/blocks/picture_shares.h"
 #include "gs_app/blocks/write_partition.h"
 #include "gs_app/run/run_folder.h"
 #include "gs_core/config/text/region_text.h"
 #include "gs_core/math/random.h"
+#include "gs_model/formats/ply/ply.h"
 #include "tests/support/error_of.h"
 #include "tests/support/models.h"
 #include "tests/support/temp_folder.h"

@@ -8,9 +8,9 @@
 
 #include <cmath>
 
-#include "data_loaders/formats/formats.h"
 #include "gs_core/error.h"
 #include "gs_core/system/text/json.h"
+#include "gs_model/formats/formats.h"
 #include "gs_train/poses/poses.h"
 #include "tests/support/small_scene.h"
 #include "tests/support/temp_folder.h"

@@ -7,8 +7,8 @@
 
 #include <thread>
 
-#include "data_loaders/formats/formats.h"
 #include "gs_core/system/text/json.h"
+#include "gs_model/formats/formats.h"
 #include "tests/support/small_scene.h"
 #include "tests/support/temp_folder.h"
 

@@ -8,9 +8,6 @@
 
 #include <functional>
 
-#include "data_loaders/formats/formats.h"
-#include "data_loaders/formats/model_info.h"
-#include "data_loaders/formats/ply/ply.h"
 #include "gs_app/export/export_model.h"
 #include "gs_core/error.h"
 #include "gs_core/math/render/rotation.h"
@@ -18,6 +15,9 @@
 #include "gs_core/system/files/atomic_file.h"
 #include "gs_core/system/log.h"
 #include "gs_eval/metrics.h"
+#include "gs_model/formats/formats.h"
+#include "gs_model/formats/model_info.h"
+#include "gs_model/formats/ply/ply.h"
 #include "tests/support/captured_log.h"
 #include "tests/support/error_of.h"
 #include "tests/support/models.h"

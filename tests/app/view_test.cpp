@@ -9,13 +9,13 @@
 #include <chrono>
 #include <thread>
 
-#include "data_loaders/formats/lod/streamed_sog.h"
-#include "data_loaders/formats/ply/ply.h"
 #include "data_loaders/georef/georef_file.h"
 #include "gs_app/view/file_view.h"
 #include "gs_core/error.h"
 #include "gs_core/system/host_name.h"
 #include "gs_core/system/text/json.h"
+#include "gs_model/formats/lod/streamed_sog.h"
+#include "gs_model/formats/ply/ply.h"
 #include "tests/support/program.h"
 #include "tests/support/random_model.h"
 

@@ -2,8 +2,8 @@
 // gemsplat partition, experiment and merge as users run them.
 #include <gmock/gmock.h>
 
-#include "data_loaders/formats/formats.h"
 #include "gs_core/system/text/json.h"
+#include "gs_model/formats/formats.h"
 #include "tests/support/program.h"
 
 namespace gs {

@@ -2,8 +2,8 @@
 // gemsplat edit as users run it.
 #include <gmock/gmock.h>
 
-#include "data_loaders/formats/formats.h"
 #include "gs_core/system/text/json.h"
+#include "gs_model/formats/formats.h"
 #include "tests/support/program.h"
 
 namespace gs {

@@ -2,8 +2,8 @@
 // gemsplat export --lod as users run it, and other verbs on what it wrote.
 #include <gmock/gmock.h>
 
-#include "data_loaders/formats/ply/ply.h"
 #include "gs_core/system/text/json.h"
+#include "gs_model/formats/ply/ply.h"
 #include "tests/support/program.h"
 #include "tests/support/random_model.h"
 

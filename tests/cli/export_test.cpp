@@ -3,11 +3,11 @@
 // write.
 #include <gmock/gmock.h>
 
-#include "data_loaders/formats/formats.h"
-#include "data_loaders/formats/spz/spz.h"
 #include "gs_core/geodesy/utm.h"
 #include "gs_core/geometry/vectors.h"
 #include "gs_core/system/text/json.h"
+#include "gs_model/formats/formats.h"
+#include "gs_model/formats/spz/spz.h"
 #include "tests/support/program.h"
 
 namespace gs {

@@ -5,9 +5,9 @@
 #include <algorithm>
 #include <cmath>
 
-#include "data_loaders/formats/ply/ply.h"
 #include "gs_core/math/render/activations.h"
 #include "gs_core/system/text/json.h"
+#include "gs_model/formats/ply/ply.h"
 #include "tests/support/program.h"
 
 namespace gs {

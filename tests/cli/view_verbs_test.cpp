@@ -12,13 +12,13 @@
 #include <functional>
 #include <thread>
 
-#include "data_loaders/formats/formats.h"
-#include "data_loaders/formats/ply/ply.h"
 #include "gs_app/view/view_server.h"
 #include "gs_core/error.h"
 #include "gs_core/system/host_name.h"
 #include "gs_core/system/processes/process.h"
 #include "gs_core/system/text/json.h"
+#include "gs_model/formats/formats.h"
+#include "gs_model/formats/ply/ply.h"
 #include "tests/support/program.h"
 #include "tests/support/raw_connection.h"
 

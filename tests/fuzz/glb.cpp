@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Trained Gaussians in a .glb. An input that begins with { is its JSON and, behind a mark, its
 // binary chunk, which the target puts together; other inputs are a file.
-#include "data_loaders/formats/glb/glb.h"
+#include "gs_model/formats/glb/glb.h"
 
 #include "tests/fuzz/fuzz_target.h"
 #include "tests/support/glb_parts.h"

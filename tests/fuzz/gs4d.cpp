@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Gaussians in space and time as .gs4d.
-#include "data_loaders/formats/gs4d/gs4d.h"
+#include "gs_model/formats/gs4d/gs4d.h"
 
 #include "tests/fuzz/fuzz_target.h"
 

@@ -3,7 +3,7 @@
 // what its headers say: a byte for the number of sections, the first 44 bytes of the file, the
 // first
 // 42 of each section, and the data.
-#include "data_loaders/formats/ksplat.h"
+#include "gs_model/formats/ksplat.h"
 
 #include "tests/fuzz/fuzz_target.h"
 

@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 // Models with levels of detail. An input that begins with { is a lod-meta.json, and behind a mark
 // the meta.json of the SOG folder 0_0, whose pictures the target writes; other inputs are a .rad.
-#include "data_loaders/formats/lod/rad.h"
-#include "data_loaders/formats/lod/streamed_sog.h"
-#include "data_loaders/formats/sog/sog.h"
+#include "gs_model/formats/lod/rad.h"
+#include "gs_model/formats/lod/streamed_sog.h"
+#include "gs_model/formats/sog/sog.h"
 #include "tests/fuzz/fuzz_target.h"
 #include "tests/support/random_model.h"
 

@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 // Trained Gaussians as PLY and compressed PLY.
-#include "data_loaders/formats/ply/ply.h"
+#include "gs_model/formats/ply/ply.h"
 
-#include "data_loaders/formats/model_info.h"
+#include "gs_model/formats/model_info.h"
 #include "tests/fuzz/fuzz_target.h"
 
 namespace gs::fuzz {

@@ -3,13 +3,13 @@
 // stand one behind the other in an input.
 #include "gs_app/run/run_folder.h"
 
-#include "data_loaders/formats/ply/ply.h"
 #include "gs_app/experiment/tables/quality_curves.h"
 #include "gs_app/experiment/tables/table_cells.h"
 #include "gs_app/experiment/tables/table_scenes.h"
 #include "gs_app/report/report_folder.h"
 #include "gs_app/run/csv.h"
 #include "gs_core/system/text/json.h"
+#include "gs_model/formats/ply/ply.h"
 #include "tests/fuzz/fuzz_target.h"
 #include "tests/support/random_model.h"
 

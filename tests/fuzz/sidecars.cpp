@@ -2,7 +2,7 @@
 // Small JSON files beside models and scenes: the sidecar of an export, exposure.json, photometric.json,
 // poses.json, split.json, georef.json, blocks.json, places and lists of photos as text, and
 // reconstruct.json, whose list of files says what may be removed; and areas, in GeoJSON or as text.
-#include "data_loaders/formats/sidecar.h"
+#include "gs_model/formats/sidecar.h"
 
 #include "data_loaders/cameras/exposure_file.h"
 #include "data_loaders/georef/georef_file.h"

@@ -2,12 +2,12 @@
 // Trained Gaussians as .sog. An input is a file, or # and then meta.json and the pixels of the
 // pictures, which the target packs as WebP and zip, so that no checksum refuses them. Bytes of WebP
 // themselves are libwebp's to read.
-#include "data_loaders/formats/sog/sog.h"
+#include "gs_model/formats/sog/sog.h"
 
 #include <algorithm>
 
-#include "data_loaders/formats/sog/webp.h"
-#include "data_loaders/formats/sog/zip_file.h"
+#include "gs_model/formats/sog/webp.h"
+#include "gs_model/formats/sog/zip_file.h"
 #include "tests/fuzz/fuzz_target.h"
 
 namespace gs::fuzz {

@@ -1,13 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
 // Trained Gaussians as .spz. An input is a file, or # and then the unpacked data of one (a header and
 // the arrays), which the target packs, so that neither zlib nor zstd refuses it.
-#include "data_loaders/formats/spz/spz.h"
+#include "gs_model/formats/spz/spz.h"
 
 #include <algorithm>
 
-#include "data_loaders/formats/coding/compression.h"
-#include "data_loaders/formats/coding/little_endian.h"
-#include "data_loaders/formats/spz/spz_layout.h"
+#include "gs_model/formats/coding/compression.h"
+#include "gs_model/formats/coding/little_endian.h"
+#include "gs_model/formats/spz/spz_layout.h"
 #include "tests/fuzz/fuzz_target.h"
 
 namespace gs::fuzz {

@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 // Trained Gaussians in one file each: .csv and .splat; and what an error says of a file that is no
 // format of ours.
-#include "data_loaders/formats/csv.h"
-#include "data_loaders/formats/foreign_files.h"
-#include "data_loaders/formats/splat.h"
+#include "gs_model/formats/csv.h"
+#include "gs_model/formats/foreign_files.h"
+#include "gs_model/formats/splat.h"
 #include "tests/fuzz/fuzz_target.h"
 
 namespace gs::fuzz {

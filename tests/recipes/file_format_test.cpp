@@ -8,8 +8,8 @@
 // [recipe]
 #include <spdlog/fmt/fmt.h>
 
-#include "data_loaders/formats/formats.h"
 #include "gs_core/system/files/atomic_file.h"
+#include "gs_model/formats/formats.h"
 
 namespace gs {
 

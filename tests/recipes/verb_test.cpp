@@ -10,7 +10,7 @@
 #include <iostream>
 
 #include "apps/cli/verbs.h"
-#include "data_loaders/formats/formats.h"
+#include "gs_model/formats/formats.h"
 
 namespace gs {
 namespace {

@@ -4,9 +4,9 @@
 
 #include <string>
 
-#include "data_loaders/formats/coding/little_endian.h"
-#include "data_loaders/formats/glb/glb.h"
 #include "gs_core/system/text/json.h"
+#include "gs_model/formats/coding/little_endian.h"
+#include "gs_model/formats/glb/glb.h"
 
 namespace gs {
 

@@ -5,10 +5,10 @@
 #include <algorithm>
 #include <string>
 
-#include "data_loaders/formats/coding/half.h"
-#include "data_loaders/formats/coding/little_endian.h"
-#include "data_loaders/formats/coding/quantize.h"
 #include "gs_core/gaussians.h"
+#include "gs_model/formats/coding/half.h"
+#include "gs_model/formats/coding/little_endian.h"
+#include "gs_model/formats/coding/quantize.h"
 
 namespace gs {
 

@@ -7,9 +7,9 @@
 #include <cmath>
 #include <string>
 
-#include "data_loaders/formats/ply/ply_layout.h"
 #include "gs_core/error.h"
 #include "gs_core/math/random.h"
+#include "gs_model/formats/ply/ply_layout.h"
 
 namespace gs {
 

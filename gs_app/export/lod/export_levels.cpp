@@ -5,8 +5,6 @@
 
 #include <algorithm>
 
-#include "data_loaders/formats/coding/finite_rows.h"
-#include "data_loaders/formats/lod/rad.h"
 #include "gs_core/bake_filter.h"
 #include "gs_core/config/text/markdown.h"
 #include "gs_core/error.h"
@@ -14,6 +12,8 @@
 #include "gs_core/system/files/move_aside.h"
 #include "gs_core/system/files/output_lock.h"
 #include "gs_core/system/log.h"
+#include "gs_model/formats/coding/finite_rows.h"
+#include "gs_model/formats/lod/rad.h"
 
 namespace gs {
 namespace {

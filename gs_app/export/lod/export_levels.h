@@ -6,8 +6,8 @@
 
 #include <optional>
 
-#include "data_loaders/formats/lod/streamed_sog.h"
 #include "gs_app/export/export_model.h"
+#include "gs_model/formats/lod/streamed_sog.h"
 
 namespace gs {
 

@@ -5,13 +5,13 @@
 
 #include <algorithm>
 
-#include "data_loaders/formats/coding/little_endian.h"
-#include "data_loaders/formats/glb/glb.h"
-#include "data_loaders/formats/spz/spz.h"
 #include "gs_core/error.h"
 #include "gs_core/system/files/atomic_file.h"
 #include "gs_core/system/text/json.h"
 #include "gs_core/system/version.h"
+#include "gs_model/formats/coding/little_endian.h"
+#include "gs_model/formats/glb/glb.h"
+#include "gs_model/formats/spz/spz.h"
 
 namespace gs {
 namespace {

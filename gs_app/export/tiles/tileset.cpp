@@ -6,10 +6,6 @@
 #include <algorithm>
 #include <cmath>
 
-#include "data_loaders/formats/coding/compression.h"
-#include "data_loaders/formats/coding/finite_rows.h"
-#include "data_loaders/formats/model_transform.h"
-#include "data_loaders/formats/spz/spz.h"
 #include "gs_app/export/tiles/tile_file.h"
 #include "gs_app/export/tiles/tile_tree.h"
 #include "gs_core/bake_filter.h"
@@ -21,6 +17,10 @@
 #include "gs_core/system/log.h"
 #include "gs_core/system/text/json.h"
 #include "gs_core/system/version.h"
+#include "gs_model/formats/coding/compression.h"
+#include "gs_model/formats/coding/finite_rows.h"
+#include "gs_model/formats/model_transform.h"
+#include "gs_model/formats/spz/spz.h"
 
 namespace gs {
 namespace {

@@ -7,8 +7,6 @@
 #include <cctype>
 
 #include "apps/web/pages.h"
-#include "data_loaders/formats/formats.h"
-#include "data_loaders/formats/model_transform.h"
 #include "gs_app/export/export_model.h"
 #include "gs_app/run/page_text.h"
 #include "gs_app/run/text.h"
@@ -21,6 +19,8 @@
 #include "gs_core/system/files/output_lock.h"
 #include "gs_core/system/files/scratch_folder.h"
 #include "gs_core/system/text/json.h"
+#include "gs_model/formats/formats.h"
+#include "gs_model/formats/model_transform.h"
 #include "gs_render/paths/camera_path.h"
 
 namespace gs {

@@ -7,11 +7,11 @@
 #include <algorithm>
 #include <cmath>
 
-#include "data_loaders/formats/ply/ply.h"
 #include "gs_core/error.h"
 #include "gs_core/math/random.h"
 #include "gs_core/math/render/rotation.h"
 #include "gs_core/system/text/json.h"
+#include "gs_model/formats/ply/ply.h"
 #include "tests/support/captured_log.h"
 #include "tests/support/colmap_writer.h"
 

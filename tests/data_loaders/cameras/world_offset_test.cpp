@@ -4,8 +4,8 @@
 #include <gmock/gmock.h>
 
 #include "data_loaders/cameras/camera_file.h"
-#include "data_loaders/formats/ply/ply.h"
 #include "data_loaders/scene/load_scene.h"
+#include "gs_model/formats/ply/ply.h"
 #include "tests/support/colmap_writer.h"
 #include "tests/support/tracked_scene.h"
 

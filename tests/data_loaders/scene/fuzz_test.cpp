@@ -4,13 +4,13 @@
 #include <gtest/gtest.h>
 
 #include "data_loaders/cameras/camera_file.h"
-#include "data_loaders/formats/ply/ply.h"
 #include "data_loaders/georef/georef_file.h"
 #include "data_loaders/georef/gps_places.h"
 #include "data_loaders/lenses/undistort.h"
 #include "data_loaders/scene/load_scene.h"
 #include "data_loaders/transforms/transforms_json.h"
 #include "gs_core/system/log.h"
+#include "gs_model/formats/ply/ply.h"
 #include "tests/support/colmap_writer.h"
 #include "tests/support/damage.h"
 #include "tests/support/gps_photo.h"

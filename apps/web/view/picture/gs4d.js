@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Reads .gs4d files as they arrive: Gaussians that move along lines, in chunks in the order of
-// time. data_loaders/formats/gs4d/gs4d.h says what each byte means.
+// time. gs_model/formats/gs4d/gs4d.h says what each byte means.
 
 const HEADER = 32, ENTRY = 16;                     // bytes
 const VERSION = 1, BLOCK_FLOATS = 18;

@@ -1,0 +1,70 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "gs_model/formats/foreign_files.h"
+
+#include <spdlog/fmt/fmt.h>
+
+#include <algorithm>
+#include <cctype>
+#include <fstream>
+#include <string_view>
+
+namespace gs {
+namespace {
+
+namespace fs = std::filesystem;
+
+constexpr std::string_view kConvert = "convert it to .ply with SuperSplat or splat-transform";
+
+/// A kind of file, told by the end of its name or by its first bytes.
+struct Foreign {
+  std::string_view mark, kind, remedy;
+};
+
+constexpr Foreign kEndings[] = {
+    {".lcc", "an .lcc scene of XGRIDS", kConvert},
+    {".splatv", "a .splatv file of moving Gaussians", "train one moment and name its .ply"},
+    {".pth", "a checkpoint of a PyTorch trainer", "let that trainer export a .ply"},
+    {".pt", "a checkpoint of a PyTorch trainer", "let that trainer export a .ply"},
+    {".ckpt", "a checkpoint of a PyTorch trainer", "let that trainer export a .ply"},
+    {".usdz", "a USD file", "export a .ply from the program that wrote it"},
+    {".usda", "a USD file", "export a .ply from the program that wrote it"},
+    {".html", "a web page", "name the model that the page shows"}};
+
+constexpr Foreign kFirstBytes[] = {
+    {"NGSP", "an .spz file of version 4", "give it a name that ends in .spz"},
+    {"\x1f\x8b", "a gzip file, as .spz files are", "give it a name that ends in .spz"},
+    {"PK\x03\x04", "a zip file, as .sog files are", "give it a name that ends in .sog"},
+    {"RAD0", "a .rad file", "give it a name that ends in .rad"},
+    {"glTF", "a .glb file", "give it a name that ends in .glb"}};
+
+std::string text_of(const Foreign& foreign) {
+  return fmt::format("this is {}, not a PLY; {}", foreign.kind, foreign.remedy);
+}
+
+std::string lowercase_name(const fs::path& path) {
+  std::string name = path.filename().string();
+  std::transform(name.begin(), name.end(), name.begin(),
+                 [](unsigned char c) { return char(std::tolower(c)); });
+  return name;
+}
+
+}  // namespace
+
+std::string foreign_kind(const fs::path& path) {
+  std::error_code ignored;
+  if (!fs::is_regular_file(path, ignored)) return "";  // to open a FIFO would wait for its writer
+  std::ifstream file(path, std::ios::binary);
+  char first[4] = {};
+  if (!file) return "";
+  file.read(first, sizeof first);
+  const std::string_view beginning(first, std::size_t(file.gcount()));
+  if (beginning.starts_with("ply")) return "";
+  const std::string name = lowercase_name(path);
+  for (const Foreign& foreign : kEndings)
+    if (name.ends_with(foreign.mark)) return text_of(foreign);
+  for (const Foreign& foreign : kFirstBytes)
+    if (beginning.starts_with(foreign.mark)) return text_of(foreign);
+  return "";
+}
+
+}  // namespace gs

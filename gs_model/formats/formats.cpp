@@ -1,0 +1,204 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "gs_model/formats/formats.h"
+
+#include <spdlog/fmt/fmt.h>
+
+#include <algorithm>
+#include <cctype>
+
+#include "gs_core/bake_filter.h"
+#include "gs_core/error.h"
+#include "gs_core/system/byte_reader.h"
+#include "gs_model/formats/coding/compression.h"
+#include "gs_model/formats/coding/finite_rows.h"
+#include "gs_model/formats/csv.h"
+#include "gs_model/formats/foreign_files.h"
+#include "gs_model/formats/glb/glb.h"
+#include "gs_model/formats/gs4d/gs4d.h"
+#include "gs_model/formats/ksplat.h"
+#include "gs_model/formats/lod/rad.h"
+#include "gs_model/formats/lod/streamed_sog.h"
+#include "gs_model/formats/ply/compressed_ply.h"
+#include "gs_model/formats/ply/ply.h"
+#include "gs_model/formats/sog/sog.h"
+#include "gs_model/formats/sog/webp.h"
+#include "gs_model/formats/splat.h"
+#include "gs_model/formats/spz/spz.h"
+
+namespace gs {
+namespace {
+
+namespace fs = std::filesystem;
+using Path = fs::path;
+
+constexpr std::string_view kOtherOutputs =
+    "`gemsplat export` also makes a page (.html) and a tileset (a name that ends in /)";
+
+const AxisSigns kPlyAxes{1, 1, 1};
+
+// Gives a writer that has no options the signature of the table.
+template <auto writer>
+void without_options(const Path& path, const GaussianModel& model, const ExportOptions&) {
+  writer(path, model);
+}
+void write_spz_version(const Path& path, const GaussianModel& model, const ExportOptions& options) {
+  write_spz(path, model, {options.spz_version, options.spz_sh_bits});
+}
+void write_rad_with(const Path& path, const GaussianModel& model, const ExportOptions&) {
+  write_rad(path, model);
+}
+void write_gs4d_with(const Path& path, const GaussianModel& model, const ExportOptions& options) {
+  write_gs4d(path, model, options.duration);
+}
+
+void require_nothing(const ExportOptions&) {}
+void require_for_spz(const ExportOptions& options) {
+  options.spz_version == 4 ? require_zstd() : require_zlib();
+}
+void require_for_rad(const ExportOptions&) { require_zlib(); }
+void require_for_sog(const ExportOptions&) { require_webp(); }
+
+// Files that gemsplat only reads, and the names of files that stand for a folder, of which the
+// whole name counts. export --lod writes the first.
+const std::vector<ModelFormat>& read_formats() {
+  static const std::vector<ModelFormat> kFormats = {
+      {"streamed sog", kLodMeta, "levels of detail as SOG", false, false, kPlyAxes, Holds::still,
+       read_streamed_sog, nullptr, require_for_sog},
+      {"sog folder", "meta.json", "SOG, unpacked", false, false, kPlyAxes, Holds::still,
+       read_sog_folder, nullptr, require_for_sog},
+      {"ksplat", ".ksplat", "floats or halves in buckets, SH up to degree 2", false, false,
+       kPlyAxes, Holds::still, read_ksplat, nullptr, require_nothing}};
+  return kFormats;
+}
+
+bool is_of_folder(const ModelFormat& format) { return !format.ending.starts_with('.'); }
+
+}  // namespace
+
+const std::vector<ModelFormat>& model_formats() {
+  constexpr bool kLossless = true, kLossy = false, kAddsOffset = true, kNoOffset = false;
+  static const std::vector<ModelFormat> kFormats = {
+      {"ply", ".ply", "everything, as floats", kLossless, kNoOffset, kPlyAxes, Holds::both,
+       read_gaussian_ply, without_options<write_gaussian_ply>, require_nothing},
+      {"csv", ".csv", "everything, as text", kLossless, kAddsOffset, kPlyAxes, Holds::still,
+       read_csv, without_options<write_csv>, require_nothing},
+      {"glb", ".glb", "everything, as floats after activation", kLossy, kNoOffset, kHalfTurnZ,
+       Holds::still, read_glb, without_options<write_glb>, require_nothing},
+      {"compressed.ply", ".compressed.ply", "fractions of the range of 256 neighbors", kLossy,
+       kNoOffset, kPlyAxes, Holds::still, read_gaussian_ply, without_options<write_compressed_ply>,
+       require_nothing},
+      {"spz", ".spz", "bytes, positions in 24 bits, compressed", kLossy, kNoOffset, kHalfTurnX,
+       Holds::still, read_spz, write_spz_version, require_for_spz},
+      {"sog", ".sog", "codebooks and a palette of SH, compressed", kLossy, kNoOffset, kPlyAxes,
+       Holds::still, read_sog, without_options<write_sog>, require_for_sog},
+      {"rad", ".rad", "a tree of levels of detail, floats of 16 bits, compressed", kLossy,
+       kNoOffset, kPlyAxes, Holds::still, read_rad, write_rad_with, require_for_rad},
+      {"splat", ".splat", "bytes, no SH beyond degree 0", kLossy, kNoOffset, kPlyAxes, Holds::still,
+       read_splat, without_options<write_splat>, require_nothing},
+      {"gs4d", ".gs4d", "motion in chunks in the order of time, for the web", kLossy, kNoOffset,
+       kPlyAxes, Holds::moving, read_gs4d, write_gs4d_with, require_nothing},
+  };
+  return kFormats;
+}
+
+std::string format_names() {
+  std::string names;
+  for (const ModelFormat& format : model_formats())
+    names += (names.empty() ? "" : ", ") + std::string(format.name);
+  return names;
+}
+
+const ModelFormat& format_named(std::string_view name) {
+  for (const ModelFormat& format : model_formats())
+    if (format.name == name || format.ending == name) return format;
+  throw UsageError(fmt::format("gemsplat knows no format {}; it has {}; {}", name, format_names(),
+                               kOtherOutputs));
+}
+
+const ModelFormat* find_format(const Path& path) {
+  std::string name = path.filename().string();
+  std::transform(name.begin(), name.end(), name.begin(),
+                 [](unsigned char c) { return char(std::tolower(c)); });
+  for (const ModelFormat& format : read_formats())
+    if (is_of_folder(format) ? name == format.ending : name.ends_with(format.ending))
+      return &format;
+  const ModelFormat* longest = nullptr;
+  for (const ModelFormat& format : model_formats())
+    if (name.ends_with(format.ending) &&
+        (!longest || format.ending.size() > longest->ending.size()))
+      longest = &format;
+  return longest;
+}
+
+const ModelFormat& format_to_write(const Path& path) {
+  const ModelFormat* const found = find_format(path);
+  if (found && found->write) return *found;
+  if (found && is_of_folder(*found))
+    throw UsageError(fmt::format(
+        "{}: a {} is a folder of files; name the folder, and add --lod to write levels of detail "
+        "into it, or choose .sog for one file",
+        path.string(), found->name));
+  std::string endings;
+  for (const ModelFormat& format : model_formats())
+    endings += (endings.empty() ? "" : ", ") + std::string(format.ending);
+  const std::string ending = path.extension().string();
+  throw UsageError(fmt::format("{}: gemsplat does not write {}; it writes {}; {}", path.string(),
+                               ending.empty() ? "files without an ending" : ending, endings,
+                               kOtherOutputs));
+}
+
+Path model_in_folder(const Path& folder) {
+  std::error_code ignored;
+  for (const ModelFormat& format : read_formats())
+    if (is_of_folder(format) && fs::is_regular_file(folder / format.ending, ignored))
+      return folder / format.ending;
+  return {};
+}
+
+GaussianModel read_model(const Path& named) {
+  const Path inside = model_in_folder(named);
+  const Path& path = inside.empty() ? named : inside;
+  const ModelFormat* format = find_format(path);
+  if (format && !format->read)
+    cannot_read(
+        path,
+        fmt::format("gemsplat writes {} but does not read it; name the model that it was made from",
+                    format->ending));
+  if (format && format->read != read_gaussian_ply) return format->read(path);
+  if (const std::string kind = foreign_kind(path); !kind.empty()) cannot_read(path, kind);
+  return read_gaussian_ply(path);
+}
+
+bool holds(const ModelFormat& format, bool has_time) {
+  return format.gaussians == Holds::both || (format.gaussians == Holds::moving) == has_time;
+}
+
+void check_holds(const ModelFormat& format, bool has_time, std::string_view file) {
+  if (holds(format, has_time)) return;
+  if (!has_time)
+    throw UsageError(
+        fmt::format("{}: {} holds Gaussians in space and time, and these are 3D Gaussians; choose "
+                    ".spz or .sog for the web, or .ply",
+                    file, format.ending));
+  std::string others;
+  for (const ModelFormat& other : model_formats())
+    if (holds(other, true)) others += (others.empty() ? "" : " and ") + std::string(other.ending);
+  throw UsageError(
+      fmt::format("{}: {} does not hold Gaussians in space and time, but {} do; write the moment T "
+                  "as 3D Gaussians with `gemsplat export --time T`",
+                  file, format.ending, others));
+}
+
+std::size_t write_model(const Path& path, const GaussianModel& model,
+                        const ExportOptions& options) {
+  const ModelFormat& format = format_to_write(path);
+  check_holds(format, model.gaussians.has_time, path.string());
+  if (format.name == "ply") return model.gaussians.count() - write_gaussian_ply(path, model);
+  GaussianModel finite = finite_model(model);
+  bake_filter(finite.gaussians);
+  format.write(path, finite, options);
+  warn_of_left_out(path, finite.gaussians.count(), model.gaussians.count());
+  return finite.gaussians.count();
+}
+
+}  // namespace gs

@@ -1,0 +1,85 @@
+// SPDX-License-Identifier: Apache-2.0
+// The table of formats of trained Gaussians: how a file's name ends, who reads it, who writes it.
+//
+// To add a format:
+//   1. Write read_x(), write_x() or both in x.h and x.cpp beside this file; the header says what
+//      each byte means. splat.h is the shortest example.
+//   2. Add a row to the table in formats.cpp, and x.cpp to data_loaders/CMakeLists.txt.
+//   3. For a reader, add a row to kKinds in tests/model/formats_test.cpp (what may
+//      be lost) and one to kReaders in formats_fuzz_test.cpp (10,000 damaged files).
+//   4. Add a row to the tables of docs/reference/formats.md.
+// Every verb that reads or writes a model then knows it: export, train --export, eval, render,
+// info.
+#pragma once
+
+#include <filesystem>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "gs_core/gaussians.h"
+#include "gs_model/formats/coding/frame.h"
+
+namespace gs {
+
+/// Choices that a user has for some formats.
+struct ExportOptions {
+  int spz_version = 3;  // 2 for older readers, 4 that fewer read
+  int spz_sh_bits = 0;  // SpzOptions::sh_bits
+  double duration = 0;  // of a scene that moves, in seconds, for .gs4d; 0: not known
+};
+
+/// Which Gaussians a format can hold: 3D ones, ones in space and time, or either.
+enum class Holds { still, moving, both };
+
+struct ModelFormat {
+  std::string_view name;    // as in --export: "spz"
+  std::string_view ending;  // of file names: ".spz"
+  std::string_view holds;   // in a few words
+  bool is_lossless;         // reading gives the same bits again, SH degree included
+  bool adds_world_offset;   // positions are mean + world_offset, in double precision
+  AxisSigns signs;          // of the file's axes relative to the PLY's
+  Holds gaussians;          // with time, without, or both
+  GaussianModel (*read)(const std::filesystem::path&);  // null: gemsplat only writes it
+  // null: gemsplat only reads it
+  void (*write)(const std::filesystem::path&, const GaussianModel&, const ExportOptions&);
+  void (*require)(const ExportOptions&);  // throws Error where this build lacks a library for it
+};
+
+/// All formats that gemsplat writes, in the order in which people see them.
+const std::vector<ModelFormat>& model_formats();
+
+/// The names of all formats: "ply, csv, ..."
+std::string format_names();
+
+/// The format of a name such as "spz". Throws UsageError with a list for an unknown name.
+const ModelFormat& format_named(std::string_view name);
+/// The format that a file name's ending stands for, in upper or lower case; null if there is none.
+/// It may be one that is only read, and that model_formats() lacks: .ksplat, and meta.json and
+/// lod-meta.json, which stand for folders of files.
+const ModelFormat* find_format(const std::filesystem::path& path);
+/// The same for a file to write. Throws UsageError with a list of the endings.
+const ModelFormat& format_to_write(const std::filesystem::path& path);
+
+/// Whether files of the format can hold a model with time (`has_time`) or without.
+bool holds(const ModelFormat& format, bool has_time);
+/// Throws UsageError where they cannot. The message begins with `file` and names formats that can.
+void check_holds(const ModelFormat& format, bool has_time, std::string_view file);
+
+/// The file that a folder of SOG files is read by, lod-meta.json or meta.json; empty for others.
+std::filesystem::path model_in_folder(const std::filesystem::path& folder);
+
+/// Reads trained Gaussians in the format of the file's name, or of the file in a folder that
+/// model_in_folder() finds; a file of another name is read as PLY.
+/// Throws Error as the readers do, and one that names the kind of file for formats that are not
+/// read (foreign_files.h).
+GaussianModel read_model(const std::filesystem::path& path);
+
+/// Writes a model in the format of the file's name, whole or not at all. A 3D filter is a column of
+/// a PLY; other formats have it in scales and opacities. Rows with NaN or infinity
+/// are left out, with a warning. Returns how many rows were written. Throws Error as the writers
+/// do.
+std::size_t write_model(const std::filesystem::path& path, const GaussianModel& model,
+                        const ExportOptions& options = {});
+
+}  // namespace gs
