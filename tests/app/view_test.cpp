@@ -18,6 +18,7 @@
 #include "gs_model/formats/ply/ply.h"
 #include "tests/support/program.h"
 #include "tests/support/random_model.h"
+#include "tests/support/raw_connection.h"
 
 namespace gs {
 namespace {
@@ -43,19 +44,9 @@ class Served {
   }
   /// Sends these bytes and returns what the server answers until it ends the connection.
   std::string say(const std::string& bytes) const {
-    const int socket = ::socket(AF_INET, SOCK_STREAM, 0);
-    sockaddr_in address{};
-    address.sin_family = AF_INET;
-    address.sin_port = htons(std::uint16_t(server_.port()));
-    address.sin_addr.s_addr = htonl(INADDR_LOOPBACK);
-    EXPECT_EQ(::connect(socket, reinterpret_cast<sockaddr*>(&address), sizeof address), 0);
-    EXPECT_EQ(::send(socket, bytes.data(), bytes.size(), MSG_NOSIGNAL), ssize_t(bytes.size()));
-    std::string answers;
-    char piece[4096];
-    for (ssize_t got = 0; (got = ::recv(socket, piece, sizeof piece, 0)) > 0;)
-      answers.append(piece, std::size_t(got));
-    ::close(socket);
-    return answers;
+    const RawConnection connection(server_.port());
+    connection.say(bytes);
+    return connection.answer();
   }
   SortedJson json(const std::string& path) const { return SortedJson::parse(get(path)->body); }
 

@@ -8,7 +8,6 @@
 #include <sys/wait.h>
 
 #include <chrono>
-#include <deque>
 #include <functional>
 #include <thread>
 
@@ -20,7 +19,6 @@
 #include "gs_model/formats/formats.h"
 #include "gs_model/formats/ply/ply.h"
 #include "tests/support/program.h"
-#include "tests/support/raw_connection.h"
 
 namespace gs {
 namespace {
@@ -236,30 +234,6 @@ TEST_F(Verbs, APausedRunIsStoppedByItsPageOrByASignalWithItsModelSaved) {
     EXPECT_FALSE(fs::is_empty(path(name + "/checkpoints")));
     EXPECT_FALSE(fs::is_empty(path(name + "/point_cloud")));
   }
-}
-
-TEST_F(Verbs, AFloodOfConnectionsNeitherEndsARunNorKeepsAPageOut) {
-  ASSERT_EQ(train("out").code, 0);  // makes the scene
-  const std::string command = "ulimit -n 128; exec " + std::string(GS_PROGRAM) + " train " +
-                              text("scene") + " -o " + text("flooded") + kTrain +
-                              " --iterations 1000 --viewer --viewer-port 0 --viewer-wait";
-  Started train({"/bin/sh", "-c", command}, path("train.log"));
-  std::deque<RawConnection> flood;
-  for (int i = 0; i < 300; ++i) {
-    flood.emplace_back(train.port());
-    if (i % 3 == 1) flood.back().say("GET /state.json HTTP/1.1\r\nX: ");
-    if (i % 3 == 2) flood.back().say(get_request("/"));
-  }
-  const auto state = train.get("/state.json");
-  ASSERT_TRUE(state) << to_string(state.error()) << train.said();
-  EXPECT_EQ(state->status, 200);
-  // While the flood holds on to its connections, the run comes to its end, however long the answer
-  // has taken, and then the program to its own.
-  const char* const kEnd = "shows the final model";
-  for (int i = 0; i < 6000 && train.said().find(kEnd) == std::string::npos; ++i)
-    std::this_thread::sleep_for(std::chrono::milliseconds(20));
-  EXPECT_TRUE(fs::exists(path("flooded/results.json"))) << train.said();
-  EXPECT_EQ(train.end(SIGINT), 0) << train.said();
 }
 
 TEST_F(Verbs, AnUnwatchedRunEndsByItself) {
