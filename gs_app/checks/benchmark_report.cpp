@@ -121,7 +121,7 @@ std::string report_json(const BenchmarkSubject& subject, const BenchmarkPlan& pl
     json["peak_gpu_bytes"] = *report.peak_gpu_bytes;
     json["forecast_gpu_bytes"] = std::llround(report.forecast_gpu_bytes);
   }
-  return json.dump(2, ' ', false, Json::error_handler_t::replace) + "\n";
+  return file_text(json);
 }
 
 std::string report_text(const BenchmarkSubject& subject, const BenchmarkPlan& plan,

@@ -19,8 +19,7 @@ std::size_t write_tables(const Experiment& experiment, const std::vector<Experim
     write_text(output / json.at("provenance").at("uncommitted").at("diff").get<std::string>(),
                changes->diff);
   write_text(output / "results.csv", experiment_csv(json));
-  write_text(output / "results.json",
-             json.dump(2, ' ', false, Json::error_handler_t::replace) + "\n");
+  write_text(output / "results.json", file_text(json));
   write_text(output / "results.md", experiment_markdown(json));
   const Json& entries = json.at("runs");
   return std::size_t(std::count_if(entries.begin(), entries.end(),
