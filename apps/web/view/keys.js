@@ -3,7 +3,8 @@
 // keys.
 
 const fail = viewer => error => viewer.messages.fail(error);
-const toggled = (switches, name, off, on) => switches.set(name, switches.get(name) === on ? off : on);
+const toggled = (switches, name, off, on) =>
+  switches.set(name, switches.get(name) === on ? off : on);
 
 async function measurePsnr(viewer) {
   viewer.panels.tools.toggle(true);
@@ -11,66 +12,140 @@ async function measurePsnr(viewer) {
   await viewer.tools.picture.measure();
 }
 
-const FOR_CAMERAS = 'cameras';  // pages for visitors have none
+const FOR_CAMERAS = 'cameras'; // pages for visitors have none
 
 /// Groups of rows: what people see of the input, its effect, and what keys call with the viewer.
 /// Rows without keys are those of controls.js and of the browser. `visitors`: pages for visitors have
 /// it, too; `moves`: only where the scene moves.
-export const MOUSE = {title: 'Mouse', rows: [
-  ['drag', 'orbit; in fly mode, look around'], ['right button, drag', 'look around'], ['Shift or middle button, drag', 'pan'],
-  ['wheel', 'nearer, farther'], ['double click', 'orbit around this point'], ['click a camera', 'fly to it', FOR_CAMERAS],
-]};
-export const FINGERS = {title: 'Fingers', rows: [
-  ['one finger', 'orbit; in fly mode, look around'], ['two fingers', 'pan'], ['spread or pinch', 'nearer, farther'],
-  ['twist', 'roll'], ['double tap', 'orbit around this point'], ['tap a camera', 'fly to it', FOR_CAMERAS],
-]};
+export const MOUSE = {
+  title: 'Mouse',
+  rows: [
+    ['drag', 'orbit; in fly mode, look around'],
+    ['right button, drag', 'look around'],
+    ['Shift or middle button, drag', 'pan'],
+    ['wheel', 'nearer, farther'],
+    ['double click', 'orbit around this point'],
+    ['click a camera', 'fly to it', FOR_CAMERAS],
+  ],
+};
+export const FINGERS = {
+  title: 'Fingers',
+  rows: [
+    ['one finger', 'orbit; in fly mode, look around'],
+    ['two fingers', 'pan'],
+    ['spread or pinch', 'nearer, farther'],
+    ['twist', 'roll'],
+    ['double tap', 'orbit around this point'],
+    ['tap a camera', 'fly to it', FOR_CAMERAS],
+  ],
+};
 export const KEYS = [
-  {title: 'Keys that move the view', visitors: true, rows: [
-    ['W A S D', 'fly ahead, left, back, right'],
-    ['E Q', 'fly up, down'],
-    ['Shift with these', 'four times as fast'],
-    ['Alt + arrows', 'turn'],
-    ['O', 'orbit or fly', {o: ({switches}) => toggled(switches, 'navigation', 'orbit', 'fly')}],
-    ['L', 'level the horizon', {l: ({rig}) => rig.level()}],
-    ['U', 'swap up and down', {u: viewer => viewer.flipUp()}],
-    ['R', 'back to the first view', {r: viewer => viewer.reset()}],
-  ]},
-  {title: 'Cameras and photos', rows: [
-    ['← →', 'previous, next camera', {ArrowLeft: viewer => viewer.stepCamera(-1), ArrowRight: viewer => viewer.stepCamera(1)}],
-    ['N', 'nearest camera', {n: viewer => viewer.goToNearest()}],
-    ['F', 'show or hide the cameras', {f: ({switches}) => toggled(switches, 'frusta', false, true)}],
-    ['C', 'render, slider, blend, photo', {c: ({compare}) => compare.next()}],
-    ['X, held; Space, held', 'show the photo (Space: where nothing moves)'],
-    ['M', 'PSNR of the render against the photo', {m: viewer => measurePsnr(viewer).catch(fail(viewer))}],
-  ]},
-  {title: 'Picture and tools', rows: [
-    ['1 2 3', 'color, depth, normals', {
-      1: ({switches}) => switches.set('show', 'color'), 2: ({switches}) => switches.set('show', 'depth'),
-      3: ({switches}) => switches.set('show', 'normal')}],
-    ['4', 'colors: neutral, or as the photo', {4: ({hasLooks, switches}) => hasLooks && toggled(switches, 'colors', 'neutral', 'photo')}],
-    ['5', 'splats or points', {5: ({switches}) => switches.set('points', switches.get('points') ? 0 : 2)}],
-    ['K', 'save a screenshot', {k: viewer => viewer.tools.picture.take(1).catch(fail(viewer))}],
-    ['T', 'tools: picture, measure, crop, path', {t: ({panels}) => panels.tools.toggle()}],
-    ['V', 'add this view to the path', {v: ({tools}) => tools.path.add()}],
-    ['Back, Forward', 'the places that were jumped to'],
-  ]},
-  {title: 'Time, where the scene moves', visitors: true, moves: true, rows: [
-    ['Space', 'play, pause'],
-    [', .', 'a hundredth back, ahead', {',': ({player}) => player?.nudge(-1), '.': ({player}) => player?.nudge(1)}],
-    ['Home End', 'begin, end', {Home: ({player}) => player?.seek(0), End: ({player}) => player?.seek(1)}],
-    ['[ ]', 'slower, faster', {'[': ({player}) => player?.changeSpeed(-1), ']': ({player}) => player?.changeSpeed(1)}],
-    ['J', 'loop', {j: ({player}) => player?.setLoop(!player.loops)}],
-  ]},
-  {title: 'Page', rows: [
-    ['I', 'model panel', {i: ({panels}) => panels.model.toggle()}],
-    ['G', 'list of cameras', {g: ({panels}) => panels.cameras?.toggle()}],
-    ['P', 'settings', {p: ({panels}) => panels.settings.toggle()}],
-    ['H', 'hide everything but the picture', {h: viewer => viewer.setInterface(viewer.isBare)}],
-    ['?', 'this help', {'?': ({help}) => help.showModal()}],
-    ['Esc', 'close', {Escape: ({panels}) => Object.values(panels).forEach(panel => panel.toggle(false))}],
-  ]},
+  {
+    title: 'Keys that move the view',
+    visitors: true,
+    rows: [
+      ['W A S D', 'fly ahead, left, back, right'],
+      ['E Q', 'fly up, down'],
+      ['Shift with these', 'four times as fast'],
+      ['Alt + arrows', 'turn'],
+      ['O', 'orbit or fly', {o: ({switches}) => toggled(switches, 'navigation', 'orbit', 'fly')}],
+      ['L', 'level the horizon', {l: ({rig}) => rig.level()}],
+      ['U', 'swap up and down', {u: viewer => viewer.flipUp()}],
+      ['R', 'back to the first view', {r: viewer => viewer.reset()}],
+    ],
+  },
+  {
+    title: 'Cameras and photos',
+    rows: [
+      [
+        '← →',
+        'previous, next camera',
+        {ArrowLeft: viewer => viewer.stepCamera(-1), ArrowRight: viewer => viewer.stepCamera(1)},
+      ],
+      ['N', 'nearest camera', {n: viewer => viewer.goToNearest()}],
+      [
+        'F',
+        'show or hide the cameras',
+        {f: ({switches}) => toggled(switches, 'frusta', false, true)},
+      ],
+      ['C', 'render, slider, blend, photo', {c: ({compare}) => compare.next()}],
+      ['X, held; Space, held', 'show the photo (Space: where nothing moves)'],
+      [
+        'M',
+        'PSNR of the render against the photo',
+        {m: viewer => measurePsnr(viewer).catch(fail(viewer))},
+      ],
+    ],
+  },
+  {
+    title: 'Picture and tools',
+    rows: [
+      [
+        '1 2 3',
+        'color, depth, normals',
+        {
+          1: ({switches}) => switches.set('show', 'color'),
+          2: ({switches}) => switches.set('show', 'depth'),
+          3: ({switches}) => switches.set('show', 'normal'),
+        },
+      ],
+      [
+        '4',
+        'colors: neutral, or as the photo',
+        {4: ({hasLooks, switches}) => hasLooks && toggled(switches, 'colors', 'neutral', 'photo')},
+      ],
+      [
+        '5',
+        'splats or points',
+        {5: ({switches}) => switches.set('points', switches.get('points') ? 0 : 2)},
+      ],
+      ['K', 'save a screenshot', {k: viewer => viewer.tools.picture.take(1).catch(fail(viewer))}],
+      ['T', 'tools: picture, measure, crop, path', {t: ({panels}) => panels.tools.toggle()}],
+      ['V', 'add this view to the path', {v: ({tools}) => tools.path.add()}],
+      ['Back, Forward', 'the places that were jumped to'],
+    ],
+  },
+  {
+    title: 'Time, where the scene moves',
+    visitors: true,
+    moves: true,
+    rows: [
+      ['Space', 'play, pause'],
+      [
+        ', .',
+        'a hundredth back, ahead',
+        {',': ({player}) => player?.nudge(-1), '.': ({player}) => player?.nudge(1)},
+      ],
+      [
+        'Home End',
+        'begin, end',
+        {Home: ({player}) => player?.seek(0), End: ({player}) => player?.seek(1)},
+      ],
+      [
+        '[ ]',
+        'slower, faster',
+        {'[': ({player}) => player?.changeSpeed(-1), ']': ({player}) => player?.changeSpeed(1)},
+      ],
+      ['J', 'loop', {j: ({player}) => player?.setLoop(!player.loops)}],
+    ],
+  },
+  {
+    title: 'Page',
+    rows: [
+      ['I', 'model panel', {i: ({panels}) => panels.model.toggle()}],
+      ['G', 'list of cameras', {g: ({panels}) => panels.cameras?.toggle()}],
+      ['P', 'settings', {p: ({panels}) => panels.settings.toggle()}],
+      ['H', 'hide everything but the picture', {h: viewer => viewer.setInterface(viewer.isBare)}],
+      ['?', 'this help', {'?': ({help}) => help.showModal()}],
+      [
+        'Esc',
+        'close',
+        {Escape: ({panels}) => Object.values(panels).forEach(panel => panel.toggle(false))},
+      ],
+    ],
+  },
 ];
-const OF_ALL_PAGES = ['h', '?'];  // beside the groups for visitors, whose help is short
+const OF_ALL_PAGES = ['h', '?']; // beside the groups for visitors, whose help is short
 
 /// The groups that a page's help shows.
 export function shownGroups({visitors, moves}) {
@@ -92,10 +167,11 @@ function actionsOf({visitors}) {
 export function bindKeys(viewer) {
   const {controls, compare, player} = viewer;
   const actions = actionsOf(viewer.scene);
-  const types = target => target.closest?.('input:not([type=range]), select, textarea, dialog') !== null;
+  const types = target =>
+    target.closest?.('input:not([type=range]), select, textarea, dialog') !== null;
   addEventListener('keydown', event => {
     if (event.ctrlKey || event.metaKey || types(event.target)) return;
-    const isFlip = event.key.toLowerCase() === 'x' || event.key === ' ' && !player;
+    const isFlip = event.key.toLowerCase() === 'x' || (event.key === ' ' && !player);
     if (isFlip && !event.target.closest?.('button')) {
       compare.flip(true);
       return event.preventDefault();
@@ -108,7 +184,13 @@ export function bindKeys(viewer) {
     const ranges = event.target.closest?.('input[type=range]') && event.key.startsWith('Arrow');
     const steps = [',', '.'].includes(event.key);
     const act = actions[event.key.length === 1 ? event.key.toLowerCase() : event.key];
-    if (!act || event.repeat && !steps && !event.key.startsWith('Arrow') || ranges || event.altKey) return;
+    if (
+      !act ||
+      (event.repeat && !steps && !event.key.startsWith('Arrow')) ||
+      ranges ||
+      event.altKey
+    )
+      return;
     event.preventDefault();
     act(viewer);
   });
