@@ -139,20 +139,6 @@ if(GS_HAVE_CERES)
 endif()
 gs_report("Ceres" GS_WITH_CERES "${GS_HAVE_CERES}" "no cameras are refined (--refine-cameras) and no exposures solved for (--exposure)" "refines cameras and solves for exposures (--refine-cameras, --exposure)" libceres-dev)
 
-# Found through pkg-config, which knows the macros that the library was compiled with: its header
-# must see the same ones.
-if(GS_WITH_HTTPLIB)
-  find_package(PkgConfig QUIET)
-  if(PkgConfig_FOUND)
-    pkg_check_modules(gs_httplib QUIET IMPORTED_TARGET cpp-httplib>=0.11)
-  endif()
-endif()
-set(GS_HAVE_HTTPLIB FALSE)
-if(TARGET PkgConfig::gs_httplib)
-  set(GS_HAVE_HTTPLIB TRUE)
-endif()
-gs_report("cpp-httplib" GS_WITH_HTTPLIB "${GS_HAVE_HTTPLIB}" "tests of the viewer's server are left out")
-
 set(CMAKE_FIND_LIBRARY_SUFFIXES ${gs_library_suffixes})
 include(web)
 include(python)

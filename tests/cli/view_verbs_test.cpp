@@ -3,7 +3,6 @@
 // the model of a watched run.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
-#include <httplib.h>
 #include <signal.h>
 #include <sys/wait.h>
 
@@ -18,6 +17,7 @@
 #include "gs_core/system/text/json.h"
 #include "gs_model/formats/formats.h"
 #include "gs_model/formats/ply/ply.h"
+#include "tests/support/http_client.h"
 #include "tests/support/program.h"
 
 namespace gs {
@@ -43,12 +43,8 @@ class Started {
   ~Started() {
     if (process_ > 0) end(SIGKILL);
   }
-  /// Waits for two minutes: the server's threads have the lowest priority, so that on a busy machine
-  /// an answer takes longer than the five seconds that httplib waits.
-  httplib::Result get(const std::string& path) const {
-    httplib::Client client("127.0.0.1", port_);
-    client.set_read_timeout(std::chrono::minutes(2));
-    return client.Get(path);
+  std::optional<HttpGot> get(const std::string& path) const {
+    return gs::ask(port_, "GET " + path);
   }
   int port() const { return port_; }
   int end(int signal) {
@@ -176,8 +172,7 @@ class ControlledTrain : public Started {
     const std::string log = said(), mark = "#control=";
     const std::size_t at = log.find(mark);
     const std::string token = at == log.npos ? "" : log.substr(at + mark.size(), 32);
-    const auto answer = httplib::Client("127.0.0.1", port())
-                            .Post("/control?do=" + what, {{"X-Control-Token", token}}, "", "");
+    const auto answer = gs::ask(port(), "POST /control?do=" + what, {{"X-Control-Token", token}});
     return answer ? answer->status : 0;
   }
   /// The state once `is_so`.
