@@ -115,7 +115,7 @@ void SceneFolder::save() const {
   json["files"] = state_.files;
   json["work"] = state_.work;
   AtomicFile file(paths_.state());
-  file.write(json.dump(2, ' ', false, Json::error_handler_t::replace) + "\n");
+  file.write(file_text(json));
   file.commit();
 }
 

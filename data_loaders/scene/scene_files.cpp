@@ -15,6 +15,7 @@
 #include "gs_core/error.h"
 #include "gs_core/system/files/access.h"
 #include "gs_core/system/log.h"
+#include "gs_core/system/text/ascii.h"
 
 namespace gs {
 namespace {

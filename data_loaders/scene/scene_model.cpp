@@ -16,6 +16,7 @@
 #include "data_loaders/transforms/transforms_json.h"
 #include "gs_core/error.h"
 #include "gs_core/system/log.h"
+#include "gs_core/system/text/ascii.h"
 #include "gs_core/threads/parallel.h"
 
 namespace gs {
@@ -50,9 +51,7 @@ std::vector<std::string> separated(const std::string& names) {
   std::vector<std::string> result;
   std::istringstream stream(names);
   for (std::string name; std::getline(stream, name, ',');) {
-    name.erase(0, name.find_first_not_of(' '));
-    name.erase(name.find_last_not_of(' ') + 1);
-    if (!name.empty()) result.push_back(name);
+    if (const auto word = trimmed(name, " "); !word.empty()) result.emplace_back(word);
   }
   return result;
 }

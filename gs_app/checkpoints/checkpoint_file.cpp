@@ -437,6 +437,25 @@ void check(const std::filesystem::path& path, const Checkpoint& checkpoint) {
       cannot_read(path, fmt::format("a view is counted {} breakdowns; {}", strikes, kRemedy));
 }
 
+// What stands behind the texts.
+void read_views_and_arrays(const std::filesystem::path& path, CheckedReader& file,
+                           Checkpoint& checkpoint) {
+  checkpoint.scene.views = read_views(file);
+  checkpoint.state.progress.strikes = file.values<int>("strikes");
+  checkpoint.state.progress.view_order = file.values<std::uint32_t>("view_order");
+  const auto count = file.values<std::uint64_t>("gaussians");
+  const std::uint64_t kind = count.size() == 2 ? count[1] : 0;
+  for (const RemovedKind& removed : kRemovedKinds)
+    if (kind & removed.bit) refuse_removed(path, removed.what);
+  if (!(count.size() == 1 || (kind > 0 && is_kind(kind)))) file.damaged();
+  set_kind(checkpoint.state.model, kind);
+  if (kind & kHasTime) read_times(file, checkpoint.scene.views);
+  read_model(file, count[0], checkpoint.state.model);
+  if (kind & kHasPhotometric) read_photometric(path, file, checkpoint.state.model.photometric);
+  if (kind & kHasPoses) read_poses(file, checkpoint.state.model.poses);
+  file.finish();
+}
+
 }  // namespace
 
 SceneRecord::SceneRecord(const Scene& scene)
@@ -473,26 +492,13 @@ void write_checkpoint(const std::filesystem::path& path, const Config& config,
   file.commit();
 }
 
-Checkpoint read_checkpoint(const std::filesystem::path& path) {
+Checkpoint read_checkpoint(const std::filesystem::path& path, CheckpointPart part) {
   CheckedReader file(path, kKind);
   Checkpoint checkpoint;
   Contents contents;
   contents.about = file.text("about");
   contents.config = file.text("config");
-  checkpoint.scene.views = read_views(file);
-  checkpoint.state.progress.strikes = file.values<int>("strikes");
-  checkpoint.state.progress.view_order = file.values<std::uint32_t>("view_order");
-  const auto count = file.values<std::uint64_t>("gaussians");
-  const std::uint64_t kind = count.size() == 2 ? count[1] : 0;
-  for (const RemovedKind& removed : kRemovedKinds)
-    if (kind & removed.bit) refuse_removed(path, removed.what);
-  if (!(count.size() == 1 || (kind > 0 && is_kind(kind)))) file.damaged();
-  set_kind(checkpoint.state.model, kind);
-  if (kind & kHasTime) read_times(file, checkpoint.scene.views);
-  read_model(file, count[0], checkpoint.state.model);
-  if (kind & kHasPhotometric) read_photometric(path, file, checkpoint.state.model.photometric);
-  if (kind & kHasPoses) read_poses(file, checkpoint.state.model.poses);
-  file.finish();
+  if (part == CheckpointPart::whole) read_views_and_arrays(path, file, checkpoint);
   try {
     apply(path, contents, checkpoint);
   } catch (const UsageError& error) {  // whole, but with a setting that this version does not have

@@ -77,11 +77,6 @@ Json by_view(const Evaluation& evaluation) {
   return result;
 }
 
-// Names of photos need not be UTF-8.
-std::string text_of(const Json& json) {
-  return json.dump(2, ' ', false, Json::error_handler_t::replace) + "\n";
-}
-
 }  // namespace
 
 std::optional<std::size_t> peak_gpu_bytes([[maybe_unused]] Backend& backend) {
@@ -144,11 +139,11 @@ std::string results_json(const Results& results) {
       json["forecast_gpu_bytes"] = std::llround(*results.forecast_gpu_bytes);
     json["driver"] = gpu_driver();
   }
-  return text_of(json);
+  return file_text(json);
 }
 
 std::string per_view_json(const Results& results) {
-  return text_of({{"test", by_view(results.test)}, {"train", by_view(results.train)}});
+  return file_text(Json{{"test", by_view(results.test)}, {"train", by_view(results.train)}});
 }
 
 std::string evaluation_json(const Evaluation& evaluation, const std::string& model,
@@ -161,7 +156,7 @@ std::string evaluation_json(const Evaluation& evaluation, const std::string& mod
   json["version"] = kVersion;
   add_network(evaluation.lpips_source, json);
   json["views"] = by_view(evaluation);
-  return text_of(json);
+  return file_text(json);
 }
 
 std::string summary(const Evaluation& evaluation) {

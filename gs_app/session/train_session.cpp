@@ -132,7 +132,7 @@ SessionEnd TrainSession::run() {
 
 // Another process than 0: it takes the same steps of the same run, and writes nothing.
 SessionEnd TrainSession::follow() {
-  choose_run();
+  choose_run(CheckpointPart::whole);
   if (is_finished()) return SessionEnd::nothing_left;
   hooks_.use_threads(config_.train.threads);
   make_backend();
@@ -147,10 +147,10 @@ SessionEnd TrainSession::follow() {
 
 // ---- before the first step ---------------------------------------------------------------------
 
-void TrainSession::choose_run() {
+void TrainSession::choose_run(CheckpointPart part) {
   resumed_.reset();  // one checkpoint in memory at a time
   if (!request_.resume.empty())
-    resumed_ = find_resumed_run(request_.settings, request_.resume, request_.added_steps);
+    resumed_ = find_resumed_run(request_.settings, request_.resume, request_.added_steps, part);
   config_ = resumed_ ? resumed_->config : config_of_new_run();
   if (config_.eval.lpips != "none") config_.eval.lpips = absolute_path(config_.eval.lpips);
 }
@@ -176,12 +176,18 @@ std::vector<fs::path> TrainSession::inputs() const {
   return inputs;
 }
 
+// The settings, which name the folder, follow from the head of a checkpoint. Its arrays are read once
+// no other process changes the folder any more.
 void TrainSession::lock_folder() {
-  choose_run();
+  try {
+    choose_run(CheckpointPart::head);
+  } catch (const Error&) {
+    choose_run(CheckpointPart::whole);  // throws again, unless the head was damaged
+  }
   folder_.emplace(config_.model.output);
   check_is_folder(*folder_);
   lock_.emplace(OutputLock::of_folder(folder_->root()));
-  choose_run();  // again, since no other process changes the folder any more
+  choose_run(CheckpointPart::whole);
 }
 
 void TrainSession::check_output() const {

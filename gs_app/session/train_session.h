@@ -79,7 +79,7 @@ class TrainSession {
   SessionEnd follow();
 
   // Before the first step.
-  void choose_run();
+  void choose_run(CheckpointPart part);
   Config config_of_new_run() const;
   std::vector<std::filesystem::path> inputs() const;
   void lock_folder();

@@ -9,6 +9,7 @@
 #include "gs_core/bake_filter.h"
 #include "gs_core/error.h"
 #include "gs_core/system/byte_reader.h"
+#include "gs_core/system/text/ascii.h"
 #include "gs_model/formats/coding/compression.h"
 #include "gs_model/formats/coding/finite_rows.h"
 #include "gs_model/formats/csv.h"
@@ -116,9 +117,7 @@ const ModelFormat& format_named(std::string_view name) {
 }
 
 const ModelFormat* find_format(const Path& path) {
-  std::string name = path.filename().string();
-  std::transform(name.begin(), name.end(), name.begin(),
-                 [](unsigned char c) { return char(std::tolower(c)); });
+  const std::string name = lowercase(path.filename().string());
   for (const ModelFormat& format : read_formats())
     if (is_of_folder(format) ? name == format.ending : name.ends_with(format.ending))
       return &format;

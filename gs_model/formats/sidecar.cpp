@@ -122,7 +122,7 @@ fs::path sidecar_of(const fs::path& file) { return file.string() + ".transforms.
 
 void write_sidecar(const ExportedFile& exported) {
   AtomicFile file(sidecar_of(exported.file));
-  file.write(json_of(exported).dump(2, ' ', false, Json::error_handler_t::replace) + "\n");
+  file.write(file_text(json_of(exported)));
   file.commit();
 }
 

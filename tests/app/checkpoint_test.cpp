@@ -509,6 +509,19 @@ TEST_F(Checkpoints, ADamagedOneIsNamedSetAsideAndTheOlderOneTaken) {
   EXPECT_THAT(steps_in(path()), ElementsAre(5));
 }
 
+TEST_F(Checkpoints, TheHeadIsReadWithoutTheArraysAndNoFileIsRenamed) {
+  ASSERT_TRUE(save(folder(), 10, 1000));
+  const Checkpoint whole = read_checkpoint(file(10));
+  fs::resize_file(file(10), fs::file_size(file(10)) / 2);  // most of it is arrays
+  const Checkpoint head = read_checkpoint(file(10), CheckpointPart::head);
+  EXPECT_EQ(head.state.progress.step, 10);
+  EXPECT_EQ(to_toml(head.config), to_toml(whole.config));
+  EXPECT_EQ(head.state.model.count(), 0u);
+  EXPECT_TRUE(newest_checkpoint(path(), CheckpointPart::head));
+  EXPECT_TRUE(fs::exists(file(10)));
+  EXPECT_FALSE(newest_checkpoint(path()));
+}
+
 TEST_F(Checkpoints, WithoutAnyThereIsNone) {
   EXPECT_FALSE(folder().newest());
   write_bytes(path() / "step_x.ckpt", "not one");

@@ -174,7 +174,7 @@ ExportedTileset export_tileset(const GaussianModel& model, const TilesetRequest&
   TileWriter writer(request, placed_model);
   const Json json = tileset_of(request.georeference.origin, error, writer.write(root));
   AtomicFile file(request.folder / "tileset.json");
-  file.write(json.dump(2) + "\n");
+  file.write(file_text(json));
   file.commit();
   return writer.written();
 }

@@ -18,6 +18,7 @@
 #include "gs_core/system/files/atomic_file.h"
 #include "gs_core/system/files/output_lock.h"
 #include "gs_core/system/files/scratch_folder.h"
+#include "gs_core/system/text/ascii.h"
 #include "gs_core/system/text/json.h"
 #include "gs_model/formats/formats.h"
 #include "gs_model/formats/model_transform.h"
@@ -124,12 +125,7 @@ std::vector<std::uint8_t> bytes_of(const fs::path& file) {
 
 }  // namespace
 
-bool is_model_page(const fs::path& file) {
-  std::string ending = file.extension().string();
-  std::transform(ending.begin(), ending.end(), ending.begin(),
-                 [](unsigned char c) { return char(std::tolower(c)); });
-  return ending == ".html";
-}
+bool is_model_page(const fs::path& file) { return lowercase(file.extension().string()) == ".html"; }
 
 void check_model_page(const fs::path& file, bool force) {
   check_can_view();

@@ -12,6 +12,7 @@
 #include <fstream>
 
 #include "gs_core/error.h"
+#include "gs_core/system/files/access.h"
 #include "gs_core/system/files/move_aside.h"
 
 namespace gs {
@@ -21,11 +22,6 @@ namespace fs = std::filesystem;
 
 constexpr std::string_view kWorkFolder = ".gemsplat-";
 constexpr std::size_t kRandomLetters = 6;  // of mkdtemp
-
-bool is_there(const fs::path& path) {
-  std::error_code ignored;
-  return fs::symlink_status(path, ignored).type() != fs::file_type::not_found;
-}
 
 bool stays_inside(const std::string& name) {
   const fs::path path(name);
