@@ -205,7 +205,7 @@ A file that is there already is refused (UsageError), or with replace=True kept 
   module.def("load", load_model, py::call_guard<py::gil_scoped_release>(), py::arg("path"),
              py::arg("step") = py::none(),
              R"(Reads the model of a file (ply, csv, glb, compressed.ply, spz, sog, rad, splat,
-ksplat, gs4d), of a folder of SOG files, or of a run's folder: the newest one, or that after `step`. Values stay as they are in the file, also NaN and infinity.)");
+gs4d), of a folder of SOG files, or of a run's folder: the newest one, or that after `step`. Values stay as they are in the file, also NaN and infinity.)");
 }
 
 }  // namespace gs::python

@@ -22,6 +22,7 @@ struct Foreign {
 
 constexpr Foreign kEndings[] = {
     {".lcc", "an .lcc scene of XGRIDS", kConvert},
+    {".ksplat", "a .ksplat file of GaussianSplats3D", kConvert},
     {".splatv", "a .splatv file of moving Gaussians", "train one moment and name its .ply"},
     {".pth", "a checkpoint of a PyTorch trainer", "let that trainer export a .ply"},
     {".pt", "a checkpoint of a PyTorch trainer", "let that trainer export a .ply"},

@@ -15,7 +15,6 @@
 #include "gs_model/formats/foreign_files.h"
 #include "gs_model/formats/glb/glb.h"
 #include "gs_model/formats/gs4d/gs4d.h"
-#include "gs_model/formats/ksplat.h"
 #include "gs_model/formats/lod/rad.h"
 #include "gs_model/formats/lod/streamed_sog.h"
 #include "gs_model/formats/ply/compressed_ply.h"
@@ -65,9 +64,7 @@ const std::vector<ModelFormat>& read_formats() {
       {"streamed sog", kLodMeta, "levels of detail as SOG", false, false, kPlyAxes, Holds::still,
        read_streamed_sog, nullptr, require_for_sog},
       {"sog folder", "meta.json", "SOG, unpacked", false, false, kPlyAxes, Holds::still,
-       read_sog_folder, nullptr, require_for_sog},
-      {"ksplat", ".ksplat", "floats or halves in buckets, SH up to degree 2", false, false,
-       kPlyAxes, Holds::still, read_ksplat, nullptr, require_nothing}};
+       read_sog_folder, nullptr, require_for_sog}};
   return kFormats;
 }
 

@@ -55,8 +55,8 @@ std::string format_names();
 /// The format of a name such as "spz". Throws UsageError with a list for an unknown name.
 const ModelFormat& format_named(std::string_view name);
 /// The format that a file name's ending stands for, in upper or lower case; null if there is none.
-/// It may be one that is only read, and that model_formats() lacks: .ksplat, and meta.json and
-/// lod-meta.json, which stand for folders of files.
+/// It may be one that is only read, and that model_formats() lacks: meta.json or lod-meta.json,
+/// which stand for folders of files.
 const ModelFormat* find_format(const std::filesystem::path& path);
 /// The same for a file to write. Throws UsageError with a list of the endings.
 const ModelFormat& format_to_write(const std::filesystem::path& path);

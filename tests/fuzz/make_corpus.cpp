@@ -19,7 +19,6 @@
 #include "tests/support/avi_writer.h"
 #include "tests/support/colmap_writer.h"
 #include "tests/support/glb_parts.h"
-#include "tests/support/ksplat_writer.h"
 #include "tests/support/lpips_file.h"
 #include "tests/support/models.h"
 #include "tests/support/random_model.h"
@@ -65,12 +64,6 @@ std::string unpacked_sog(const std::string& archive) {
   return joined(parts);
 }
 
-/// What the headers of two sections say, and the data, as ksplat.cpp unpacks them.
-std::string packed_ksplat(const std::string& file) {
-  return "#\2" + file.substr(0, 44) + file.substr(4096, 42) + file.substr(4096 + 1024, 42) +
-         file.substr(4096 + 2048);
-}
-
 void write_networks() {
   for (const char* network : {"alex", "vgg"})
     write_seed("lpips/"s + network, safetensors_bytes(patterned_network(network, {1, 1, 1, 1, 1})));
@@ -94,11 +87,6 @@ void write_models() {
   write_seed("glb/nodes", in_parts(glb));
   const std::string draft = "KHR_gaussian_splatting_compression_spz_2";
   write_seed("glb/spz", in_parts(glb_with_spz(bytes_of("a.spz", model), draft, true)));
-  for (const unsigned level : {0u, 1u, 2u})
-    write_seed(
-        "ksplat/level_" + std::to_string(level),
-        packed_ksplat(ksplat_bytes(random_model(6, 1), {.level = level, .rows_per_section = 5})));
-  write_seed("ksplat/file", ksplat_bytes(flat, {}));
   write_seed("gs4d/model", bytes_of("a.gs4d", random_moving_model(3, 1)));
   write_seed("spz/version_3", bytes_of("a.spz", model));
   write_seed("spz/version_4", bytes_of("a.spz", model, {4}));

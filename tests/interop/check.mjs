@@ -3,8 +3,7 @@
 //   1. A random model is exported to every format. splat-transform reads each file but .glb and .csv;
 //      the result is compared with the model, and with what gemsplat reads from the file.
 //   2. gemsplat reads the files that splat-transform writes of the same model.
-//   3. gemsplat and splat-transform read .ksplat files of GaussianSplats3D, at each level.
-//   4. The .glb is parsed as glTF 2.0 and KHR_gaussian_splatting specify, compared with the model and
+//   3. The .glb is parsed as glTF 2.0 and KHR_gaussian_splatting specify, compared with the model and
 //      with the .glb of splat-transform, and given to gltf-validator.
 import {execFileSync} from 'node:child_process';
 import {createRequire} from 'node:module';
@@ -142,38 +141,6 @@ for (const ending of ['.ply', '.compressed.ply', '.spz', '.4.spz', '.sog']) {
          byCell(readCsv(`${written}.theirs.csv`)), agreement);
 }
 
-// --- .ksplat, which has SH of degree 2 at most
-
-// A .csv with 8 coefficients a channel, in the columns of one with 15.
-function readCsvOfDegree2(path) {
-  const text = readFileSync(path, 'utf8').trim().split('\n').map(line => line.split(',')), [head] = text;
-  head.forEach((name, i) => {
-    const k = Number(name.match(/^f_rest_(\d+)$/)?.[1] ?? -1);
-    if (k >= 0) head[i] = `f_rest_${kRestPerChannel * Math.floor(k / 8) + k % 8}`;
-  });
-  writeFileSync(path, text.join('\n'));
-  return readCsv(path);
-}
-
-async function checkKsplat() {
-  const {PlyParser, SplatBufferGenerator} = await import(join(packages, '@mkkellogg/gaussian-splats-3d/build/gaussian-splats-3d.module.js'));
-  const ply = readFileSync(file('model.ply'));
-  const splats = PlyParser.parseToUncompressedSplatArray(ply.buffer.slice(ply.byteOffset, ply.byteOffset + ply.length), 2);
-  for (const level of [0, 1, 2]) {
-    const written = file(`theirs.${level}.ksplat`);
-    writeFileSync(written, Buffer.from(SplatBufferGenerator.getStandardGenerator(1, level).generateFromUncompressedSplatArray(splats).bufferData));
-    ours(written, `${written}.ours.csv`);
-    theirs(written, `${written}.theirs.csv`);
-    const read = readCsvOfDegree2(`${written}.ours.csv`);
-    // It rounds bytes downwards. A position has 65535 steps in 5 units, and SH of level 2 have 255 in their range.
-    report(`GaussianSplats3D's .ksplat of level ${level}`, read, reference, {position: level ? 1e-4 : 0, sh0: 0.0145, shRest: [0, 3e-4, 0.005][level], opacity: 0.004,
-                                                                            scale: level ? 1e-3 : 1e-6, angle: 3e-3}, false);
-    // splat-transform reads small halves otherwise; our rotations are those of the model to 0.0009, as the line before says.
-    report(`GaussianSplats3D's .ksplat of level ${level}, read by us and by splat-transform`, read, byCell(readCsvOfDegree2(`${written}.theirs.csv`)),
-           {...agreement, angle: level ? 0.08 : agreement.angle}, false);
-  }
-}
-
 // --- .glb
 
 const kExtension = 'KHR_gaussian_splatting';
@@ -262,7 +229,6 @@ async function validateGlb() {
   for (const issue of others) check(false, `gltf-validator: ${issue.code} ${issue.message} ${issue.pointer}`);
 }
 
-await checkKsplat();
 checkGlb();
 await validateGlb();
 console.log(failures ? `${failures} checks failed` : 'all formats agree');

@@ -397,6 +397,8 @@ TEST_F(Formats, FilesOfOtherProgramsAreNamedWithARemedy) {
   };
   EXPECT_THAT(error_reading("a.lcc", "any bytes"),
               AllOf(HasSubstr("an .lcc scene"), HasSubstr("convert it to .ply")));
+  EXPECT_THAT(error_reading("a.ksplat", std::string("\0\1", 2)),
+              AllOf(HasSubstr("a .ksplat file"), HasSubstr("splat-transform")));
   EXPECT_THAT(error_reading("point_cloud.ply", std::string("PK\x03\x04 a zip")),
               AllOf(HasSubstr("a zip file, as .sog files are"), HasSubstr("ends in .sog")));
   EXPECT_THAT(error_reading("a.model", "NGSP"), HasSubstr("ends in .spz"));
