@@ -42,7 +42,7 @@ void check_mergeable(const NamedModel& a, const NamedModel& b, const MergeOption
       [](const NamedModel& with) {
         return fmt::format(
             "put the filter into scales and opacities first: gemsplat export {} "
-            "plain.csv",
+            "plain.glb",
             with.name);
       });
   if (options.antialiased) return;

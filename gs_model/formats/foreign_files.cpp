@@ -21,6 +21,7 @@ struct Foreign {
 };
 
 constexpr Foreign kEndings[] = {
+    {".csv", "a table", "give the columns that numpy.loadtxt reads to gemsplat.Model"},
     {".lcc", "an .lcc scene of XGRIDS", kConvert},
     {".ksplat", "a .ksplat file of GaussianSplats3D", kConvert},
     {".splatv", "a .splatv file of moving Gaussians", "train one moment and name its .ply"},

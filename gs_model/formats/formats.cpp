@@ -11,7 +11,6 @@
 #include "gs_core/system/byte_reader.h"
 #include "gs_model/formats/coding/compression.h"
 #include "gs_model/formats/coding/finite_rows.h"
-#include "gs_model/formats/csv.h"
 #include "gs_model/formats/foreign_files.h"
 #include "gs_model/formats/glb/glb.h"
 #include "gs_model/formats/gs4d/gs4d.h"
@@ -61,39 +60,43 @@ void require_for_sog(const ExportOptions&) { require_webp(); }
 // whole name counts. export --lod writes the first.
 const std::vector<ModelFormat>& read_formats() {
   static const std::vector<ModelFormat> kFormats = {
-      {"streamed sog", kLodMeta, "levels of detail as SOG", false, false, kPlyAxes, Holds::still,
+      {"streamed sog", kLodMeta, "levels of detail as SOG", false, kPlyAxes, Holds::still,
        read_streamed_sog, nullptr, require_for_sog},
-      {"sog folder", "meta.json", "SOG, unpacked", false, false, kPlyAxes, Holds::still,
-       read_sog_folder, nullptr, require_for_sog}};
+      {"sog folder", "meta.json", "SOG, unpacked", false, kPlyAxes, Holds::still, read_sog_folder,
+       nullptr, require_for_sog}};
   return kFormats;
 }
 
 bool is_of_folder(const ModelFormat& format) { return !format.ending.starts_with('.'); }
 
+// What takes the place of formats that gemsplat wrote once.
+std::string_view instead_of(std::string_view name) {
+  return name.ends_with("csv") ? "numpy.savetxt makes a table of the arrays of gemsplat.load(MODEL)"
+                               : kOtherOutputs;
+}
+
 }  // namespace
 
 const std::vector<ModelFormat>& model_formats() {
-  constexpr bool kLossless = true, kLossy = false, kAddsOffset = true, kNoOffset = false;
+  constexpr bool kLossless = true, kLossy = false;
   static const std::vector<ModelFormat> kFormats = {
-      {"ply", ".ply", "everything, as floats", kLossless, kNoOffset, kPlyAxes, Holds::both,
-       read_gaussian_ply, without_options<write_gaussian_ply>, require_nothing},
-      {"csv", ".csv", "everything, as text", kLossless, kAddsOffset, kPlyAxes, Holds::still,
-       read_csv, without_options<write_csv>, require_nothing},
-      {"glb", ".glb", "everything, as floats after activation", kLossy, kNoOffset, kHalfTurnZ,
-       Holds::still, read_glb, without_options<write_glb>, require_nothing},
+      {"ply", ".ply", "everything, as floats", kLossless, kPlyAxes, Holds::both, read_gaussian_ply,
+       without_options<write_gaussian_ply>, require_nothing},
+      {"glb", ".glb", "everything, as floats after activation", kLossy, kHalfTurnZ, Holds::still,
+       read_glb, without_options<write_glb>, require_nothing},
       {"compressed.ply", ".compressed.ply", "fractions of the range of 256 neighbors", kLossy,
-       kNoOffset, kPlyAxes, Holds::still, read_gaussian_ply, without_options<write_compressed_ply>,
+       kPlyAxes, Holds::still, read_gaussian_ply, without_options<write_compressed_ply>,
        require_nothing},
-      {"spz", ".spz", "bytes, positions in 24 bits, compressed", kLossy, kNoOffset, kHalfTurnX,
-       Holds::still, read_spz, write_spz_version, require_for_spz},
-      {"sog", ".sog", "codebooks and a palette of SH, compressed", kLossy, kNoOffset, kPlyAxes,
-       Holds::still, read_sog, without_options<write_sog>, require_for_sog},
-      {"rad", ".rad", "a tree of levels of detail, floats of 16 bits, compressed", kLossy,
-       kNoOffset, kPlyAxes, Holds::still, read_rad, write_rad_with, require_for_rad},
-      {"splat", ".splat", "bytes, no SH beyond degree 0", kLossy, kNoOffset, kPlyAxes, Holds::still,
+      {"spz", ".spz", "bytes, positions in 24 bits, compressed", kLossy, kHalfTurnX, Holds::still,
+       read_spz, write_spz_version, require_for_spz},
+      {"sog", ".sog", "codebooks and a palette of SH, compressed", kLossy, kPlyAxes, Holds::still,
+       read_sog, without_options<write_sog>, require_for_sog},
+      {"rad", ".rad", "a tree of levels of detail, floats of 16 bits, compressed", kLossy, kPlyAxes,
+       Holds::still, read_rad, write_rad_with, require_for_rad},
+      {"splat", ".splat", "bytes, no SH beyond degree 0", kLossy, kPlyAxes, Holds::still,
        read_splat, without_options<write_splat>, require_nothing},
-      {"gs4d", ".gs4d", "motion in chunks in the order of time, for the web", kLossy, kNoOffset,
-       kPlyAxes, Holds::moving, read_gs4d, write_gs4d_with, require_nothing},
+      {"gs4d", ".gs4d", "motion in chunks in the order of time, for the web", kLossy, kPlyAxes,
+       Holds::moving, read_gs4d, write_gs4d_with, require_nothing},
   };
   return kFormats;
 }
@@ -109,7 +112,7 @@ const ModelFormat& format_named(std::string_view name) {
   for (const ModelFormat& format : model_formats())
     if (format.name == name || format.ending == name) return format;
   throw UsageError(fmt::format("gemsplat knows no format {}; it has {}; {}", name, format_names(),
-                               kOtherOutputs));
+                               instead_of(name)));
 }
 
 const ModelFormat* find_format(const Path& path) {
@@ -141,7 +144,7 @@ const ModelFormat& format_to_write(const Path& path) {
   const std::string ending = path.extension().string();
   throw UsageError(fmt::format("{}: gemsplat does not write {}; it writes {}; {}", path.string(),
                                ending.empty() ? "files without an ending" : ending, endings,
-                               kOtherOutputs));
+                               instead_of(ending)));
 }
 
 Path model_in_folder(const Path& folder) {

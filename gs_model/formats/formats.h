@@ -37,7 +37,6 @@ struct ModelFormat {
   std::string_view ending;  // of file names: ".spz"
   std::string_view holds;   // in a few words
   bool is_lossless;         // reading gives the same bits again, SH degree included
-  bool adds_world_offset;   // positions are mean + world_offset, in double precision
   AxisSigns signs;          // of the file's axes relative to the PLY's
   Holds gaussians;          // with time, without, or both
   GaussianModel (*read)(const std::filesystem::path&);  // null: gemsplat only writes it
@@ -49,7 +48,7 @@ struct ModelFormat {
 /// All formats that gemsplat writes, in the order in which people see them.
 const std::vector<ModelFormat>& model_formats();
 
-/// The names of all formats: "ply, csv, ..."
+/// The names of all formats: "ply, glb, ..."
 std::string format_names();
 
 /// The format of a name such as "spz". Throws UsageError with a list for an unknown name.

@@ -439,7 +439,7 @@ TEST_F(Edit, ALowerShDegreeMakesTheFileSmallerAndAHigherOneIsRefused) {
 
 TEST_F(Edit, TheSidecarLeadsBackThroughSeveralEdits) {
   const TempFolder folder;
-  for (const char* ending : {".ply", ".csv", ".glb"})
+  for (const char* ending : {".ply", ".glb"})
     for (const Vec3d& offset : {Vec3d(0.0), kUtm}) {
       EditSession s = typical(offset);
       s.model.model.antialiased = true;
@@ -454,7 +454,7 @@ TEST_F(Edit, TheSidecarLeadsBackThroughSeveralEdits) {
       export_model(s.model.model, request);
       s.model = model_to_edit(open_model(first, {}));
       EXPECT_NEAR(length(in_photos_frame(s.model, 7) - before), 0, 1e-3) << ending << offset.x;
-      EXPECT_TRUE(s.model.model.antialiased);  // no column of a .csv says so
+      EXPECT_TRUE(s.model.model.antialiased);
       apply(s, "move", "1,2,3");
       request = {second};
       request.input_from_model = s.model.input_from_model;
@@ -575,7 +575,7 @@ TEST_F(Edit, ModelsThatCannotBeOneAreRefusedWithARemedy) {
   EXPECT_THAT(refusal({in_spacetime(plain(), 3), 3}),
               AllOf(HasSubstr("b.ply holds Gaussians in space and time, and a.ply 3D Gaussians"),
                     HasSubstr("gemsplat edit b.ply --time 0.5")));
-  EXPECT_THAT(refusal({with_filters(plain(), 3), 3}), HasSubstr("gemsplat export b.ply plain.csv"));
+  EXPECT_THAT(refusal({with_filters(plain(), 3), 3}), HasSubstr("gemsplat export b.ply plain.glb"));
   EXPECT_THAT(refusal({plain(), 3, true, true}), HasSubstr("--antialiased yes"));
 }
 

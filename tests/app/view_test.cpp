@@ -208,7 +208,7 @@ TEST_F(View, ThePageHasTheBytesOfItsFileAndIsNeverKept) {
 
 TEST_F(View, OtherFormatsAreServedAsTheyAreOrAsAPly) {
   ASSERT_EQ(train("out").code, 0);
-  ASSERT_EQ(run("export " + text("out") + " " + text("a.spz") + " " + text("b.csv") + " " +
+  ASSERT_EQ(run("export " + text("out") + " " + text("a.spz") + " " + text("b.glb") + " " +
                 text("c.compressed.ply"))
                 .code,
             0);
@@ -220,13 +220,13 @@ TEST_F(View, OtherFormatsAreServedAsTheyAreOrAsAPly) {
             SortedJson({1, 0, 0, 0, 0, -1, 0, 0, 0, 0, -1, 0, 0, 0, 0, 1}));
   EXPECT_EQ(serve("c.compressed.ply").get("/model")->body, read_bytes(path("c.compressed.ply")));
 
-  const Served csv = serve("b.csv");
-  EXPECT_EQ(csv.json("/scene.json").at("model").at("format"), "ply");
-  EXPECT_EQ(csv.json("/scene.json").at("model").at("name"), "b.csv");
-  write_bytes(path("d.ply"), csv.get("/model")->body);
+  const Served glb = serve("b.glb");
+  EXPECT_EQ(glb.json("/scene.json").at("model").at("format"), "ply");
+  EXPECT_EQ(glb.json("/scene.json").at("model").at("name"), "b.glb");
+  write_bytes(path("d.ply"), glb.get("/model")->body);
   EXPECT_EQ(read_gaussian_ply(path("d.ply")).gaussians.count(),
             read_gaussian_ply(ply()).gaussians.count());
-  EXPECT_THAT(csv.json("/scene.json").at("cameras"), IsEmpty());
+  EXPECT_THAT(glb.json("/scene.json").at("cameras"), IsEmpty());
 }
 
 TEST_F(View, AnAsciiPlyIsMadeBinary) {

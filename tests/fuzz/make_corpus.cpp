@@ -73,8 +73,7 @@ void write_models() {
   const GaussianModel model = random_model(3, 1), flat = random_model(3, 0);
   write_seed("ply/binary", bytes_of("a.ply", model));
   write_seed("ply/compressed", bytes_of("a.compressed.ply", model));
-  write_seed("tables/csv", bytes_of("a.csv", flat));
-  write_seed("tables/splat", bytes_of("a.splat", flat));
+  write_seed("splat/file", bytes_of("a.splat", flat));
   write_seed("glb/file", bytes_of("a.glb", random_model(2, 0)));
   const auto in_parts = [](const GlbParts& parts) {
     return joined({parts.json.dump(), parts.binary});

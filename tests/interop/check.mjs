@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Compares our exports with the readers of other programs. node check.mjs PROGRAM FOLDER
-//   1. A random model is exported to every format. splat-transform reads each file but .glb and .csv;
+//   1. A random model is exported to every format. splat-transform reads each file but .glb;
 //      the result is compared with the model, and with what gemsplat reads from the file.
 //   2. gemsplat reads the files that splat-transform writes of the same model.
 //   3. The .glb is parsed as glTF 2.0 and KHR_gaussian_splatting specify, compared with the model and
@@ -51,6 +51,14 @@ function writePly(path, rows) {
   const header = `ply\nformat binary_little_endian 1.0\nelement vertex ${rows.length}\n` +
       names.map(name => `property float ${name}\n`).join('') + 'end_header\n';
   writeFileSync(path, Buffer.concat([Buffer.from(header), Buffer.from(Float32Array.from(rows.flat()).buffer)]));
+}
+
+// Of the columns of writePly(), in the same order.
+function readPly(path) {
+  const bytes = readFileSync(path), end = bytes.indexOf('end_header\n') + 11;
+  const properties = [...bytes.toString('latin1', 0, end).matchAll(/^property float (\w+)$/gm)].map(([, name]) => name);
+  const values = new Float32Array(Uint8Array.prototype.slice.call(bytes, end).buffer), columns = names.map(name => properties.indexOf(name));
+  return Array.from({length: values.length / properties.length}, (_, i) => columns.map(c => c < 0 ? undefined : values[i * properties.length + c]));
 }
 
 function readCsv(path) {
@@ -117,18 +125,16 @@ mkdirSync(folder, {recursive: true});
 const rows = Array.from({length: kCount}, (_, i) => randomRow(i));
 const reference = byCell(rows);
 writePly(file('model.ply'), rows);
-ours(file('model.ply'), file('ours.csv'));
-report('our .csv', readCsv(file('ours.csv')), reference, exact);
 
 for (const [ending, tolerance] of Object.entries(tolerances)) {
   const version = ending === '.4.spz' ? ['--spz-version', '4'] : [];
   const written = file(`ours${ending}`);
   ours(file('model.ply'), written, ...version);
   theirs(written, `${written}.theirs.csv`);
-  ours(written, `${written}.ours.csv`);
+  ours(written, `${written}.ours.ply`);
   const seen = readCsv(`${written}.theirs.csv`);
   report(`our ${ending}, read by splat-transform`, seen, reference, tolerance, ending !== '.splat');
-  report(`our ${ending}, read by us and by splat-transform`, readCsv(`${written}.ours.csv`), byCell(seen),
+  report(`our ${ending}, read by us and by splat-transform`, readPly(`${written}.ours.ply`), byCell(seen),
          ending === '.splat' ? {...agreement, angle: 0.02} : agreement, ending !== '.splat');
 }
 
@@ -136,8 +142,8 @@ for (const ending of ['.ply', '.compressed.ply', '.spz', '.4.spz', '.sog']) {
   const written = file(`theirs${ending}`);
   theirs(...(ending === '.spz' ? ['--spz-version', '3'] : []), file('model.ply'), written);
   theirs(written, `${written}.theirs.csv`);
-  ours(written, `${written}.ours.csv`);
-  report(`splat-transform's ${ending}, read by us and by itself`, readCsv(`${written}.ours.csv`),
+  ours(written, `${written}.ours.ply`);
+  report(`splat-transform's ${ending}, read by us and by itself`, readPly(`${written}.ours.ply`),
          byCell(readCsv(`${written}.theirs.csv`)), agreement);
 }
 
@@ -200,8 +206,8 @@ function checkGlb() {
       check(Math.fround(value) === Math[bound](...column), `glb: POSITION.${bound}`);
     });
   theirs(file('model.ply'), file('theirs.glb'));
-  ours(file('theirs.glb'), file('theirs.glb.ours.csv'));
-  report('splat-transform\'s .glb, read by us', readCsv(file('theirs.glb.ours.csv')), reference, {...exact, opacity: 1e-6, scale: 1e-5});
+  ours(file('theirs.glb'), file('theirs.glb.ours.ply'));
+  report('splat-transform\'s .glb, read by us', readPly(file('theirs.glb.ours.ply')), reference, {...exact, opacity: 1e-6, scale: 1e-5});
   const other = parseGlb(file('theirs.glb')).attributes;
   let differing = 0, largest = 0;
   for (const [name, {values}] of Object.entries(attributes)) {
