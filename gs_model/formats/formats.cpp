@@ -15,7 +15,6 @@
 #include "gs_model/formats/glb/glb.h"
 #include "gs_model/formats/gs4d/gs4d.h"
 #include "gs_model/formats/lod/rad.h"
-#include "gs_model/formats/lod/streamed_sog.h"
 #include "gs_model/formats/ply/compressed_ply.h"
 #include "gs_model/formats/ply/ply.h"
 #include "gs_model/formats/sog/sog.h"
@@ -56,23 +55,20 @@ void require_for_spz(const ExportOptions& options) {
 void require_for_rad(const ExportOptions&) { require_zlib(); }
 void require_for_sog(const ExportOptions&) { require_webp(); }
 
-// Files that gemsplat only reads, and the names of files that stand for a folder, of which the
-// whole name counts. export --lod writes the first.
-const std::vector<ModelFormat>& read_formats() {
-  static const std::vector<ModelFormat> kFormats = {
-      {"streamed sog", kLodMeta, "levels of detail as SOG", false, kPlyAxes, Holds::still,
-       read_streamed_sog, nullptr, require_for_sog},
-      {"sog folder", "meta.json", "SOG, unpacked", false, kPlyAxes, Holds::still, read_sog_folder,
-       nullptr, require_for_sog}};
-  return kFormats;
-}
-
-bool is_of_folder(const ModelFormat& format) { return !format.ending.starts_with('.'); }
+// A folder of files that gemsplat only reads. Its ending is the whole name of the file that stands
+// for the folder.
+const ModelFormat kSogFolder = {"sog folder",    "meta.json", "SOG, unpacked",
+                                false,           kPlyAxes,    Holds::still,
+                                read_sog_folder, nullptr,     require_for_sog};
+constexpr std::string_view kLodMeta = "lod-meta.json";  // of a streamed SOG
 
 // What takes the place of formats that gemsplat wrote once.
 std::string_view instead_of(std::string_view name) {
-  return name.ends_with("csv") ? "numpy.savetxt makes a table of the arrays of gemsplat.load(MODEL)"
-                               : kOtherOutputs;
+  if (name.ends_with("csv")) return "numpy.savetxt makes a table of the arrays of gemsplat.load()";
+  if (name == kLodMeta)
+    return "a .rad has levels of detail, too, and splat-transform makes a streamed SOG of .ply "
+           "files";
+  return kOtherOutputs;
 }
 
 }  // namespace
@@ -119,9 +115,7 @@ const ModelFormat* find_format(const Path& path) {
   std::string name = path.filename().string();
   std::transform(name.begin(), name.end(), name.begin(),
                  [](unsigned char c) { return char(std::tolower(c)); });
-  for (const ModelFormat& format : read_formats())
-    if (is_of_folder(format) ? name == format.ending : name.ends_with(format.ending))
-      return &format;
+  if (name == kSogFolder.ending) return &kSogFolder;
   const ModelFormat* longest = nullptr;
   for (const ModelFormat& format : model_formats())
     if (name.ends_with(format.ending) &&
@@ -133,25 +127,22 @@ const ModelFormat* find_format(const Path& path) {
 const ModelFormat& format_to_write(const Path& path) {
   const ModelFormat* const found = find_format(path);
   if (found && found->write) return *found;
-  if (found && is_of_folder(*found))
-    throw UsageError(fmt::format(
-        "{}: a {} is a folder of files; name the folder, and add --lod to write levels of detail "
-        "into it, or choose .sog for one file",
-        path.string(), found->name));
+  if (found)
+    throw UsageError(fmt::format("{}: gemsplat writes no {}; choose .sog, which is one file",
+                                 path.string(), found->name));
   std::string endings;
   for (const ModelFormat& format : model_formats())
     endings += (endings.empty() ? "" : ", ") + std::string(format.ending);
   const std::string ending = path.extension().string();
   throw UsageError(fmt::format("{}: gemsplat does not write {}; it writes {}; {}", path.string(),
                                ending.empty() ? "files without an ending" : ending, endings,
-                               instead_of(ending)));
+                               instead_of(path.filename().string())));
 }
 
 Path model_in_folder(const Path& folder) {
   std::error_code ignored;
-  for (const ModelFormat& format : read_formats())
-    if (is_of_folder(format) && fs::is_regular_file(folder / format.ending, ignored))
-      return folder / format.ending;
+  for (const std::string_view name : {kSogFolder.ending, kLodMeta})
+    if (fs::is_regular_file(folder / name, ignored)) return folder / name;
   return {};
 }
 

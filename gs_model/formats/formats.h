@@ -54,8 +54,8 @@ std::string format_names();
 /// The format of a name such as "spz". Throws UsageError with a list for an unknown name.
 const ModelFormat& format_named(std::string_view name);
 /// The format that a file name's ending stands for, in upper or lower case; null if there is none.
-/// It may be one that is only read, and that model_formats() lacks: meta.json or lod-meta.json,
-/// which stand for folders of files.
+/// It may be one that is only read, and that model_formats() lacks: meta.json, which stands for a
+/// folder of SOG files.
 const ModelFormat* find_format(const std::filesystem::path& path);
 /// The same for a file to write. Throws UsageError with a list of the endings.
 const ModelFormat& format_to_write(const std::filesystem::path& path);
@@ -65,7 +65,8 @@ bool holds(const ModelFormat& format, bool has_time);
 /// Throws UsageError where they cannot. The message begins with `file` and names formats that can.
 void check_holds(const ModelFormat& format, bool has_time, std::string_view file);
 
-/// The file that a folder of SOG files is read by, lod-meta.json or meta.json; empty for others.
+/// The file that a folder of SOG files is read by, meta.json (or lod-meta.json, which read_model()
+/// refuses with a remedy); empty for others.
 std::filesystem::path model_in_folder(const std::filesystem::path& folder);
 
 /// Reads trained Gaussians in the format of the file's name, or of the file in a folder that

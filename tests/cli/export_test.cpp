@@ -282,7 +282,6 @@ TEST_F(Export, AFolderThatHoldsWhatIsReadIsNotMoved) {
     EXPECT_FALSE(fs::exists(path("scene.bak-1")) || fs::exists(path("tx.bak-1"))) << more;
   };
   is_refused(text("scene/"));  // the run's scene, which says where it stands
-  is_refused(text("scene") + " --lod");
   fs::create_directories(path("tx"));
   fs::copy(path("scene/georef.json"), path("tx/georef.json"));
   is_refused(text("tx/") + " --georef " + text("tx/georef.json"));

@@ -11,7 +11,6 @@
 #include "gs_model/formats/coding/compression.h"
 #include "gs_model/formats/coding/little_endian.h"
 #include "gs_model/formats/formats.h"
-#include "gs_model/formats/lod/streamed_sog.h"
 #include "gs_model/formats/sog/webp.h"
 #include "gs_model/formats/sog/zip_file.h"
 #include "gs_model/formats/spz/spz_layout.h"
@@ -94,15 +93,10 @@ void write_models() {
   write_seed("spz/unpacked_3", unpacked);
   unpacked[5] = 4;
   write_seed("spz/unpacked_4", unpacked);
-  write_seed("lod/rad", bytes_of("a.rad", model));
-  LodOptions options;
-  options.leaf_rows = 4;
-  options.coarsest_rows = 1;
-  const LodTree tree = build_lod_tree(random_model(10, 1).gaussians, options);
-  write_streamed_sog(folder() / "lod", tree, {1});
-  write_seed("lod/folder", joined({read_bytes(folder() / "lod" / kLodMeta),
-                                   read_bytes(folder() / "lod/0_0/meta.json")}));
+  write_seed("rad/file", bytes_of("a.rad", model));
   write_seed("sog/archive", bytes_of("a.sog", flat));
+  const std::string archive = bytes_of("a.sog", random_model(10, 1));
+  write_seed("sog/folder", std::string(zip_entries("", archive).at("meta.json")));
   write_seed("sog/unpacked", unpacked_sog(bytes_of("a.sog", flat)));
   write_seed("sog/unpacked_sh", unpacked_sog(bytes_of("a.sog", model)));
 }

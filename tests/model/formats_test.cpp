@@ -356,6 +356,37 @@ TEST_F(Formats, EndingsSayTheFormatInAnyCase) {
   EXPECT_THAT(error_of([] { format_named("obj"); }), HasSubstr("it has ply, glb"));
 }
 
+/// The files of a .sog in the folder that its pictures and meta.json may also lie in.
+void unpack_sog(const std::filesystem::path& archive, const std::filesystem::path& folder) {
+  const std::string bytes = read_bytes(archive);
+  for (const auto& [name, content] : zip_entries(archive, bytes))
+    write_bytes(folder / name, std::string(content));
+}
+
+TEST_F(Formats, AFolderOfSogFilesIsAModelAndNamesNoFileOfOthers) {
+  write_model(file("a.sog"), moderate_model(50, 1));
+  unpack_sog(file("a.sog"), file("sog"));
+  for (const char* name : {"sog", "sog/meta.json"})
+    EXPECT_TRUE(same_bits(read_model(file(name)).gaussians, read_model(file("a.sog")).gaussians))
+        << name;
+  EXPECT_EQ(find_format("a/META.json")->name, "sog folder");
+  EXPECT_THAT(error_of([] { format_to_write("a/meta.json"); }), HasSubstr("choose .sog"));
+  unpack_sog(file("a.sog"), file("other"));
+  std::string meta = read_bytes(file("sog/meta.json"));
+  meta.replace(meta.find("quats.webp"), 10, "../other/quats.webp");
+  write_bytes(file("sog/meta.json"), meta);
+  EXPECT_THAT(error_of([&] { read_model(file("sog")); }), HasSubstr("lacks ../other/quats.webp"));
+}
+
+TEST_F(Formats, AStreamedSogIsNamedWithARemedy) {
+  write_bytes(file("lod/lod-meta.json"), "{}");
+  for (const char* name : {"lod", "lod/lod-meta.json"})
+    EXPECT_THAT(error_of([&] { read_model(file(name)); }),
+                AllOf(HasSubstr("a streamed SOG"), HasSubstr("name a meta.json of its folders")));
+  EXPECT_THAT(error_of([] { format_to_write("lod/lod-meta.json"); }),
+              HasSubstr("a .rad has levels"));
+}
+
 TEST_F(Formats, FilesOfOtherProgramsAreNamedWithARemedy) {
   const auto error_reading = [&](const char* name, const std::string& bytes) {
     write_bytes(file(name), bytes);

@@ -112,7 +112,7 @@ void check_size(const fs::path& file, std::uint64_t bytes, const ModelFormat& fo
       "cannot write {}: the model takes {} MB as {}, and a page holds {} MB at most, since "
       "browsers "
       "keep it in memory several times; shrink it with `gemsplat edit --decimate` or a lower "
-      "--sh-degree, or let viewers stream it with `gemsplat export --lod`",
+      "--sh-degree, or let viewers stream it as a .rad",
       file.string(), bytes / 1'000'000, format.ending, kMostPageModelBytes / 1'000'000));
 }
 

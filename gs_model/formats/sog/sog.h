@@ -13,7 +13,6 @@
 //                      r g b: indices into a codebook
 #pragma once
 
-#include <cstdint>
 #include <filesystem>
 
 #include "gs_core/gaussians.h"
@@ -32,9 +31,5 @@ GaussianModel read_sog_folder(const std::filesystem::path& path);
 /// bytes. Throws Error for a model without Gaussians, where this build lacks libwebp, and where the
 /// file cannot be written.
 void write_sog(const std::filesystem::path& path, const GaussianModel& model);
-
-/// The same as files in a folder, meta.json last, with the rows in their order. Returns their
-/// bytes.
-std::uint64_t write_sog_folder(const std::filesystem::path& folder, const GaussianModel& model);
 
 }  // namespace gs

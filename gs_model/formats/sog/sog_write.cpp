@@ -183,16 +183,4 @@ void write_sog(const std::filesystem::path& path, const GaussianModel& model) {
   file.commit();
 }
 
-std::uint64_t write_sog_folder(const std::filesystem::path& folder, const GaussianModel& model) {
-  check_count(folder, model.gaussians.count());
-  std::uint64_t bytes = 0;
-  for (const ZipEntry& entry : entries_of(model)) {
-    AtomicFile file(folder / entry.name);
-    file.write(entry.bytes);
-    file.commit();
-    bytes += entry.bytes.size();
-  }
-  return bytes;
-}
-
 }  // namespace gs
