@@ -38,22 +38,4 @@ inline std::string glb_file_of(const GlbParts& parts) {
   return glb_file_of(parts.json.dump(), parts.binary);
 }
 
-/// A .glb whose one primitive holds an .spz under the name `extension`: inside of
-/// KHR_gaussian_splatting as the draft has it (`is_draft`), or as older writers put it.
-inline GlbParts glb_with_spz(const std::string& spz, const std::string& extension, bool is_draft) {
-  const Json entry = {{extension, {{"bufferView", 0}}}};
-  const Json draft = {
-      {kGlbGaussians,
-       {{"kernel", "ellipse"}, {"colorSpace", "srgb_rec709_display"}, {"extensions", entry}}}};
-  return {
-      {{"asset", {{"version", "2.0"}}},
-       {"scene", 0},
-       {"scenes", {{{"nodes", {0}}}}},
-       {"nodes", {{{"mesh", 0}}}},
-       {"meshes", {{{"primitives", {{{"mode", 0}, {"extensions", is_draft ? draft : entry}}}}}}},
-       {"bufferViews", {{{"buffer", 0}, {"byteLength", spz.size()}}}},
-       {"buffers", {{{"byteLength", spz.size()}}}}},
-      spz};
-}
-
 }  // namespace gs

@@ -25,11 +25,9 @@ inline constexpr const char* kGlbGaussians = "KHR_gaussian_splatting";
 inline constexpr std::uint32_t kGlbMagic = 0x46546C67, kGlbVersion = 2;         // "glTF"
 inline constexpr std::uint32_t kGlbJson = 0x4E4F534A, kGlbBinary = 0x004E4942;  // "JSON", "BIN"
 
-/// Reads the Gaussians of all primitives that the file's scene shows, where its nodes put them:
-/// floats, and the integer types that the extension allows, or an .spz inside
-/// (KHR_gaussian_splatting_compression_spz_2 and two older names). Throws Error, with the file and
-/// a remedy, for damaged files, linear colors, nodes that mirror or stretch, and scenes of triangles
-/// alone.
+/// Reads a file with one primitive of Gaussians, whose attributes are floats as above and which no
+/// node moves. Throws Error, with the file and a remedy, for damaged files, linear colors, compressed
+/// Gaussians, several primitives, nodes that move, and files of triangles alone.
 GaussianModel read_glb(const std::filesystem::path& path);
 
 /// Writes a model that finite_model() made. Throws Error for a model without Gaussians, which glTF
