@@ -92,10 +92,10 @@ ExportedFile export_model(const GaussianModel& model, const ExportRequest& reque
   const bool is_changed = !request.transform.is_identity() || request.sh_degree < model.sh_degree;
   GaussianModel changed;
   if (is_changed) changed = prepared(model, request);
-  {  // an older sidecar is never beside the newer file
-    const BeforeNaming remove_sidecar(request.file, [&] { fs::remove(sidecar); });
-    exported.gaussians = write_model(request.file, is_changed ? changed : model, request.options);
-  }
+  AtomicFile file(request.file);
+  exported.gaussians = write_model(file, format, is_changed ? changed : model, request.options);
+  // An older sidecar is never beside the newer file.
+  file.commit(AtomicFile::Durability::synced, [&] { fs::remove(sidecar); });
   exported.bytes = fs::file_size(request.file);
   write_sidecar(exported);  // at once, as measuring may take minutes
   if (is_lossy(request, model.sh_degree) && viewpoints && !viewpoints->cameras.empty()) {

@@ -9,6 +9,7 @@
 #include "gs_core/bake_filter.h"
 #include "gs_core/error.h"
 #include "gs_core/system/byte_reader.h"
+#include "gs_core/system/files/atomic_file.h"
 #include "gs_model/formats/coding/compression.h"
 #include "gs_model/formats/coding/finite_rows.h"
 #include "gs_model/formats/foreign_files.h"
@@ -35,17 +36,17 @@ const AxisSigns kPlyAxes{1, 1, 1};
 
 // Gives a writer that has no options the signature of the table.
 template <auto writer>
-void without_options(const Path& path, const GaussianModel& model, const ExportOptions&) {
-  writer(path, model);
+void without_options(ByteSink& sink, const GaussianModel& model, const ExportOptions&) {
+  writer(sink, model);
 }
-void write_spz_version(const Path& path, const GaussianModel& model, const ExportOptions& options) {
-  write_spz(path, model, {options.spz_version, options.spz_sh_bits});
+void write_spz_version(ByteSink& sink, const GaussianModel& model, const ExportOptions& options) {
+  write_spz(sink, model, {options.spz_version, options.spz_sh_bits});
 }
-void write_rad_with(const Path& path, const GaussianModel& model, const ExportOptions&) {
-  write_rad(path, model);
+void write_gs4d_with(ByteSink& sink, const GaussianModel& model, const ExportOptions& options) {
+  write_gs4d(sink, model, options.duration);
 }
-void write_gs4d_with(const Path& path, const GaussianModel& model, const ExportOptions& options) {
-  write_gs4d(path, model, options.duration);
+void write_whole_ply(ByteSink& sink, const GaussianModel& model, const ExportOptions&) {
+  write_gaussian_ply(sink, model);
 }
 
 void require_nothing(const ExportOptions&) {}
@@ -77,7 +78,7 @@ const std::vector<ModelFormat>& model_formats() {
   constexpr bool kLossless = true, kLossy = false;
   static const std::vector<ModelFormat> kFormats = {
       {"ply", ".ply", "everything, as floats", kLossless, kPlyAxes, Holds::both, read_gaussian_ply,
-       without_options<write_gaussian_ply>, require_nothing},
+       write_whole_ply, require_nothing},
       {"glb", ".glb", "everything, as floats after activation", kLossy, kHalfTurnZ, Holds::still,
        read_glb, without_options<write_glb>, require_nothing},
       {"compressed.ply", ".compressed.ply", "fractions of the range of 256 neighbors", kLossy,
@@ -88,7 +89,7 @@ const std::vector<ModelFormat>& model_formats() {
       {"sog", ".sog", "codebooks and a palette of SH, compressed", kLossy, kPlyAxes, Holds::still,
        read_sog, without_options<write_sog>, require_for_sog},
       {"rad", ".rad", "a tree of levels of detail, floats of 16 bits, compressed", kLossy, kPlyAxes,
-       Holds::still, read_rad, write_rad_with, require_for_rad},
+       Holds::still, read_rad, without_options<write_rad>, require_for_rad},
       {"splat", ".splat", "bytes, no SH beyond degree 0", kLossy, kPlyAxes, Holds::still,
        read_splat, without_options<write_splat>, require_nothing},
       {"gs4d", ".gs4d", "motion in chunks in the order of time, for the web", kLossy, kPlyAxes,
@@ -180,16 +181,25 @@ void check_holds(const ModelFormat& format, bool has_time, std::string_view file
                   file, format.ending, others));
 }
 
+std::size_t write_model(ByteSink& sink, const ModelFormat& format, const GaussianModel& model,
+                        const ExportOptions& options) {
+  check_holds(format, model.gaussians.has_time, sink.name());
+  if (format.name == "ply") return model.gaussians.count() - write_gaussian_ply(sink, model);
+  GaussianModel finite = finite_model(model);
+  bake_filter(finite.gaussians);
+  format.write(sink, finite, options);
+  warn_of_left_out(sink.name(), finite.gaussians.count(), model.gaussians.count());
+  return finite.gaussians.count();
+}
+
 std::size_t write_model(const Path& path, const GaussianModel& model,
                         const ExportOptions& options) {
   const ModelFormat& format = format_to_write(path);
   check_holds(format, model.gaussians.has_time, path.string());
-  if (format.name == "ply") return model.gaussians.count() - write_gaussian_ply(path, model);
-  GaussianModel finite = finite_model(model);
-  bake_filter(finite.gaussians);
-  format.write(path, finite, options);
-  warn_of_left_out(path, finite.gaussians.count(), model.gaussians.count());
-  return finite.gaussians.count();
+  AtomicFile file(path);
+  const std::size_t rows = write_model(file, format, model, options);
+  file.commit();
+  return rows;
 }
 
 }  // namespace gs

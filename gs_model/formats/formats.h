@@ -4,7 +4,7 @@
 // To add a format:
 //   1. Write read_x(), write_x() or both in x.h and x.cpp beside this file; the header says what
 //      each byte means. splat.h is the shortest example.
-//   2. Add a row to the table in formats.cpp, and x.cpp to data_loaders/CMakeLists.txt.
+//   2. Add a row to the table in formats.cpp, and x.cpp to gs_model/CMakeLists.txt.
 //   3. For a reader, add a row to kKinds in tests/model/formats_test.cpp (what may
 //      be lost) and one to kReaders in formats_fuzz_test.cpp (10,000 damaged files).
 //   4. Add a row to the tables of docs/reference/formats.md.
@@ -18,6 +18,7 @@
 #include <vector>
 
 #include "gs_core/gaussians.h"
+#include "gs_core/system/files/byte_sink.h"
 #include "gs_model/formats/coding/frame.h"
 
 namespace gs {
@@ -41,7 +42,7 @@ struct ModelFormat {
   Holds gaussians;          // with time, without, or both
   GaussianModel (*read)(const std::filesystem::path&);  // null: gemsplat only writes it
   // null: gemsplat only reads it
-  void (*write)(const std::filesystem::path&, const GaussianModel&, const ExportOptions&);
+  void (*write)(ByteSink&, const GaussianModel&, const ExportOptions&);
   void (*require)(const ExportOptions&);  // throws Error where this build lacks a library for it
 };
 
@@ -75,10 +76,12 @@ std::filesystem::path model_in_folder(const std::filesystem::path& folder);
 /// read (foreign_files.h).
 GaussianModel read_model(const std::filesystem::path& path);
 
-/// Writes a model in the format of the file's name, whole or not at all. A 3D filter is a column of
-/// a PLY; other formats have it in scales and opacities. Rows with NaN or infinity
-/// are left out, with a warning. Returns how many rows were written. Throws Error as the writers
-/// do.
+/// Writes a model in a format. A 3D filter is a column of a PLY; other formats have it in scales and
+/// opacities. Rows with NaN or infinity are left out, with a warning. Returns how many rows were
+/// written. Throws Error as the writers do.
+std::size_t write_model(ByteSink& sink, const ModelFormat& format, const GaussianModel& model,
+                        const ExportOptions& options = {});
+/// The same as a file, whole or not at all, in the format of its name.
 std::size_t write_model(const std::filesystem::path& path, const GaussianModel& model,
                         const ExportOptions& options = {});
 

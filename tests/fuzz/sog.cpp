@@ -41,10 +41,9 @@ std::string packed(std::string_view parts) {
 /// A folder with the pictures of ten Gaussians; empty in a build without libwebp.
 void make_folder() {
   std::filesystem::create_directories(folder() / "sog");
-  takes([&] { write_sog(folder() / "ten.sog", random_model(10, 1)); });
-  if (!std::filesystem::exists(folder() / "ten.sog")) return;
-  const std::string archive = read_bytes(folder() / "ten.sog");
-  for (const auto& [name, content] : zip_entries("", archive))
+  MemorySink archive("ten Gaussians");
+  if (!takes([&] { write_sog(archive, random_model(10, 1)); })) return;
+  for (const auto& [name, content] : zip_entries("", archive.text))
     file_of("sog/" + std::string(name), content);
 }
 

@@ -30,7 +30,7 @@ namespace fs = std::filesystem;
 /// The model in meters east, north and up, as tiles hold it.
 GaussianModel placed(const GaussianModel& model, const TilesetRequest& request) {
   GaussianModel result = finite_model(model);
-  warn_of_left_out(request.folder, result.gaussians.count(), model.gaussians.count());
+  warn_of_left_out(request.folder.string(), result.gaussians.count(), model.gaussians.count());
   bake_filter(result.gaussians);
   limit_sh_degree(result, request.sh_degree);
   transform_model(result, transform_of(request.georeference.enu_from_input, model.world_offset));

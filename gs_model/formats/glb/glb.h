@@ -17,6 +17,7 @@
 #include <filesystem>
 
 #include "gs_core/gaussians.h"
+#include "gs_core/system/files/byte_sink.h"
 
 namespace gs {
 
@@ -32,6 +33,6 @@ GaussianModel read_glb(const std::filesystem::path& path);
 
 /// Writes a model that finite_model() made. Throws Error for a model without Gaussians, which glTF
 /// cannot hold, for a file of more than 4 GiB, and where the file cannot be written.
-void write_glb(const std::filesystem::path& path, const GaussianModel& model);
+void write_glb(ByteSink& sink, const GaussianModel& model);
 
 }  // namespace gs

@@ -8,7 +8,6 @@
 #include <limits>
 
 #include "gs_core/error.h"
-#include "gs_core/system/files/atomic_file.h"
 #include "gs_core/system/text/json.h"
 #include "gs_core/system/version.h"
 #include "gs_model/formats/coding/frame.h"
@@ -130,12 +129,12 @@ Json document_of(const GaussianModel& model, const std::vector<Attribute>& attri
 
 }  // namespace
 
-void write_glb(const std::filesystem::path& path, const GaussianModel& model) {
+void write_glb(ByteSink& sink, const GaussianModel& model) {
   const std::size_t count = model.gaussians.count();
   if (count == 0)
     throw Error(fmt::format(
         "cannot write {}: there are no Gaussians, and glTF cannot hold an empty model; choose .ply",
-        path.string()));
+        sink.name()));
   const std::vector<Attribute> attributes = attributes_of(model);
   std::string json = document_of(model, attributes).dump();
   json.resize((json.size() + 3) / 4 * 4, ' ');
@@ -146,7 +145,7 @@ void write_glb(const std::filesystem::path& path, const GaussianModel& model) {
     throw Error(
         fmt::format("cannot write {}: {} Gaussians take more than the 4 GiB that a .glb "
                     "can have; choose .ply, .sog or .spz, or a lower --sh-degree",
-                    path.string(), count));
+                    sink.name(), count));
   std::string header;
   for (const std::uint64_t word : {std::uint64_t(kGlbMagic), std::uint64_t(kGlbVersion), total,
                                    std::uint64_t(json.size()), std::uint64_t(kGlbJson)})
@@ -154,14 +153,12 @@ void write_glb(const std::filesystem::path& path, const GaussianModel& model) {
   header += json;
   append_little(header, std::uint32_t(binary_bytes));
   append_little(header, kGlbBinary);
-  AtomicFile file(path);
-  file.write(header);
+  sink.write(header);
   for (const Attribute& attribute : attributes) {
     std::vector<std::uint8_t> rows(count * attribute.row_bytes);
     for (std::size_t i = 0; i < count; ++i) attribute.fill(i, &rows[i * attribute.row_bytes]);
-    file.write(rows.data(), rows.size());
+    sink.write(rows.data(), rows.size());
   }
-  file.commit();
 }
 
 }  // namespace gs

@@ -38,6 +38,7 @@
 #include <filesystem>
 
 #include "gs_core/gaussians.h"
+#include "gs_core/system/files/byte_sink.h"
 
 namespace gs {
 
@@ -48,6 +49,6 @@ GaussianModel read_gs4d(const std::filesystem::path& path);
 
 /// Writes a model with time that finite_model() made. `duration` is that of the scene in seconds, 0
 /// where it is not known. Throws Error where the file cannot be written.
-void write_gs4d(const std::filesystem::path& path, const GaussianModel& model, double duration);
+void write_gs4d(ByteSink& sink, const GaussianModel& model, double duration);
 
 }  // namespace gs

@@ -16,6 +16,7 @@
 #pragma once
 
 #include "gs_core/gaussians.h"
+#include "gs_core/system/files/byte_sink.h"
 #include "gs_model/formats/ply/ply_file.h"
 
 namespace gs {
@@ -29,6 +30,6 @@ GaussianModel read_compressed_ply(PlyFile& file);
 
 /// Writes a model that finite_model() made, rows in Morton order. Throws Error where the file
 /// cannot be written.
-void write_compressed_ply(const std::filesystem::path& path, const GaussianModel& model);
+void write_compressed_ply(ByteSink& sink, const GaussianModel& model);
 
 }  // namespace gs

@@ -16,6 +16,7 @@
 #include <filesystem>
 
 #include "gs_core/gaussians.h"
+#include "gs_core/system/files/byte_sink.h"
 
 namespace gs {
 
@@ -30,6 +31,6 @@ GaussianModel read_sog_folder(const std::filesystem::path& path);
 /// Writes a model that finite_model() made, rows in Morton order. The same model gives the same
 /// bytes. Throws Error for a model without Gaussians, where this build lacks libwebp, and where the
 /// file cannot be written.
-void write_sog(const std::filesystem::path& path, const GaussianModel& model);
+void write_sog(ByteSink& sink, const GaussianModel& model);
 
 }  // namespace gs
