@@ -15,13 +15,13 @@
 #include "data_loaders/georef/georef_file.h"
 #include "gs_app/export/cameras.h"
 #include "gs_app/export/export_model.h"
-#include "gs_app/export/tiles/tileset.h"
 #include "gs_app/run/open_model.h"
 #include "gs_app/view/page/model_page.h"
 #include "gs_core/error.h"
 #include "gs_core/system/files/output_lock.h"
 #include "gs_core/system/files/output_names.h"
 #include "gs_core/threads/parallel.h"
+#include "gs_model/tiles/tileset.h"
 
 namespace gs {
 namespace {

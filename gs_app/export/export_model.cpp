@@ -5,9 +5,9 @@
 
 #include <algorithm>
 
-#include "data_loaders/colmap/world_offset.h"
 #include "gs_core/config/text/markdown.h"
 #include "gs_core/error.h"
+#include "gs_core/geometry/world_offset.h"
 #include "gs_core/system/files/atomic_file.h"
 #include "gs_core/system/files/move_aside.h"
 #include "gs_core/system/files/output_lock.h"

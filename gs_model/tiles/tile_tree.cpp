@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "gs_app/export/tiles/tile_tree.h"
+#include "gs_model/tiles/tile_tree.h"
 
 #include <algorithm>
 #include <cmath>

@@ -1,12 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "gs_app/edit/places/places.h"
+#include "gs_model/edit/places/places.h"
 
 #include <spdlog/fmt/fmt.h>
 
 #include <cmath>
 
-#include "gs_app/edit/places/polygon_file.h"
 #include "gs_core/error.h"
+#include "gs_model/edit/places/polygon_file.h"
 
 namespace gs {
 

@@ -2,14 +2,14 @@
 // Tilesets: the tree of tiles, and their files as a reader of 3D Tiles finds them.
 #include <gmock/gmock.h>
 
-#include "gs_app/export/tiles/tile_tree.h"
-#include "gs_app/export/tiles/tileset.h"
 #include "gs_core/geometry/vectors.h"
 #include "gs_core/system/log.h"
 #include "gs_core/system/text/json.h"
 #include "gs_model/formats/coding/compression.h"
 #include "gs_model/formats/model_transform.h"
 #include "gs_model/formats/spz/spz.h"
+#include "gs_model/tiles/tile_tree.h"
+#include "gs_model/tiles/tileset.h"
 #include "tests/support/captured_log.h"
 #include "tests/support/error_of.h"
 #include "tests/support/models.h"

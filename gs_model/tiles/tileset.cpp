@@ -1,13 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "gs_app/export/tiles/tileset.h"
+#include "gs_model/tiles/tileset.h"
 
 #include <spdlog/fmt/fmt.h>
 
 #include <algorithm>
 #include <cmath>
 
-#include "gs_app/export/tiles/tile_file.h"
-#include "gs_app/export/tiles/tile_tree.h"
 #include "gs_core/bake_filter.h"
 #include "gs_core/error.h"
 #include "gs_core/geometry/vectors.h"
@@ -21,6 +19,8 @@
 #include "gs_model/formats/coding/finite_rows.h"
 #include "gs_model/formats/model_transform.h"
 #include "gs_model/formats/spz/spz.h"
+#include "gs_model/tiles/tile_file.h"
+#include "gs_model/tiles/tile_tree.h"
 
 namespace gs {
 namespace {

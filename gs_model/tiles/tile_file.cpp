@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "gs_app/export/tiles/tile_file.h"
+#include "gs_model/tiles/tile_file.h"
 
 #include <spdlog/fmt/fmt.h>
 

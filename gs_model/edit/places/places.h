@@ -6,7 +6,7 @@
 #include <string>
 #include <string_view>
 
-#include "gs_app/edit/places/words.h"
+#include "gs_model/edit/places/words.h"
 
 namespace gs {
 
