@@ -78,14 +78,14 @@ const std::vector<ModelFormat>& model_formats() {
   constexpr bool kLossless = true, kLossy = false;
   static const std::vector<ModelFormat> kFormats = {
       {"ply", ".ply", "everything, as floats", kLossless, kPlyAxes, Holds::both, read_gaussian_ply,
-       write_whole_ply, require_nothing},
+       write_whole_ply, require_nothing, true},
       {"glb", ".glb", "everything, as floats after activation", kLossy, kHalfTurnZ, Holds::still,
        read_glb, without_options<write_glb>, require_nothing},
       {"compressed.ply", ".compressed.ply", "fractions of the range of 256 neighbors", kLossy,
        kPlyAxes, Holds::still, read_gaussian_ply, without_options<write_compressed_ply>,
-       require_nothing},
+       require_nothing, true},
       {"spz", ".spz", "bytes, positions in 24 bits, compressed", kLossy, kHalfTurnX, Holds::still,
-       read_spz, write_spz_version, require_for_spz},
+       read_spz, write_spz_version, require_for_spz, true},
       {"sog", ".sog", "codebooks and a palette of SH, compressed", kLossy, kPlyAxes, Holds::still,
        read_sog, without_options<write_sog>, require_for_sog},
       {"rad", ".rad", "a tree of levels of detail, floats of 16 bits, compressed", kLossy, kPlyAxes,
@@ -93,7 +93,7 @@ const std::vector<ModelFormat>& model_formats() {
       {"splat", ".splat", "bytes, no SH beyond degree 0", kLossy, kPlyAxes, Holds::still,
        read_splat, without_options<write_splat>, require_nothing},
       {"gs4d", ".gs4d", "motion in chunks in the order of time, for the web", kLossy, kPlyAxes,
-       Holds::moving, read_gs4d, write_gs4d_with, require_nothing},
+       Holds::moving, read_gs4d, write_gs4d_with, require_nothing, true},
   };
   return kFormats;
 }
@@ -186,6 +186,10 @@ std::size_t write_model(ByteSink& sink, const ModelFormat& format, const Gaussia
   check_holds(format, model.gaussians.has_time, sink.name());
   if (format.name == "ply") return model.gaussians.count() - write_gaussian_ply(sink, model);
   GaussianModel finite = finite_model(model);
+  if (finite.gaussians.count() == 0 && !format.may_be_empty)
+    throw Error(fmt::format(
+        "cannot write {}: there are no Gaussians, and {} cannot hold an empty model; choose .ply",
+        sink.name(), format.ending));
   bake_filter(finite.gaussians);
   format.write(sink, finite, options);
   warn_of_left_out(sink.name(), finite.gaussians.count(), model.gaussians.count());

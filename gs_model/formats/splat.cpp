@@ -80,11 +80,6 @@ GaussianModel read_splat(const std::filesystem::path& path) {
 }
 
 void write_splat(ByteSink& sink, const GaussianModel& model) {
-  if (model.gaussians.count() == 0)
-    throw Error(fmt::format(
-        "cannot write {}: there are no Gaussians, and an empty .splat looks like one that was cut "
-        "short; choose .ply",
-        sink.name()));
   std::vector<Row> rows;
   rows.reserve(model.gaussians.count());
   for (const std::size_t i : by_importance(model.gaussians))

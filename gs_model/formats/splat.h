@@ -18,7 +18,7 @@ namespace gs {
 GaussianModel read_splat(const std::filesystem::path& path);
 
 /// Writes a model that finite_model() made, in the order of volume times opacity, largest first:
-/// some viewers draw while they download. Throws Error where the file cannot be written.
+/// some viewers draw while they download. Throws Error as the sink does.
 void write_splat(ByteSink& sink, const GaussianModel& model);
 
 }  // namespace gs

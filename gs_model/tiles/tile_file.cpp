@@ -9,7 +9,6 @@
 #include "gs_core/system/files/atomic_file.h"
 #include "gs_core/system/text/json.h"
 #include "gs_core/system/version.h"
-#include "gs_model/formats/coding/little_endian.h"
 #include "gs_model/formats/glb/glb.h"
 #include "gs_model/formats/spz/spz.h"
 
@@ -84,29 +83,19 @@ Json document_of(const GaussianModel& model, std::size_t spz_bytes) {
           {"buffers", Json::array({{{"byteLength", spz_bytes}}})}};
 }
 
-void pad_to_four(std::string& bytes, char with) { bytes.resize((bytes.size() + 3) / 4 * 4, with); }
-
 }  // namespace
 
 std::uint64_t write_tile(const std::filesystem::path& path, const GaussianModel& model) {
   GS_CHECK(model.gaussians.count() > 0);
   std::string spz = spz_bytes(model, {kSpzVersion}, kAsTheyAre);
-  std::string json = document_of(model, spz.size()).dump();
-  pad_to_four(json, ' ');
-  pad_to_four(spz, '\0');
-  const std::uint64_t total = 12 + 8 + json.size() + 8 + spz.size();
-  std::string header;
-  for (const std::uint64_t word : {std::uint64_t(kGlbMagic), std::uint64_t(kGlbVersion), total,
-                                   std::uint64_t(json.size()), std::uint64_t(kGlbJson)})
-    append_little(header, std::uint32_t(word));
-  header += json;
-  append_little(header, std::uint32_t(spz.size()));
-  append_little(header, kGlbBinary);
+  const Json document = document_of(model, spz.size());
+  spz.resize((spz.size() + 3) / 4 * 4, '\0');
+  const std::string head = glb_head(document.dump(), spz.size());
   AtomicFile file(path);
-  file.write(header);
+  file.write(head);
   file.write(spz);
   file.commit();
-  return total;
+  return head.size() + spz.size();
 }
 
 }  // namespace gs

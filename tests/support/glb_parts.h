@@ -22,17 +22,8 @@ inline GlbParts glb_parts(const std::string& file) {
 
 /// A .glb with this text as its JSON, whatever it is.
 inline std::string glb_file_of(std::string json, std::string binary) {
-  json.resize((json.size() + 3) / 4 * 4, ' ');
   binary.resize((binary.size() + 3) / 4 * 4, '\0');
-  std::string file;
-  for (const std::size_t word :
-       {std::size_t(kGlbMagic), std::size_t(kGlbVersion), 28 + json.size() + binary.size(),
-        json.size(), std::size_t(kGlbJson)})
-    append_little(file, std::uint32_t(word));
-  file += json;
-  append_little(file, std::uint32_t(binary.size()));
-  append_little(file, kGlbBinary);
-  return file + binary;
+  return glb_head(std::move(json), binary.size()) + binary;
 }
 inline std::string glb_file_of(const GlbParts& parts) {
   return glb_file_of(parts.json.dump(), parts.binary);

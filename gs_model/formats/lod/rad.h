@@ -39,8 +39,9 @@ namespace gs {
 /// files, other versions, files whose chunks are files of their own, and palettes of SH.
 GaussianModel read_rad(const std::filesystem::path& path);
 
-/// Makes levels of detail of a model that finite_model() made, and writes their tree. The same model
-/// gives the same bytes. Throws Error for a model without Gaussians, and as the sink does.
+/// Makes levels of detail of a model that finite_model() made, with at least one Gaussian, and writes
+/// their tree. The same model gives the same bytes. Throws Error where this build lacks zlib, and as
+/// the sink does.
 void write_rad(ByteSink& sink, const GaussianModel& model);
 
 }  // namespace gs

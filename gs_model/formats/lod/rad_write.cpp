@@ -191,10 +191,6 @@ Json splat_encoding(const Gaussians& g, int sh_degree) {
 }  // namespace
 
 void write_rad(ByteSink& sink, const GaussianModel& model) {
-  if (model.gaussians.count() == 0)
-    throw Error(fmt::format(
-        "cannot write {}: there are no Gaussians, and .rad cannot hold an empty model; choose .ply",
-        sink.name()));
   const SplatTree tree = splat_tree_of(build_lod_tree(copy_of(model.gaussians)));
   const std::size_t count = tree.gaussians.count();
   // Merging a leaf of 50,000 cannot give more children.

@@ -28,8 +28,8 @@ bool is_compressed_ply(const PlyHeader& header);
 /// 0..1. Throws Error, with file, place and remedy, where it is damaged.
 GaussianModel read_compressed_ply(PlyFile& file);
 
-/// Writes a model that finite_model() made, rows in Morton order. Throws Error where the file
-/// cannot be written.
+/// Writes a model that finite_model() made, rows in Morton order. Throws Error as the sink
+/// does.
 void write_compressed_ply(ByteSink& sink, const GaussianModel& model);
 
 }  // namespace gs

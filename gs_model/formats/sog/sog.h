@@ -28,9 +28,9 @@ GaussianModel read_sog(const std::filesystem::path& path);
 /// folders are never read.
 GaussianModel read_sog_folder(const std::filesystem::path& path);
 
-/// Writes a model that finite_model() made, rows in Morton order. The same model gives the same
-/// bytes. Throws Error for a model without Gaussians, where this build lacks libwebp, and where the
-/// file cannot be written.
+/// Writes a model that finite_model() made, with at least one Gaussian, rows in Morton order. The
+/// same model gives the same bytes. Throws Error where this build lacks libwebp, and as the sink
+/// does.
 void write_sog(ByteSink& sink, const GaussianModel& model);
 
 }  // namespace gs

@@ -143,10 +143,6 @@ void add_sh(const GaussianModel& model, ArchiveFiles& archive) {
 }
 
 void check_count(const std::string& name, std::size_t count) {
-  if (count == 0)
-    throw Error(fmt::format(
-        "cannot write {}: there are no Gaussians, and .sog cannot hold an empty model; choose .ply",
-        name));
   if (count > std::size_t(kWebpLargestSide) * (kWebpLargestSide - 4))  // sides are multiples of 4
     throw Error(fmt::format(
         "cannot write {}: {} Gaussians do not fit into pictures of {} pixels a side; choose .ply",
