@@ -14,9 +14,9 @@
 #include "apps/cli/verbs.h"
 #include "data_loaders/photos/photo_names.h"
 #include "data_loaders/photos/photos.h"
+#include "gs_app/edit/edit_cameras.h"
 #include "gs_app/edit/edit_picture.h"
 #include "gs_app/edit/edit_step.h"
-#include "gs_app/edit/merge_models.h"
 #include "gs_app/export/export_model.h"
 #include "gs_app/run/make_backend.h"
 #include "gs_app/run/text.h"
@@ -25,6 +25,7 @@
 #include "gs_core/system/files/output_names.h"
 #include "gs_core/system/text/json.h"
 #include "gs_core/threads/parallel.h"
+#include "gs_model/edit/merge_models.h"
 #include "gs_render/render_settings.h"
 
 namespace gs {

@@ -23,9 +23,9 @@
 #include "gs_core/system/text/json.h"
 #include "gs_core/threads/parallel.h"
 #include "gs_eval/metrics.h"
+#include "gs_model/edit/model_transform.h"
 #include "gs_model/edit/select.h"
 #include "gs_model/formats/coding/finite_rows.h"
-#include "gs_model/formats/model_transform.h"
 #include "gs_train/density/floaters.h"
 
 namespace gs {

@@ -9,8 +9,8 @@
 #include "gs_app/run/progress_bar.h"
 #include "gs_core/error.h"
 #include "gs_core/system/text/parse_number.h"
+#include "gs_model/edit/model_moment.h"
 #include "gs_model/edit/places/words.h"
-#include "gs_model/formats/model_moment.h"
 
 namespace gs {
 namespace {

@@ -11,8 +11,8 @@
 #include "gs_app/run/pose_file.h"
 #include "gs_core/error.h"
 #include "gs_core/system/log.h"
+#include "gs_model/edit/model_moment.h"
 #include "gs_model/formats/formats.h"
-#include "gs_model/formats/model_moment.h"
 #include "gs_render/render_settings.h"
 
 namespace gs {

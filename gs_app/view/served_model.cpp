@@ -8,7 +8,7 @@
 #include "gs_core/system/byte_reader.h"
 #include "gs_core/system/log.h"
 #include "gs_core/system/text/json.h"
-#include "gs_model/formats/model_transform.h"
+#include "gs_model/edit/model_transform.h"
 #include "gs_model/formats/ply/compressed_ply.h"
 #include "gs_model/formats/ply/mip_filter.h"
 #include "gs_model/formats/ply/ply.h"

@@ -17,8 +17,8 @@
 #include "gs_core/system/files/atomic_file.h"
 #include "gs_core/system/files/output_lock.h"
 #include "gs_core/system/text/json.h"
+#include "gs_model/edit/model_transform.h"
 #include "gs_model/formats/formats.h"
-#include "gs_model/formats/model_transform.h"
 #include "gs_render/paths/camera_path.h"
 
 namespace gs {

@@ -6,13 +6,13 @@
 
 #include "gs_core/error.h"
 #include "gs_core/threads/parallel.h"
+#include "gs_model/edit/model_moment.h"
 #include "gs_model/formats/coding/little_endian.h"
 #include "gs_model/formats/coding/morton_rows.h"
 #include "gs_model/formats/coding/quantize.h"
 #include "gs_model/formats/gs4d/gs4d.h"
 #include "gs_model/formats/gs4d/gs4d_layout.h"
 #include "gs_model/formats/gs4d/moving_gaussian.h"
-#include "gs_model/formats/model_moment.h"
 
 namespace gs {
 namespace {

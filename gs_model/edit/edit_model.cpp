@@ -1,25 +1,21 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "gs_app/edit/edit_model.h"
+#include "gs_model/edit/edit_model.h"
 
 #include <algorithm>
 #include <cmath>
 #include <numbers>
-#include <set>
 
-#include "data_loaders/colmap/world_offset.h"
-#include "data_loaders/photos/photo_names.h"
-#include "gs_app/export/cameras.h"
-#include "gs_app/pictures/pictures.h"
 #include "gs_core/bake_filter.h"
 #include "gs_core/error.h"
-#include "gs_core/geometry/outliers.h"
+#include "gs_core/evenly_chosen.h"
 #include "gs_core/geometry/scene_frame.h"
 #include "gs_core/geometry/vectors.h"
+#include "gs_core/geometry/world_offset.h"
 #include "gs_core/math/render/quaternion.h"
 #include "gs_core/math/render/rotation.h"
+#include "gs_model/edit/model_moment.h"
 #include "gs_model/edit/upright.h"
 #include "gs_model/formats/coding/finite_rows.h"
-#include "gs_model/formats/model_moment.h"
 
 namespace gs {
 namespace {
@@ -48,60 +44,10 @@ Camera moved(Camera camera, const ModelTransform& transform) {
   return camera;
 }
 
-void move_cameras(std::vector<EditCamera>& cameras, const ModelTransform& transform) {
-  if (transform.is_identity()) return;
-  for (EditCamera& camera : cameras) camera.named.camera = moved(camera.named.camera, transform);
-}
-
-// Reads cameras near the model, where floats are fine, and brings them into its frame. `read` gets
-// the world offset that they are to have.
-template <class Read>
-std::vector<EditCamera> in_frame_of(const EditModel& model, Read&& read) {
-  if (!model.input_from_model) return read(model.model.world_offset);
-  const Mat4d& input_from_model = *model.input_from_model;
-  const Vec3d offset =
-      offset_of_positions(positions_under(input_from_model, model.model.gaussians));
-  std::vector<EditCamera> cameras = read(offset);
-  move_cameras(cameras, transform_of(multiply(inverse_of(input_from_model), translation(offset))));
-  return cameras;
-}
-
-std::vector<EditCamera> as_training(std::vector<NamedCamera> cameras) {
-  std::vector<EditCamera> result;
-  for (NamedCamera& camera : cameras) result.push_back({std::move(camera), false});
-  return result;
-}
-
 }  // namespace
-
-EditModel model_to_edit(OpenedModel opened) {
-  return {std::move(opened.model), opened.input_from_model, {}};
-}
 
 Mat4d input_from(const EditModel& model) {
   return model.input_from_model.value_or(translation(model.model.world_offset));
-}
-
-std::vector<EditCamera> cameras_to_edit(const RunFolder& run, const EditModel& model) {
-  return in_frame_of(model, [&](const Vec3d& offset) {
-    std::vector<EditCamera> cameras = as_training(cameras_of_run(run, 1, "all", offset));
-    if (!std::filesystem::exists(run.split())) return cameras;
-    std::set<std::string> test;
-    for (const std::string& name : split_names(run, "test")) test.insert(without_extension(name));
-    for (EditCamera& camera : cameras) camera.is_test = test.contains(camera.named.name);
-    return cameras;
-  });
-}
-
-std::vector<EditCamera> cameras_to_edit(const std::filesystem::path& file, const EditModel& model) {
-  return in_frame_of(
-      model, [&](const Vec3d& offset) { return as_training(cameras_of_file(file, 1, offset)); });
-}
-
-std::vector<EditCamera> cameras_to_edit(const DatasetConfig& scene, const EditModel& model) {
-  return in_frame_of(model, [&](const Vec3d& offset) {
-    return as_training(cameras_of_scene(scene, "all", offset));
-  });
 }
 
 void keep_rows(EditModel& model, const std::vector<std::uint32_t>& rows) {
@@ -136,6 +82,11 @@ void transform_edited(EditModel& model, const ModelTransform& transform) {
   model.input_from_model = multiply(input_from_before, inverse_of(matrix_of(of_numbers)));
 }
 
+void move_cameras(std::vector<EditCamera>& cameras, const ModelTransform& transform) {
+  if (transform.is_identity()) return;
+  for (EditCamera& camera : cameras) camera.camera = moved(camera.camera, transform);
+}
+
 void transform_numbers(EditModel& model, const ModelTransform& transform) {
   transform_model(model.model, transform);
   move_cameras(model.cameras, transform);
@@ -164,7 +115,7 @@ Straightened straighten(EditModel& model) {
   std::optional<Gaussians> storage;
   const Gaussians& gaussians = drawn_gaussians(model.model, storage);
   std::vector<Camera> cameras;
-  for (const EditCamera& camera : model.cameras) cameras.push_back(camera.named.camera);
+  for (const EditCamera& camera : model.cameras) cameras.push_back(camera.camera);
   SceneFrame frame = scene_frame(cameras, gaussians.mean.span());
   Straightened result;
   result.by_cameras = !cameras.empty();

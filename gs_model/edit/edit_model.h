@@ -2,52 +2,35 @@
 // A trained model that is being edited: rows are chosen, the whole is moved, its size is reduced.
 // Its cameras move with it, and it remembers the way back to the photos' frame.
 //
-//   OpenedModel opened = open_model("out/scene", {});
-//   const RunFolder run = *opened.run;
-//   EditModel model = model_to_edit(std::move(opened));
-//   model.cameras = cameras_to_edit(run, model);
-//   keep_rows(model, rows_marked(marks));                        // select.h
-//   straighten(model);
-//   ExportRequest request{"small.spz"};
-//   request.input_from_model = model.input_from_model;
-//   export_model(model.model, request);
-//
 // Coordinates that users give are those of the model as it is at that moment: means plus world
 // offset, in double precision.
 #pragma once
 
 #include <optional>
+#include <string>
 #include <vector>
 
-#include "data_loaders/cameras/camera_file.h"
-#include "gs_app/run/open_model.h"
+#include "gs_core/camera.h"
+#include "gs_core/gaussians.h"
 #include "gs_model/edit/decimate.h"
-#include "gs_model/formats/model_transform.h"
+#include "gs_model/edit/model_transform.h"
 
 namespace gs {
 
 struct EditCamera {
-  NamedCamera named;
+  std::string name;  // of the photo, without extension
+  Camera camera;
   bool is_test = false;  // of a view that training did not see
 };
 
 struct EditModel {
   GaussianModel model;
-  std::optional<Mat4d> input_from_model;  // as in OpenedModel
+  std::optional<Mat4d> input_from_model;  // where it was moved before; else a shift
   std::vector<EditCamera> cameras;        // in the frame of the model's numbers
 };
 
-/// The model of a file or run, without cameras.
-EditModel model_to_edit(OpenedModel opened);
-
 /// From the numbers of the model to the photos' frame.
 Mat4d input_from(const EditModel& model);
-
-/// The cameras of a run, of a file (read_cameras.h) or of a scene, in the frame of the model.
-/// Throws Error.
-std::vector<EditCamera> cameras_to_edit(const RunFolder& run, const EditModel& model);
-std::vector<EditCamera> cameras_to_edit(const std::filesystem::path& file, const EditModel& model);
-std::vector<EditCamera> cameras_to_edit(const DatasetConfig& scene, const EditModel& model);
 
 /// Keeps these rows and no others.
 void keep_rows(EditModel& model, const std::vector<std::uint32_t>& rows);
@@ -61,6 +44,9 @@ Quat<double> turn_by_degrees(const Vec3d& degrees);
 /// camera that moves along stays as it is, if near and far plane are scaled, too. Throws UsageError
 /// where Gaussians in space and time would be scaled.
 void transform_edited(EditModel& model, const ModelTransform& transform);
+
+/// The same for cameras alone.
+void move_cameras(std::vector<EditCamera>& cameras, const ModelTransform& transform);
 
 /// The same in the numbers of the model, without their world offset. The way to the photos' frame
 /// stays true, also after a mere shift.

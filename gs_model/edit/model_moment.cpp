@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "gs_model/formats/model_moment.h"
+#include "gs_model/edit/model_moment.h"
 
 #include <algorithm>
 #include <cmath>

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "gs_app/edit/merge_models.h"
+#include "gs_model/edit/merge_models.h"
 
 #include <spdlog/fmt/fmt.h>
 

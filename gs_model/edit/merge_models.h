@@ -5,7 +5,7 @@
 #include <string>
 #include <vector>
 
-#include "gs_app/edit/edit_model.h"
+#include "gs_model/edit/edit_model.h"
 
 namespace gs {
 
