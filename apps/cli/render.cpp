@@ -232,7 +232,7 @@ bool RenderCommand::shows(Quantity quantity) const {
 
 void render(const RenderCommand& command) {
   setup_log(command.verbosity());
-  OpenedModel opened = open_model(command.model, command.step, command.lod_level);
+  OpenedModel opened = open_model(command.model, command.step);
   // A cameras.json has the size of its pictures already; only -r makes them smaller.
   if (!command.has("dataset.source")) opened.config.dataset.resolution = 1;
   const Config config = resolve(command, opened.config);

@@ -23,7 +23,11 @@ struct Foreign {
 };
 
 constexpr Foreign kEndings[] = {
+    {".csv", "a table", "give the columns that numpy.loadtxt reads to gemsplat.Model"},
     {".lcc", "an .lcc scene of XGRIDS", kConvert},
+    {"lod-meta.json", "a streamed SOG",
+     "name a meta.json of its folders, or the model.rad beside it"},
+    {".ksplat", "a .ksplat file of GaussianSplats3D", kConvert},
     {".splatv", "a .splatv file of moving Gaussians", "train one moment and name its .ply"},
     {".pth", "a checkpoint of a PyTorch trainer", "let that trainer export a .ply"},
     {".pt", "a checkpoint of a PyTorch trainer", "let that trainer export a .ply"},

@@ -108,8 +108,7 @@ std::vector<std::size_t> reduced_leaves(const std::vector<std::size_t>& begin, s
 }
 
 // Makes a level of the one before it, leaf by leaf, and gives that one its `parent`.
-LodLevel coarser(LodLevel& finer, std::size_t ratio,
-                 const std::function<void(std::size_t)>& count) {
+LodLevel coarser(LodLevel& finer, std::size_t ratio) {
   LodLevel level{
       rows_like(finer.gaussians, 0, host_memory()), reduced_leaves(finer.leaf_begin, ratio), {}};
   level.gaussians.resize(level.leaf_begin.back());
@@ -123,7 +122,6 @@ LodLevel coarser(LodLevel& finer, std::size_t ratio,
     GS_CHECK(decimate(rows, level.count(leaf), options) == level.count(leaf));
     copy_rows(rows, 0, rows.count(), level.gaussians, first);
     for (const std::uint32_t row : merged_into) finer.parent.push_back(std::uint32_t(first) + row);
-    count(finer.count(leaf) - level.count(leaf));
   }
   return level;
 }
@@ -144,14 +142,10 @@ LodTree build_lod_tree(Gaussians gaussians, const LodOptions& options) {
   CellSplit cells(gaussians, options.leaf_rows);
   LodTree tree{std::move(cells.nodes), {}};
   tree.levels.push_back({rows_of(gaussians, cells.order), cells.leaf_begin, {}});
-  const std::size_t total = gaussians.count(), levels = num_levels(total, options);
+  const std::size_t levels = num_levels(gaussians.count(), options);
   gaussians = Gaussians();
-  std::size_t done = 0;
-  const auto count = [&](std::size_t merges) {
-    if (options.on_progress) options.on_progress(done += merges, total);
-  };
   while (tree.levels.size() < levels)
-    tree.levels.push_back(coarser(tree.levels.back(), options.ratio, count));
+    tree.levels.push_back(coarser(tree.levels.back(), options.ratio));
   return tree;
 }
 

@@ -4,8 +4,6 @@
 // its distance deserves.
 #pragma once
 
-#include <functional>
-
 #include "gs_core/gaussians.h"
 
 namespace gs {
@@ -14,9 +12,6 @@ struct LodOptions {
   std::size_t leaf_rows = 50'000;   // a cell with more Gaussians is split
   std::size_t ratio = 4;            // a level has 1/ratio of the Gaussians of the one before it
   std::size_t coarsest_rows = 250;  // no level has fewer, unless the model has
-  // Called now and then by the calling thread with the Gaussians merged so far, and those of all
-  // leaves; may be empty. What it throws leaves build_lod_tree().
-  std::function<void(std::size_t done, std::size_t total)> on_progress = {};
 };
 
 /// A cell of the k-d tree. Its leaves are first_leaf, ..., first_leaf + num_leaves - 1.

@@ -13,7 +13,6 @@
 #include "gs_core/error.h"
 #include "gs_core/system/host_name.h"
 #include "gs_core/system/text/json.h"
-#include "gs_model/formats/lod/streamed_sog.h"
 #include "gs_model/formats/ply/ply.h"
 #include "tests/support/http_client.h"
 #include "tests/support/program.h"
@@ -171,22 +170,19 @@ TEST_F(View, TheModelHasTheBytesOfItsFile) {
 TEST_F(View, LevelsOfDetailAreStreamed) {
   const GaussianModel model = random_model(300, 1);
   try {
-    write_model(path("lod/model.rad"), model);
-    write_streamed_sog(path("lod"), build_lod_tree(copy_of(model.gaussians)), {1});
+    write_model(path("model.rad"), model);
   } catch (const Error& missing) {
-    GTEST_SKIP() << missing.what();  // zlib or libwebp
+    GTEST_SKIP() << missing.what();  // zlib
   }
-  const std::string bytes = read_bytes(path("lod/model.rad"));
-  for (const char* name : {"lod", "lod/lod-meta.json", "lod/model.rad"}) {
-    const Served served = serve(name);
-    const SortedJson said = served.json("/scene.json").at("model");
-    EXPECT_EQ(said.at("format"), "rad");
-    EXPECT_EQ(said.at("gaussians"), 300);
-    const auto part = served.get("/model?v=0", {{"Range", "bytes=8-107"}});
-    EXPECT_EQ(part->status, 206);
-    EXPECT_EQ(part->body, bytes.substr(8, 100));
-    EXPECT_EQ(part->header("Content-Range"), fmt::format("bytes 8-107/{}", bytes.size()));
-  }
+  const std::string bytes = read_bytes(path("model.rad"));
+  const Served served = serve("model.rad");
+  const SortedJson said = served.json("/scene.json").at("model");
+  EXPECT_EQ(said.at("format"), "rad");
+  EXPECT_EQ(said.at("gaussians"), 300);
+  const auto part = served.get("/model?v=0", {{"Range", "bytes=8-107"}});
+  EXPECT_EQ(part->status, 206);
+  EXPECT_EQ(part->body, bytes.substr(8, 100));
+  EXPECT_EQ(part->header("Content-Range"), fmt::format("bytes 8-107/{}", bytes.size()));
 }
 
 TEST_F(View, ThePageHasTheBytesOfItsFileAndIsNeverKept) {
@@ -200,7 +196,7 @@ TEST_F(View, ThePageHasTheBytesOfItsFileAndIsNeverKept) {
 
 TEST_F(View, OtherFormatsAreServedAsTheyAreOrAsAPly) {
   ASSERT_EQ(train("out").code, 0);
-  ASSERT_EQ(run("export " + text("out") + " " + text("a.spz") + " " + text("b.csv") + " " +
+  ASSERT_EQ(run("export " + text("out") + " " + text("a.spz") + " " + text("b.glb") + " " +
                 text("c.compressed.ply"))
                 .code,
             0);
@@ -212,13 +208,13 @@ TEST_F(View, OtherFormatsAreServedAsTheyAreOrAsAPly) {
             SortedJson({1, 0, 0, 0, 0, -1, 0, 0, 0, 0, -1, 0, 0, 0, 0, 1}));
   EXPECT_EQ(serve("c.compressed.ply").get("/model")->body, read_bytes(path("c.compressed.ply")));
 
-  const Served csv = serve("b.csv");
-  EXPECT_EQ(csv.json("/scene.json").at("model").at("format"), "ply");
-  EXPECT_EQ(csv.json("/scene.json").at("model").at("name"), "b.csv");
-  write_bytes(path("d.ply"), csv.get("/model")->body);
+  const Served glb = serve("b.glb");
+  EXPECT_EQ(glb.json("/scene.json").at("model").at("format"), "ply");
+  EXPECT_EQ(glb.json("/scene.json").at("model").at("name"), "b.glb");
+  write_bytes(path("d.ply"), glb.get("/model")->body);
   EXPECT_EQ(read_gaussian_ply(path("d.ply")).gaussians.count(),
             read_gaussian_ply(ply()).gaussians.count());
-  EXPECT_THAT(csv.json("/scene.json").at("cameras"), IsEmpty());
+  EXPECT_THAT(glb.json("/scene.json").at("cameras"), IsEmpty());
 }
 
 TEST_F(View, AnAsciiPlyIsMadeBinary) {

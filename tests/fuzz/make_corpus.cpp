@@ -11,7 +11,6 @@
 #include "gs_model/formats/coding/compression.h"
 #include "gs_model/formats/coding/little_endian.h"
 #include "gs_model/formats/formats.h"
-#include "gs_model/formats/lod/streamed_sog.h"
 #include "gs_model/formats/sog/webp.h"
 #include "gs_model/formats/sog/zip_file.h"
 #include "gs_model/formats/spz/spz_layout.h"
@@ -19,7 +18,6 @@
 #include "tests/support/avi_writer.h"
 #include "tests/support/colmap_writer.h"
 #include "tests/support/glb_parts.h"
-#include "tests/support/ksplat_writer.h"
 #include "tests/support/lpips_file.h"
 #include "tests/support/models.h"
 #include "tests/support/random_model.h"
@@ -65,12 +63,6 @@ std::string unpacked_sog(const std::string& archive) {
   return joined(parts);
 }
 
-/// What the headers of two sections say, and the data, as ksplat.cpp unpacks them.
-std::string packed_ksplat(const std::string& file) {
-  return "#\2" + file.substr(0, 44) + file.substr(4096, 42) + file.substr(4096 + 1024, 42) +
-         file.substr(4096 + 2048);
-}
-
 void write_networks() {
   for (const char* network : {"alex", "vgg"})
     write_seed("lpips/"s + network, safetensors_bytes(patterned_network(network, {1, 1, 1, 1, 1})));
@@ -80,25 +72,10 @@ void write_models() {
   const GaussianModel model = random_model(3, 1), flat = random_model(3, 0);
   write_seed("ply/binary", bytes_of("a.ply", model));
   write_seed("ply/compressed", bytes_of("a.compressed.ply", model));
-  write_seed("tables/csv", bytes_of("a.csv", flat));
-  write_seed("tables/splat", bytes_of("a.splat", flat));
+  write_seed("splat/file", bytes_of("a.splat", flat));
   write_seed("glb/file", bytes_of("a.glb", random_model(2, 0)));
-  const auto in_parts = [](const GlbParts& parts) {
-    return joined({parts.json.dump(), parts.binary});
-  };
-  GlbParts glb = glb_parts(bytes_of("a.glb", random_model(2, 1)));
-  write_seed("glb/parts", in_parts(glb));
-  glb.json["nodes"] = {{{"mesh", 0}, {"matrix", {0, 0, -1, 0, 0, 1, 0, 0, 1, 0, 0, 0, 5, 6, 7, 1}}},
-                       {{"children", {0}}, {"scale", {2, 2, 2}}, {"translation", {1, 2, 3}}}};
-  glb.json["scenes"][0]["nodes"] = {1};
-  write_seed("glb/nodes", in_parts(glb));
-  const std::string draft = "KHR_gaussian_splatting_compression_spz_2";
-  write_seed("glb/spz", in_parts(glb_with_spz(bytes_of("a.spz", model), draft, true)));
-  for (const unsigned level : {0u, 1u, 2u})
-    write_seed(
-        "ksplat/level_" + std::to_string(level),
-        packed_ksplat(ksplat_bytes(random_model(6, 1), {.level = level, .rows_per_section = 5})));
-  write_seed("ksplat/file", ksplat_bytes(flat, {}));
+  const GlbParts glb = glb_parts(bytes_of("a.glb", random_model(2, 1)));
+  write_seed("glb/parts", joined({glb.json.dump(), glb.binary}));
   write_seed("gs4d/model", bytes_of("a.gs4d", random_moving_model(3, 1)));
   write_seed("spz/version_3", bytes_of("a.spz", model));
   write_seed("spz/version_4", bytes_of("a.spz", model, {4}));
@@ -107,15 +84,10 @@ void write_models() {
   write_seed("spz/unpacked_3", unpacked);
   unpacked[5] = 4;
   write_seed("spz/unpacked_4", unpacked);
-  write_seed("lod/rad", bytes_of("a.rad", model));
-  LodOptions options;
-  options.leaf_rows = 4;
-  options.coarsest_rows = 1;
-  const LodTree tree = build_lod_tree(random_model(10, 1).gaussians, options);
-  write_streamed_sog(folder() / "lod", tree, {1});
-  write_seed("lod/folder", joined({read_bytes(folder() / "lod" / kLodMeta),
-                                   read_bytes(folder() / "lod/0_0/meta.json")}));
+  write_seed("rad/file", bytes_of("a.rad", model));
   write_seed("sog/archive", bytes_of("a.sog", flat));
+  const std::string archive = bytes_of("a.sog", random_model(10, 1));
+  write_seed("sog/folder", std::string(zip_entries("", archive).at("meta.json")));
   write_seed("sog/unpacked", unpacked_sog(bytes_of("a.sog", flat)));
   write_seed("sog/unpacked_sh", unpacked_sog(bytes_of("a.sog", model)));
 }

@@ -11,10 +11,10 @@
 #include "data_loaders/reconstruct/scene_state.h"
 #include "data_loaders/scene/photo_list.h"
 #include "gs_app/blocks/blocks_file.h"
-#include "gs_app/edit/places/polygon_file.h"
 #include "gs_app/run/photometric_file.h"
 #include "gs_app/run/pose_file.h"
 #include "gs_app/run/run_folder.h"
+#include "gs_model/edit/places/polygon_file.h"
 #include "tests/fuzz/fuzz_target.h"
 
 namespace gs::fuzz {

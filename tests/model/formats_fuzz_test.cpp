@@ -47,7 +47,6 @@ std::string damaged_sog(const std::string& bytes, std::mt19937& random) {
 const Reader kReaders[] = {
     {"Ply", ".ply", 1, {}, damaged_outside},
     {"CompressedPly", ".compressed.ply", 1, {}, damaged_outside},
-    {"Csv", ".csv", 1, {}, damaged_outside},
     {"Glb", ".glb", 1, {}, damaged_outside},
     {"Splat", ".splat", 0, {}, damaged_outside},
     {"Spz2", ".spz", 1, {2}, damaged_outside},
