@@ -20,10 +20,11 @@ constexpr std::size_t kComparedViews = 4;  // rows of comparison.png
 // At the poses that the run has refined, if it has.
 std::vector<View> sample_of_training_views(Trainer& trainer, std::size_t wanted) {
   const std::vector<View>& views = trainer.scene().train_views;
+  const std::vector<Camera> cameras = refined_cameras(trainer.model().poses, views);
   std::vector<View> sample;
   for (const std::size_t index : evenly_chosen(views.size(), wanted)) {
     sample.push_back(views[index]);
-    sample.back().camera = refined_camera(trainer.model().poses, views[index].camera, index);
+    sample.back().camera = cameras[index];
   }
   return sample;
 }

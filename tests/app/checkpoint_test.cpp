@@ -62,22 +62,16 @@ void tell(FloatMoments& moments, float& next) {
 /// A photometric model and poses, in whose arrays all numbers differ.
 void add_photos(TrainingModel& model) {
   float next = 0.25f;
-  model.photometric.shape = {3, 3};
+  const auto tell_all = [&](const char*, auto& array) {
+    for (auto& number : array) tell(number, next);
+  };
+  model.photometric.begin(3, 3);
   model.photometric.adam_steps = 9;
   model.photometric.is_solved = true;
-  for_each_photometric_array(
-      [&](const char*, auto& array) {
-        array.resize(model.photometric.shape.size());
-        for (auto& number : array) tell(number, next);
-      },
-      model.photometric);
+  for_each_photometric_array(tell_all, model.photometric);
+  model.poses.begin(3, kPoseNumbers);
   model.poses.adam_steps = 7;
-  for_each_pose_array(
-      [&](const char*, auto& array) {
-        array.resize(3 * kPoseNumbers);
-        for (auto& number : array) tell(number, next);
-      },
-      model.poses);
+  for_each_pose_array(tell_all, model.poses);
 }
 
 /// Three training views and a test view, one with a name that is not UTF-8.
@@ -391,9 +385,7 @@ TEST_F(Checkpoints, WithWhatWasRemovedSayWhatItIs) {
 
 TEST_F(Checkpoints, WithVignettingSayWhatItIs) {
   TrainingState state = telling_state(7, 12);
-  state.model.photometric.shape = {3, 3};
-  for_each_photometric_array([](const char*, auto& array) { array.resize(9), array.fill_zero(); },
-                             state.model.photometric);
+  state.model.photometric.begin(3, 3);
   fs::create_directories(path());
   write_checkpoint(file(12), telling_config(), telling_scene(), state.progress, state.model);
   rewrite(file(12), file(11), state.model, [](const std::string& section, std::string& text) {

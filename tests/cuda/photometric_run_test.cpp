@@ -77,8 +77,7 @@ TEST_F(CudaPhotometricRun, LearnsWhereTheModelGrows) {
   EXPECT_TRUE(state.is_solved);
   EXPECT_GT(state.adam_steps, 0);
   for (std::size_t k = 0; k < kWallViews; ++k)
-    for (std::size_t c = 0; c < 3; ++c)
-      EXPECT_NEAR(state.photo(k)[c], true_log_gain(k)[int(c)], 0.1);
+    for (std::size_t c = 0; c < 3; ++c) EXPECT_NEAR(state.row(k)[c], true_log_gain(k)[int(c)], 0.1);
 }
 
 }  // namespace
