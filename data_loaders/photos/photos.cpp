@@ -9,6 +9,7 @@
 #include <cstring>
 #include <new>
 
+#include "data_loaders/photos/encode_png.h"
 #include "data_loaders/photos/photo_codec.h"
 #include "data_loaders/photos/picture_header.h"
 #include "gs_core/error.h"

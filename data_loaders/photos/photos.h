@@ -62,7 +62,7 @@ Image8 area_resized(const Image8& image, int width, int height);
 void write_png(const std::filesystem::path& path, const Image8& image);
 
 /// The bytes of a JPEG file with three channels; quality 1 to 100. For viewing, not for measuring.
-/// Throws Error.
+/// Large ones are made on all threads. Throws Error.
 std::vector<std::uint8_t> encode_jpeg(const Image8& image, int quality);
 
 }  // namespace gs

@@ -15,6 +15,7 @@
 
 #include "data_loaders/colmap/colmap_write.h"
 #include "data_loaders/photos/exr.h"
+#include "data_loaders/photos/photo_codec.h"
 #include "data_loaders/photos/photo_names.h"
 #include "data_loaders/scene/depth/depth_map.h"
 #include "data_loaders/scene/plan_views.h"
@@ -77,7 +78,7 @@ void copy_photo(const fs::path& from, const fs::path& to) {
 
 /// Returns the PSNR of the file against the photo.
 double write_jpeg(const fs::path& path, const Image8& photo, int quality) {
-  const std::vector<std::uint8_t> bytes = encode_jpeg(photo, quality);
+  const std::vector<std::uint8_t> bytes = encode_jpeg_alone(photo, quality);
   AtomicFile file(path);
   file.write(bytes.data(), bytes.size());
   file.commit();

@@ -98,6 +98,7 @@ std::string results_json(const Results& results) {
                {"num_gaussians", results.num_gaussians},
                {"removed_floaters", results.removed_floaters},
                {"train_seconds", results.train_seconds},
+               {"wall_seconds", Json::object()},
                {"test", means(results.test)},
                {"train", means(results.train)},
                {"device", results.device},
@@ -109,6 +110,7 @@ std::string results_json(const Results& results) {
                {"date", utc_date()},
                {"scene_hash", results.scene_hash},
                {"peak_host_bytes", peak_host_bytes()}};
+  for (const auto& [part, seconds] : results.wall_seconds) json["wall_seconds"][part] = seconds;
   if (const auto& changes = uncommitted_changes()) json["uncommitted"] = changes->hash;
   if (const CudaBuild cuda = built_cuda(); !cuda.toolkit.empty()) json["cuda"] = cuda.toolkit;
   add_network(results.test.lpips_source ? results.test.lpips_source : results.train.lpips_source,

@@ -13,10 +13,12 @@
 #include <limits>
 
 #include "gs_app/checkpoints/checkpoint_folder.h"
+#include "gs_app/session/last_checkpoint.h"
 #include "gs_core/error.h"
 #include "gs_core/system/files/access.h"
 #include "gs_core/system/files/atomic_file.h"
 #include "gs_core/system/files/checked_file.h"
+#include "tests/support/captured_log.h"
 #include "tests/support/counted_memory.h"
 #include "tests/support/error_of.h"
 #include "tests/support/models.h"
@@ -480,6 +482,36 @@ TEST_F(Checkpoints, WithForgedNumbersAreRefusedByName) {
   EXPECT_THAT(error_of(before_the_start), HasSubstr("forged: step is no whole number from 0"));
   EXPECT_THAT(error_of(too_many_degrees), HasSubstr("forged: sh_degree is no whole number from 0"));
   EXPECT_THAT(error_of(no_loss), HasSubstr("forged: loss is no number"));
+}
+
+// The bytes are those of one that was written at once.
+TEST_F(Checkpoints, TheLastOneOfADeviceIsWrittenInTheBackground) {
+  const TrainingState state = telling_state(40, 20);
+  CountedMemory device;
+  const TrainingModel model = copy_to(device, state.model);
+  CheckpointFolder checkpoints = folder();
+  ASSERT_TRUE(checkpoints.save(state.progress, model));
+  const std::string at_once = read_bytes(file(20));
+  for (const int last_step : {20, 30}) {
+    fs::remove(file(20));
+    LastCheckpoint last(checkpoints, last_step);
+    EXPECT_TRUE(last.save(state.progress, model));
+    EXPECT_TRUE(last.newest());  // waits
+    EXPECT_EQ(read_bytes(file(20)), at_once);
+  }
+}
+
+TEST_F(Checkpoints, TheLastOneWarnsWhereItCannotBeWritten) {
+  const TrainingState state = telling_state(40, 20);
+  CountedMemory device;
+  const TrainingModel model = copy_to(device, state.model);
+  CheckpointFolder checkpoints = folder([](const fs::path&) { return std::uint64_t(10); });
+  LastCheckpoint last(checkpoints, 20);
+  CapturedLog logged;
+  EXPECT_TRUE(last.save(state.progress, model));
+  last.wait();
+  EXPECT_THAT(logged.text(), HasSubstr("no checkpoint of step 20"));
+  EXPECT_FALSE(fs::exists(file(20)));
 }
 
 TEST_F(Checkpoints, OnlyTheLastTwoAreKept) {

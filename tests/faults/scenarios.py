@@ -103,8 +103,8 @@ OF_THE_USER = "a file of the user's"
 # ---- bytes that have to be the same --------------------------------------------------------------
 
 # Values that no two runs share: times, and memory.
-TIMES = {"train_seconds", "date", "peak_host_bytes", "seconds", "steps_per_second", "training / s",
-         "memory / MiB"}
+TIMES = {"train_seconds", "wall_seconds", "date", "peak_host_bytes", "seconds", "steps_per_second",
+         "training / s", "memory / MiB"}
 # Files of which only the name counts: they hold times throughout, or grow with every attempt.
 LOGS = {"profile.csv", "report.html", "train.log", "colmap.log"}
 

@@ -6,6 +6,8 @@
 #include <numeric>
 
 #include "data_loaders/photos/cut_short.h"
+#include "data_loaders/photos/encode_png.h"
+#include "data_loaders/photos/photo_codec.h"
 #include "data_loaders/photos/photo_names.h"
 #include "gs_core/error.h"
 #include "gs_core/threads/parallel.h"
@@ -118,6 +120,60 @@ TEST(Photos, PngComesBackAsWritten) {
   EXPECT_EQ(size.width, 37);
   EXPECT_EQ(size.height, 23);
   EXPECT_EQ(read_photo(temp.path() / "sub" / "photo.png").pixels, image.pixels);
+}
+
+// Pictures of one strip and of several, of noise, of one value, and with long runs.
+TEST(Photos, PngsOfAllKindsComeBackAsWritten) {
+  const TempFolder temp;
+  for (const int channels : {1, 3, 4})
+    for (const auto& [width, height] : {std::pair(1, 1), {2, 3}, {300, 700}})
+      for (const bool has_runs : {false, true}) {
+        Image8 image = noise(width, height, channels);
+        for (std::uint8_t& value : image.pixels)
+          if (has_runs && value > 3) value = 200;
+        write_png(temp.path() / "photo.png", image);
+        const PhotoWithAlpha read = read_photo_with_alpha(temp.path() / "photo.png");
+        const int colors = std::min(channels, 3);
+        for (std::size_t i = 0; i < read.photo.pixels.size() / 3; ++i)
+          for (int c = 0; c < 3; ++c)
+            ASSERT_EQ(read.photo.pixels[3 * i + std::size_t(c)],
+                      image.pixels[std::size_t(channels) * i + std::size_t(c % colors)])
+                << width << " " << channels << " " << has_runs;
+        for (std::size_t i = 0; i < read.alpha.pixels.size(); ++i)
+          ASSERT_EQ(read.alpha.pixels[i], image.pixels[4 * i + 3]);
+      }
+}
+
+TEST(Photos, EncodedBytesDoNotDependOnTheNumberOfThreads) {
+  const int threads = thread_count();
+  const Image8 image = noise(1200, 900, 3);
+  set_thread_count(1);
+  const auto png = encode_png(image), jpeg = encode_jpeg(image, 80);
+  set_thread_count(5);
+  EXPECT_EQ(encode_png(image), png);
+  EXPECT_EQ(encode_jpeg(image, 80), jpeg);
+  set_thread_count(threads);
+}
+
+TEST(Photos, APictureOfOneColorTakesFewBytes) {
+  EXPECT_LT(encode_png(Image8(1000, 1000, 3, 90)).size(), 10'000u);
+}
+
+// Its width and height are no multiples of a block.
+TEST(Photos, ALargeJpegHasThePixelsOfOneMadeAtOnce) {
+  const TempFolder temp;
+  Image8 image(1207, 903, 3);
+  for (int y = 0; y < image.height; ++y)
+    for (int x = 0; x < image.width; ++x)
+      for (int c = 0; c < 3; ++c) image.at(x, y, c) = std::uint8_t(x * (c + 1) / 5 + y * y / 90);
+  const auto decoded_jpeg = [&](const std::vector<std::uint8_t>& bytes) {
+    return decoded({bytes.begin(), bytes.end()}, "large.jpg");
+  };
+  const auto strips = encode_jpeg(image, 85), alone = encode_jpeg_alone(image, 85);
+  EXPECT_NE(strips, alone);
+  const Image8 read = decoded_jpeg(strips);
+  EXPECT_EQ(read.height, image.height);
+  EXPECT_EQ(read.pixels, decoded_jpeg(alone).pixels);
 }
 
 TEST(Photos, GrayPngMayBeWritten) {
