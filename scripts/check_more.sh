@@ -46,8 +46,7 @@ check_sanitizers() {
 # sanitizers and compiled by clang++.
 check_fuzz() {
   install_clang
-  build fuzz data_loaders_scene_tests model_tests fuzz_targets
-  build/fuzz/tests/data_loaders_scene_tests --gtest_filter='Fuzz.*'
+  build fuzz model_tests fuzz_targets
   build/fuzz/tests/model_tests --gtest_filter='*FormatsFuzz*'
   scripts/fuzz.sh --runs 100000
 }

@@ -167,6 +167,11 @@ Image8 area_resized(const Image8& image, int width, int height) {
   return target;
 }
 
+std::string note_on_reduced_photos(const PhotoSize& largest, const PhotoSize& reduced) {
+  return fmt::format("photos of {}x{} are trained at {}x{}; -r 1 keeps all of their pixels",
+                     largest.width, largest.height, reduced.width, reduced.height);
+}
+
 void write_png(const fs::path& path, const Image8& image) {
   GS_CHECK(!image.empty() && (image.channels == 1 || image.channels == 3 || image.channels == 4));
   const std::vector<std::uint8_t> bytes = encode_png(image);

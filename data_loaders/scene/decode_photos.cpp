@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "data_loaders/scene/make_views.h"
+#include "data_loaders/scene/decode_photos.h"
 
 #include <algorithm>
 #include <atomic>
@@ -8,7 +8,6 @@
 
 #include <spdlog/fmt/fmt.h>
 
-#include "data_loaders/photos/large_photos.h"
 #include "data_loaders/photos/photo_pool.h"
 #include "data_loaders/scene/cached_picture.h"
 #include "data_loaders/scene/depth/depth_map.h"
@@ -32,27 +31,27 @@ std::size_t pixel_count(const PhotoSize& size) {
 }
 
 /// A view without its picture.
-View empty_view(const ViewPlan& plan) {
+View empty_view(const Photo& photo) {
   View view;
-  view.name = plan.name;
-  view.camera = plan.camera;
-  view.camera_id = plan.camera_id;
-  view.rig_frame = plan.rig_frame;
-  view.exposure_stops = plan.exposure_stops;
-  view.may_be_masked = plan.may_be_masked;
-  view.over_background = plan.masks.over_background && view.may_be_masked;
-  view.has_depth_map = !plan.depth_file.empty();
-  view.depth_kind = plan.depth_kind;
+  view.name = photo.name;
+  view.camera = photo.camera;
+  view.camera_id = photo.camera_id;
+  view.rig_frame = photo.rig_frame;
+  view.exposure_stops = photo.exposure_stops;
+  view.may_be_masked = photo.may_be_masked;
+  view.over_background = photo.masks.over_background && view.may_be_masked;
+  view.has_depth_map = !photo.depth_file.empty();
+  view.depth_kind = photo.depth_kind;
   return view;
 }
 
-View view_with(Picture picture, const ViewPlan& plan) {
-  View view = empty_view(plan);
+View view_with(Picture picture, const Photo& photo) {
+  View view = empty_view(photo);
   view.photo = std::move(picture.photo);
   view.mask = std::move(picture.mask);
-  view.over_background = plan.masks.over_background && !view.mask.empty();
+  view.over_background = photo.masks.over_background && !view.mask.empty();
   if (view.has_depth_map) {
-    DepthMap map = make_depth_map(plan);
+    DepthMap map = make_depth_map(photo);
     view.depth = std::move(map.values);
     view.depth_kind = map.kind;
   }
@@ -60,54 +59,54 @@ View view_with(Picture picture, const ViewPlan& plan) {
 }
 
 /// `cache` may be null.
-View load_view(std::size_t index, const ViewPlan& plan, CachedPictures* cache) {
-  return view_with(cache ? cache->picture(index, plan) : make_picture(plan), plan);
+View load_view(std::size_t index, const Photo& photo, CachedPictures* cache) {
+  return view_with(cache ? cache->picture(index, photo) : make_picture(photo), photo);
 }
 
-bool has_frames(const std::vector<ViewPlan>& plans) {
-  return std::ranges::any_of(plans, [](const ViewPlan& plan) { return plan.is_frame; });
+bool has_frames(const std::vector<Photo>& photos) {
+  return std::ranges::any_of(photos, [](const Photo& photo) { return photo.is_frame; });
 }
 
 /// Makes the pictures of frames of videos within `budget` bytes, each video decoded once
 /// (for_each_frame()).
-void for_each_film_picture(const std::vector<ViewPlan>& plans, std::size_t budget,
+void for_each_film_picture(const std::vector<Photo>& photos, std::size_t budget,
                            const std::function<bool(std::size_t view)>& wants,
                            const std::function<void(std::size_t view, Picture picture)>& take) {
   std::vector<std::size_t> views;
   std::vector<VideoFrame> frames;
   std::size_t cost = 1;  // bytes of one frame in the making
-  for (std::size_t i = 0; i < plans.size(); ++i) {
-    if (!plans[i].is_frame) continue;
+  for (std::size_t i = 0; i < photos.size(); ++i) {
+    if (!photos[i].is_frame) continue;
     views.push_back(i);
-    frames.push_back({plans[i].file, plans[i].frame});
-    cost = std::max(cost, plans[i].cost.decoding);
+    frames.push_back({photos[i].file, photos[i].frame});
+    cost = std::max(cost, photos[i].cost.decoding);
   }
   const std::size_t most_at_once = std::clamp<std::size_t>(budget / cost, 1, thread_count());
   for_each_frame(
       frames, most_at_once, [&](std::size_t k) { return wants(views[k]); },
       [&](std::size_t k, Image8 frame) {
-        take(views[k], make_picture(plans[views[k]], {std::move(frame), {}}));
+        take(views[k], make_picture(photos[views[k]], {std::move(frame), {}}));
       });
 }
 
 /// All photos decoded.
-std::vector<View> load_views(const std::vector<ViewPlan>& plans, CachedPictures* cache,
+std::vector<View> load_views(const std::vector<Photo>& photos, CachedPictures* cache,
                              const LoadProgress& progress) {
-  std::vector<View> views(plans.size());
+  std::vector<View> views(photos.size());
   std::atomic<bool> has_failed = false;  // then the others need not be decoded
   std::mutex mutex;
   std::size_t done = 0;
   const auto count = [&] {
     const std::lock_guard lock(mutex);
-    if (progress) progress(LoadStage::photos, ++done, plans.size());
+    if (progress) progress(LoadStage::photos, ++done, photos.size());
   };
-  parallel_for(plans.size(), 1, [&](std::size_t i) {
+  parallel_for(photos.size(), 1, [&](std::size_t i) {
     if (has_failed) return;
     try {
-      if (!plans[i].is_frame)
-        views[i] = load_view(i, plans[i], cache);
-      else if (auto kept = cache ? cache->find(i, plans[i]) : std::nullopt)
-        views[i] = view_with(std::move(*kept), plans[i]);
+      if (!photos[i].is_frame)
+        views[i] = load_view(i, photos[i], cache);
+      else if (auto kept = cache ? cache->find(i, photos[i]) : std::nullopt)
+        views[i] = view_with(std::move(*kept), photos[i]);
       else
         return;  // decoded below, in the order of its video
     } catch (...) {
@@ -117,11 +116,11 @@ std::vector<View> load_views(const std::vector<ViewPlan>& plans, CachedPictures*
     count();
   });
   for_each_film_picture(
-      plans, std::numeric_limits<std::size_t>::max(),  // fit_into_ram() has counted all threads
+      photos, std::numeric_limits<std::size_t>::max(),  // fit_into_ram() has counted all threads
       [&](std::size_t i) { return views[i].photo.empty(); },
       [&](std::size_t i, Picture picture) {
-        if (cache) cache->store(i, plans[i], picture);
-        views[i] = view_with(std::move(picture), plans[i]);
+        if (cache) cache->store(i, photos[i], picture);
+        views[i] = view_with(std::move(picture), photos[i]);
         count();
       });
   return views;
@@ -129,10 +128,10 @@ std::vector<View> load_views(const std::vector<ViewPlan>& plans, CachedPictures*
 
 /// Puts the frames of videos into the cache, because a PhotoPool asks for them in any order. Warns
 /// of those that it does not take. `cache` may be null.
-void keep_frames(const std::vector<ViewPlan>& plans, CachedPictures* cache, std::size_t budget,
+void keep_frames(const std::vector<Photo>& photos, CachedPictures* cache, std::size_t budget,
                  const LoadProgress& progress) {
   const auto frames =
-      std::size_t(std::ranges::count_if(plans, [](const ViewPlan& plan) { return plan.is_frame; }));
+      std::size_t(std::ranges::count_if(photos, [](const Photo& photo) { return photo.is_frame; }));
   if (frames == 0) return;
   std::size_t kept = 0;
   if (cache) {
@@ -142,15 +141,15 @@ void keep_frames(const std::vector<ViewPlan>& plans, CachedPictures* cache, std:
       if (progress) progress(LoadStage::photos, ++kept, frames);
     };
     for_each_film_picture(
-        plans, budget,
+        photos, budget,
         [&](std::size_t i) {
-          const bool is_kept = cache->has(i, plans[i]);
+          const bool is_kept = cache->has(i, photos[i]);
           if (is_kept) count();
           return !is_kept;
         },
         [&](std::size_t i, Picture picture) {
-          cache->store(i, plans[i], picture);
-          if (cache->has(i, plans[i])) count();
+          cache->store(i, photos[i], picture);
+          if (cache->has(i, photos[i])) count();
         });
   }
   if (kept < frames)
@@ -174,60 +173,58 @@ bool fit_into_ram(const std::vector<PhotoCost>& costs, std::size_t budget) {
 }
 
 /// Says that large photos are reduced, where no setting asked for it.
-void report_reduced_photos(const std::vector<ViewPlan>& plans, int resolution) {
+void report_reduced_photos(const std::vector<Photo>& photos, int resolution) {
   if (resolution != 0) return;
   PhotoSize largest, reduced;
-  for (const ViewPlan& plan : plans) {
-    if (!plan.is_resized() || pixel_count(plan.photo_size) <= pixel_count(largest)) continue;
-    largest = plan.photo_size;
-    reduced = {plan.target.width, plan.target.height};
+  for (const Photo& photo : photos) {
+    if (!photo.is_resized() || pixel_count(photo.size) <= pixel_count(largest)) continue;
+    largest = photo.size;
+    reduced = {photo.target.width, photo.target.height};
   }
   if (largest.width > 0) log_info("{}", note_on_reduced_photos(largest, reduced));
 }
 
 /// Views without photos, and a pool that decodes them on demand.
-std::vector<View> lazy_views(std::vector<ViewPlan> plans, std::vector<PhotoCost> costs,
+std::vector<View> lazy_views(std::vector<Photo> photos, std::vector<PhotoCost> costs,
                              std::size_t budget, std::shared_ptr<CachedPictures> cache) {
   std::vector<View> views;
-  for (const ViewPlan& plan : plans) {
-    views.push_back(empty_view(plan));
+  for (const Photo& photo : photos) {
+    views.push_back(empty_view(photo));
     views.back().index = views.size() - 1;
   }
-  const auto shared_plans = std::make_shared<const std::vector<ViewPlan>>(std::move(plans));
+  const auto shared = std::make_shared<const std::vector<Photo>>(std::move(photos));
   const auto pool = std::make_shared<PhotoPool>(
       std::move(costs),
-      [shared_plans, cache](std::size_t i) {
-        return load_view(i, (*shared_plans)[i], cache.get());
-      },
-      budget, std::clamp(thread_count() - 1, 1, kMostDecoders));
+      [shared, cache](std::size_t i) { return load_view(i, (*shared)[i], cache.get()); }, budget,
+      std::clamp(thread_count() - 1, 1, kMostDecoders));
   for (View& view : views) view.source = pool;
   return views;
 }
 
 }  // namespace
 
-std::vector<View> make_views(const DatasetConfig& dataset, std::vector<ViewPlan> plans,
-                             const LoadProgress& progress, PhotoLoading loading) {
+std::vector<View> decode_photos(const DatasetConfig& dataset, std::vector<Photo> photos,
+                                const LoadProgress& progress, PhotoLoading loading) {
   std::vector<PhotoCost> costs;
   double held = 0;
-  for (const ViewPlan& plan : plans) {
-    costs.push_back(plan.cost);
+  for (const Photo& photo : photos) {
+    costs.push_back(photo.cost);
     held += double(costs.back().held);
   }
   if (loading == PhotoLoading::when_asked) {
     const std::size_t budget = std::max(kBytesForLooking, PhotoPool::least_budget(costs));
     const std::shared_ptr<CachedPictures> kept =  // by training, perhaps
-        has_frames(plans) ? cache_for(dataset, plans, false) : nullptr;
-    return lazy_views(std::move(plans), std::move(costs), budget, kept);
+        has_frames(photos) ? cache_for(dataset, photos, false) : nullptr;
+    return lazy_views(std::move(photos), std::move(costs), budget, kept);
   }
-  report_reduced_photos(plans, dataset.resolution);
+  report_reduced_photos(photos, dataset.resolution);
   std::size_t budget = photo_ram_bytes(double(dataset.photo_ram_gib));
   const bool all_fit = fit_into_ram(costs, budget);
-  const std::shared_ptr<CachedPictures> cache = cache_for(dataset, plans, all_fit);
+  const std::shared_ptr<CachedPictures> cache = cache_for(dataset, photos, all_fit);
   if (cache)
     log_info("photos that are ready for training are kept in {}, and take up to {:.2g} GiB there",
              cache->folder().string(), kCachedShare * held / kBytesPerGib);
-  if (all_fit) return load_views(plans, cache.get(), progress);
+  if (all_fit) return load_views(photos, cache.get(), progress);
   const std::size_t least = PhotoPool::least_budget(costs);
   if (dataset.photo_ram_gib > 0 && budget < least)
     throw UsageError(fmt::format(
@@ -239,8 +236,8 @@ std::vector<View> make_views(const DatasetConfig& dataset, std::vector<ViewPlan>
       "the photos take {:.3g} GiB when decoded, but may take {:.3g} GiB of memory (--photo-ram): "
       "they are decoded just before their turn",
       held / kBytesPerGib, double(budget) / kBytesPerGib);
-  keep_frames(plans, cache.get(), budget, progress);
-  return lazy_views(std::move(plans), std::move(costs), budget, cache);
+  keep_frames(photos, cache.get(), budget, progress);
+  return lazy_views(std::move(photos), std::move(costs), budget, cache);
 }
 
 }  // namespace gs
