@@ -59,9 +59,9 @@ void PhotoTableStage::begin(const PhotoTable& table) {
 void PhotoTableStage::update(PhotoTable& table, const PhotoPulls& pulls,
                              const PhotoTableUpdate& update, const std::uint32_t* halted) {
   const StageScope scope(context_, name_);
-  const Numbers numbers{table.values.data(), table.moments.data(),   table.start.data(),
-                        gradient_.data(),    table.modes.data(),     table.mode_length2,
-                        int(table.size()),   int(table.numbers),     int(table.mode_count())};
+  const Numbers numbers{table.values.data(), table.moments.data(), table.start.data(),
+                        gradient_.data(),    table.modes.data(),   table.mode_length2,
+                        int(table.size()),   int(table.numbers),   int(table.mode_count())};
   context_.launch(name_, update_kernel, 1, kThreads, numbers, pulls, update.adam, update.rule,
                   halted);
 }
