@@ -13,7 +13,7 @@ namespace gs {
 namespace {
 
 // A covariance that rounding has made flat keeps this share of its largest variance.
-constexpr double kLeastShare = 1e-12;
+constexpr double kLeastVarianceShare = 1e-12;
 
 double marginal_of(const Gaussians& gaussians, std::size_t i, double time) {
   const SpacetimeShape<double> shape = spacetime_shape_of(gaussians, i);
@@ -40,7 +40,8 @@ void write_moment(const Gaussians& from, std::size_t from_row, double time, cons
   const SpacetimeShape<double> shape = spacetime_shape_of(from, from_row);
   const Instant<double> moment = condition(covariance(shape), time - shape.time_mean);
   const SymmetricEigen axes = symmetric_eigen(moment.covariance);
-  const double least = kLeastShare * std::max({axes.value.x, axes.value.y, axes.value.z, 1e-300});
+  const double least =
+      kLeastVarianceShare * std::max({axes.value.x, axes.value.y, axes.value.z, 1e-300});
   to.mean[i] = Vec3f(shape.mean + moment.shift);
   for (int k = 0; k < 3; ++k)
     to.log_scale[i][k] = float(0.5 * std::log(std::max(axes.value[k], least)));
