@@ -1,10 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "gs_core/math/loss/photometric.h"
 
-#include <gtest/gtest.h>
-
-#include <cmath>
-
 #include "tests/support/jet_oracle.h"
 
 namespace gs {
