@@ -25,6 +25,8 @@
 #include "cuda/device/no_gpu.h"
 #include "cuda/gpus/gpu.cuh"
 #include "cuda/gpus/processes.cuh"
+#include "cuda/photo_terms/photometric.cuh"
+#include "cuda/photo_terms/poses.cuh"
 #include "cuda/step/pending_steps.h"
 #include "gs_core/math/density/density.h"
 #include "gs_core/system/fnv1a.h"
@@ -104,7 +106,7 @@ class CudaBackend final : private Gpus, private StepLauncher, private Device, pu
   Renderer& renderer() override { return first().renderer; }
   void use(const RunChoices& choices) override {
     finish_pending();
-    photometric_.turn(choices.photometric != nullptr);
+    photometric_.use(choices.photometric);
     const LossRow* const row = row_named(kLosses, choices.loss, "loss.kind");
     if (row == loss_row_) return;  // the same loss keeps its last value
     for_each([row](Gpu& gpu) { gpu.use(*row); });
@@ -141,13 +143,13 @@ class CudaBackend final : private Gpus, private StepLauncher, private Device, pu
     if (are_several() && !is_dealt(model)) deal(model);
     const Update& update = asked.update;
     PendingStep step(model, asked);
-    const PhotometricUpdate photometric = step.photometric =
-        photometric_.update_of(model.photometric, update);
-    const PoseUpdate poses = step.poses = pose_update(model.poses, update);
+    const bool gains_are_due =
+        (step.photometric = photometric_.update_of(model.photometric, update)).is_due;
+    const bool poses_are_due = (step.poses = poses_.update_of(model.poses, update)).is_due;
     steps_.launch(std::move(step), model.count());
     model.adam_steps += update.rule.steps;
-    if (photometric.is_due) model.photometric.adam_steps += photometric.rule.steps;
-    if (poses.is_due) model.poses.adam_steps += update.photo_rule.steps;
+    if (gains_are_due) model.photometric.adam_steps += update.photo_rule.steps;
+    if (poses_are_due) model.poses.adam_steps += update.photo_rule.steps;
   }
 
   // On the whole model, by the first GPU.
@@ -158,15 +160,16 @@ class CudaBackend final : private Gpus, private StepLauncher, private Device, pu
     begin_sums(model);
     model.statistics.sums.fill_zero();
     Gpu& gpu = first();
+    const PoseState poses = copy_to(host_memory(), model.poses);
     for (const TrainingPhoto& photo : photos) {
       RenderSettings settings = photo.settings;
       settings.with_depths = false;
-      const Camera camera = refined_camera(model.poses, photo.view->camera, photo.photo_row);
+      const Camera camera = refined_camera(poses, photo.view->camera, photo.photo_row);
       gpu.renderer.forward(model.gaussians.span(), reduced(camera, photo.reduction), settings,
                            gpu.pass);
       std::optional<PhotoOnDevice> on_device;
       if (photometric_.is_on())
-        on_device = PhotoOnDevice{model.photometric.photo(photo.photo_row).data};
+        on_device = PhotoOnDevice{model.photometric.row(photo.photo_row).data};
       Workspace& workspace = gpu.renderer.workspace();
       find_pixel_values(gpu.context, gpu.photos.photo(*photo.view, photo.reduction), *photo.view,
                         on_device ? &*on_device : nullptr, rule, workspace, gpu.pass);
@@ -180,14 +183,12 @@ class CudaBackend final : private Gpus, private StepLauncher, private Device, pu
       gpu.release_caches();
       if (!shards_are_in_use_) gpu.shard = TrainingModel(gpu.memory);
     });
-    photometric_.release_caches();
     poses_.release_caches();
   }
 
   void synchronize(TrainingModel& model) override {
     finish_pending();
     gather_if_dealt(model);
-    bring_poses_back();
     first().context.synchronize();
     if (!others_) return;
     streams().synchronize();
@@ -202,22 +203,8 @@ class CudaBackend final : private Gpus, private StepLauncher, private Device, pu
  private:
   // Steps train this model from now on.
   void take_model(TrainingModel& model) {
-    const bool is_another = model_ != &model;
-    if (is_another) {
-      finish_pending();
-      bring_poses_back();
-    }
+    if (model_ != &model) finish_pending();
     model_ = &model;
-    if (model.poses.empty() || (!is_another && model.poses.is_on_device)) return;
-    finish_pending();
-    poses_.upload(model.poses);
-    has_newer_poses_ = model.poses.is_on_device = true;
-  }
-  // Where the host has replaced the poses since the last step, those of the device are void.
-  void bring_poses_back() {
-    if (!std::exchange(has_newer_poses_, false) || !model_->poses.is_on_device) return;
-    poses_.download(model_->poses);
-    model_->poses.is_on_device = false;
   }
 
   // Gives all GPUs their rows, which steps train from now on.
@@ -280,6 +267,7 @@ class CudaBackend final : private Gpus, private StepLauncher, private Device, pu
   // What all photos of a step add to.
   void begin(const PendingStep& step) {
     photometric_.begin(model_->photometric, step.batch.size());
+    poses_.begin(model_->poses);
     if (step.poses.is_due) poses_.reserve_sums(step.batch.size(), model_->count());
     if (step.density.fragment_statistic() == FragmentStatistic::none) return;
     begin_sums(*model_);
@@ -417,13 +405,8 @@ class CudaBackend final : private Gpus, private StepLauncher, private Device, pu
     if (!step.poses.is_due) return;
     for (std::size_t i = 0; i < step.batch.size(); ++i)
       poses_.add_gradient(*row_of(step.batch[i]), i, 1.0 / double(step.batch.size()));
-    poses_.update(step.poses.adam, step.poses.rule, halted);
-  }
-
-  static PoseUpdate pose_update(const PoseState& state, const Update& update) {
-    if (state.empty() || !(update.pose_rate > 0)) return {};
-    const AdamRule& rule = update.photo_rule;
-    return {true, adam_step(state.adam_steps + rule.steps, update.pose_rate), rule};
+    PoseState& poses = model_->poses;
+    poses_.update(poses, pose_pulls(poses), step.poses, halted);
   }
 
   // The row of a photo, in runs that refine poses. A photo has the same row each time its step is
@@ -445,7 +428,7 @@ class CudaBackend final : private Gpus, private StepLauncher, private Device, pu
     if (are_several()) streams().synchronize();  // before one GPU sees the flag of another
   }
   void clear_sums() {
-    photometric_.clear_gradients();
+    photometric_.clear_gradient();
     poses_.clear_gradient();
   }
 
@@ -455,8 +438,7 @@ class CudaBackend final : private Gpus, private StepLauncher, private Device, pu
   const std::unique_ptr<Processes> others_;  // null: this process is alone
   const LossRow* loss_row_ = kLosses;
   PhotometricStage photometric_;
-  DevicePoses poses_;
-  bool has_newer_poses_ = false;    // than those of model_
+  PoseStage poses_;
   bool shards_are_in_use_ = false;  // they have the rows of model_
   std::unique_ptr<RowOps> rows_;
   PendingSteps steps_{*this};

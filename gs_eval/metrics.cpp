@@ -28,54 +28,105 @@ struct ComparedValue {
   double x, y, share;
 };
 
+/// What adds up to a mean.
+struct Share {
+  double sum = 0, weight = 0;
+
+  double mean() const {
+    GS_CHECK(weight > 0);
+    return sum / weight;
+  }
+};
+
+/// The shares of all rows, added up in order. rows(begin, end, shares) gives those of some rows.
+template <class Rows>
+Share sum_of_rows(int height, std::size_t at_a_time, Rows&& rows) {
+  std::vector<Share> shares{std::size_t(height)};
+  parallel_chunks(shares.size(), at_a_time, [&](std::size_t begin, std::size_t end) {
+    rows(int(begin), int(end), &shares[begin]);
+  });
+  Share total;
+  for (const Share& share : shares) total.sum += share.sum, total.weight += share.weight;
+  return total;
+}
+
+constexpr std::size_t kRowsPerChunk = 16;
+
 /// at(pixel, channel) gives the values.
 template <class At>
 double psnr_of(const ImageF& render, At&& at) {
-  double sum = 0, shares = 0;
-  for (std::size_t i = 0; i < render.pixels.size(); ++i) {
-    const ComparedValue value = at(i / 3, int(i % 3));
-    sum += value.share * (value.x - value.y) * (value.x - value.y);
-    shares += value.share;
-  }
-  GS_CHECK(shares > 0);
-  const double mse = sum / shares;
+  const std::size_t width = std::size_t(render.width);
+  const auto add_rows = [&](int begin, int end, Share* shares) {
+    for (int y = begin; y < end; ++y)
+      for (std::size_t x = 0; x < width; ++x)
+        for (int c = 0; c < 3; ++c) {
+          const ComparedValue value = at(std::size_t(y) * width + x, c);
+          shares[y - begin].sum += value.share * (value.x - value.y) * (value.x - value.y);
+          shares[y - begin].weight += value.share;
+        }
+  };
+  const double mse = sum_of_rows(render.height, kRowsPerChunk, add_rows).mean();
   return mse > 0 ? std::min(-10 * std::log10(mse), kIdenticalPsnr) : kIdenticalPsnr;
 }
 
+/// Rows of a picture go through the window together with those that it reaches on both sides.
 template <class At>
 double ssim_of(const ImageF& render, At&& at) {
-  const std::size_t plane = std::size_t(render.width) * render.height, n = 3 * plane;
-  Buffer<float> moments(5 * n, host_memory()), scratch;
-  for (std::size_t i = 0; i < plane; ++i)
-    for (int c = 0; c < 3; ++c) {
-      const ComparedValue value = at(i, c);
-      const float x = float(value.share * value.x), y = float(value.share * value.y);
-      const float values[5] = {x, y, x * x, y * y, x * y};
-      for (int k = 0; k < 5; ++k) moments[k * n + c * plane + i] = values[k];
-    }
-  window_means(moments.span(), 15, render.width, render.height, scratch);
-  double sum = 0;
-  std::size_t count = 0;
-  for (std::size_t i = 0; i < n; ++i) {
-    if (!(at(i % plane, int(i / plane)).share > 0)) continue;
-    sum += ssim_index(WindowMeans<float>{moments[i], moments[n + i], moments[2 * n + i],
-                                         moments[3 * n + i], moments[4 * n + i]});
-    ++count;
-  }
-  GS_CHECK(count > 0);
-  return sum / double(count);
+  constexpr std::size_t kRowsPerBand = 48;
+  const std::size_t width = std::size_t(render.width);
+  const auto add_rows = [&](int begin, int end, Share* shares) {
+    const int first = std::max(begin - kSsimRadius, 0);
+    const int last = std::min(end + kSsimRadius, render.height);
+    const std::size_t plane = width * std::size_t(last - first), n = 3 * plane;
+    const std::size_t above = width * std::size_t(first);
+    Buffer<float> moments(5 * n, host_memory()), scratch;
+    for (std::size_t i = 0; i < plane; ++i)
+      for (int c = 0; c < 3; ++c) {
+        const ComparedValue value = at(above + i, c);
+        const float x = float(value.share * value.x), y = float(value.share * value.y);
+        const float values[5] = {x, y, x * x, y * y, x * y};
+        for (int k = 0; k < 5; ++k) moments[k * n + c * plane + i] = values[k];
+      }
+    window_means(moments.span(), 15, render.width, last - first, scratch);
+    for (int y = begin; y < end; ++y)
+      for (std::size_t x = 0; x < width; ++x)
+        for (int c = 0; c < 3; ++c) {
+          const std::size_t pixel = std::size_t(y) * width + x, i = c * plane + pixel - above;
+          if (!(at(pixel, c).share > 0)) continue;
+          shares[y - begin].sum +=
+              ssim_index(WindowMeans<float>{moments[i], moments[n + i], moments[2 * n + i],
+                                            moments[3 * n + i], moments[4 * n + i]});
+          ++shares[y - begin].weight;
+        }
+  };
+  return sum_of_rows(render.height, kRowsPerBand, add_rows).mean();
 }
 
+// Makes `image` one of this size; its values are of no use.
+void resize(ImageF& image, int width, int height, int channels) {
+  if (image.width == width && image.height == height && image.channels == channels) return;
+  image = ImageF(width, height, channels);
+}
+
+// `pictures` keep their memory from one view to the next.
 template <class At>
-PerceptualMetrics perceptual_of(const ImageF& render, bool is_weighted, Lpips* lpips, At&& at) {
-  ComparedPictures pictures{render, render, {}};
-  if (is_weighted) pictures.weight = ImageF(render.width, render.height, 1);
-  for (std::size_t i = 0; i < render.pixels.size(); ++i) {
-    const ComparedValue value = at(i / 3, int(i % 3));
-    pictures.render.pixels[i] = float(value.share * value.x);
-    pictures.photo.pixels[i] = float(value.share * value.y);
-    if (is_weighted) pictures.weight.pixels[i / 3] = float(value.share);
-  }
+PerceptualMetrics perceptual_of(const ImageF& render, bool is_weighted, Lpips* lpips,
+                                ComparedPictures& pictures, At&& at) {
+  resize(pictures.render, render.width, render.height, 3);
+  resize(pictures.photo, render.width, render.height, 3);
+  if (is_weighted)
+    resize(pictures.weight, render.width, render.height, 1);
+  else
+    pictures.weight = {};
+  const std::size_t width = std::size_t(render.width);
+  parallel_for(render.pixels.size() / 3, kRowsPerChunk * width, [&](std::size_t pixel) {
+    for (int c = 0; c < 3; ++c) {
+      const ComparedValue value = at(pixel, c);
+      pictures.render.pixels[3 * pixel + c] = float(value.share * value.x);
+      pictures.photo.pixels[3 * pixel + c] = float(value.share * value.y);
+      if (is_weighted) pictures.weight.pixels[pixel] = float(value.share);
+    }
+  });
   PerceptualMetrics metrics{flip(pictures)};
   if (lpips) metrics.lpips = lpips->distance(pictures);
   return metrics;
@@ -146,28 +197,42 @@ PictureMetrics corrected_metrics(const ImageF& render, At&& at) {
   return {psnr_of(render, corrected), ssim_of(render, corrected)};
 }
 
-// A view whose picture is drawn and whose metrics are not measured yet.
+// A view that is drawn. Its arrays keep their memory from one view to the next.
 struct DrawnView {
-  View view;                                                      // with its photo
-  std::vector<float> planes;                                      // (3, H, W)
-  ImageF render;                                                  // the same, clamped
-  std::unique_ptr<Appearance> appearance{}, solved_appearance{};  // may be null
-  ViewMetrics metrics{};
+  std::vector<float> planes;                                  // (3, H, W)
+  ImageF render;                                              // the same, clamped
+  std::unique_ptr<Appearance> appearance, solved_appearance;  // may be null
+  ComparedPictures compared;                                  // scratch
+
+  void take(const RenderPass& pass) {
+    planes.resize(pass.image.size());
+    if (!planes.empty())
+      pass.image.memory().download(planes.data(), pass.image.data(), pass.image.size_bytes());
+    resize(render, pass.width, pass.height, 3);
+    const std::size_t plane = planes.size() / 3;
+    parallel_for(plane, kRowsPerChunk * std::size_t(pass.width), [&](std::size_t i) {
+      for (std::size_t c = 0; c < 3; ++c)
+        render.pixels[3 * i + c] = clamp_to(planes[c * plane + i], 0.0f, 1.0f);
+    });
+  }
 };
 
-void measure(DrawnView& drawn, const Vec3f& background, const EvaluationOptions& options) {
-  const View& view = drawn.view;
-  const Planes planes{drawn.planes.data(), drawn.render.width, drawn.render.height};
-  check_sizes(drawn.render, view.photo);
+// What is measured of a view with its photo.
+ViewMetrics measured(const View& view, DrawnView& drawn, const Vec3f& background,
+                     const EvaluationOptions& options) {
+  const ImageF& render = drawn.render;
+  const Planes planes{drawn.planes.data(), render.width, render.height};
+  check_sizes(render, view.photo);
   const auto perceptual = [&](const ImageF& picture, const auto& values) {
-    return perceptual_of(picture, view.has_untrained_pixels(), options.metrics.lpips, values);
+    return perceptual_of(picture, view.has_untrained_pixels(), options.metrics.lpips,
+                         drawn.compared, values);
   };
-  const auto as_it_is = values_of(drawn.render, view, background, Vec3f(1));
-  ViewMetrics metrics{view.name, psnr_of(drawn.render, as_it_is), ssim_of(drawn.render, as_it_is)};
+  const auto as_it_is = values_of(render, view, background, Vec3f(1));
+  ViewMetrics metrics{view.name, psnr_of(render, as_it_is), ssim_of(render, as_it_is)};
   metrics.time = view.camera.time;
-  if (options.metrics.is_perceptual) metrics.perceptual = perceptual(drawn.render, as_it_is);
+  if (options.metrics.is_perceptual) metrics.perceptual = perceptual(render, as_it_is);
   metrics.perceptual_exposure = metrics.perceptual;
-  if (options.is_corrected) metrics.corrected = corrected_metrics(drawn.render, as_it_is);
+  if (options.is_corrected) metrics.corrected = corrected_metrics(render, as_it_is);
   if (drawn.appearance)
     metrics.photometric = photometric_metrics(planes, view, background, *drawn.appearance);
   if (view.has_exposure()) {
@@ -180,23 +245,12 @@ void measure(DrawnView& drawn, const Vec3f& background, const EvaluationOptions&
       const ImageF exposed = shown_image(planes, *drawn.solved_appearance);
       take(exposed, values_under(exposed, view, background, *drawn.solved_appearance));
     } else {
-      const ImageF exposed = image_of({drawn.planes.data(), drawn.planes.size()}, planes.width,
-                                      planes.height, view.exposure);
+      const ImageF exposed =
+          image_of({planes.data, render.pixels.size()}, planes.width, planes.height, view.exposure);
       take(exposed, values_of(exposed, view, background, view.exposure));
     }
   }
-  drawn.metrics = std::move(metrics);
-}
-
-// How many views are measured at a time, each by a thread of its own: that is several times as fast
-// as all threads on one picture, whose steps are short. A view takes some 240 bytes a pixel.
-std::size_t views_at_a_time(const std::vector<View>& views, const MetricSet& metrics) {
-  constexpr std::size_t kBytesPerPixel = 240, kMostBytes = std::size_t(2) << 30;
-  if (metrics.lpips) return 1;  // its network takes all threads
-  std::size_t pixels = 1;
-  for (const View& view : views)
-    pixels = std::max(pixels, std::size_t(view.camera.width) * std::size_t(view.camera.height));
-  return std::clamp<std::size_t>(kMostBytes / (kBytesPerPixel * pixels), 1, thread_count());
+  return metrics;
 }
 
 void add(std::optional<PerceptualMetrics>& sum, const std::optional<PerceptualMetrics>& metrics,
@@ -255,7 +309,8 @@ double ssim(const ImageF& render, const Image8& photo) {
 
 PerceptualMetrics perceptual_metrics(const ImageF& render, const Image8& photo) {
   check_sizes(render, photo);
-  return perceptual_of(render, false, nullptr, plain_values(render, photo));
+  ComparedPictures pictures;
+  return perceptual_of(render, false, nullptr, pictures, plain_values(render, photo));
 }
 
 double psnr(const ImageF& render, const View& view, const Vec3f& background) {
@@ -274,7 +329,8 @@ PerceptualMetrics perceptual_metrics(const ImageF& render, const View& view,
                                      const Vec3f& background) {
   check_sizes(render, view.photo);
   const ImageF exposed = under_exposure(render, view.exposure);
-  return perceptual_of(exposed, view.has_untrained_pixels(), nullptr,
+  ComparedPictures pictures;
+  return perceptual_of(exposed, view.has_untrained_pixels(), nullptr, pictures,
                        values_of(exposed, view, background, view.exposure));
 }
 
@@ -306,34 +362,18 @@ Evaluation evaluate(Renderer& renderer, const PackedScene& scene, const std::vec
   };
   Evaluation evaluation;
   RenderPass pass(renderer.memory());
-  const std::size_t at_a_time = views_at_a_time(views, options.metrics);
-  std::vector<DrawnView> drawn;
-  const auto measure_drawn = [&] {
-    const auto measure_one = [&](std::size_t i) {
-      measure(drawn[i], settings.background, options);
-    };
-    if (drawn.size() == 1)
-      measure_one(0);
-    else
-      parallel_for(drawn.size(), 1, measure_one);
-    for (DrawnView& view : drawn) evaluation.views.push_back(std::move(view.metrics));
-    drawn.clear();
-  };
+  DrawnView drawn;
   for_each_with_photo(views, views.size(), [&](std::size_t i, const View& view) {
     renderer.draw(scene, view.camera, settings, pass);
-    std::vector<float> planes = pass.image.download();
-    ImageF render = image_of({planes.data(), planes.size()}, pass.width, pass.height);
-    if (on_view) on_view(i, view, render);
+    drawn.take(pass);
+    if (on_view) on_view(i, view, drawn.render);
     if (trains_nowhere(view)) return;
     evaluation.has_exposures = evaluation.has_exposures || view.has_exposure();
-    DrawnView next{view, std::move(planes), std::move(render)};
-    if (options.appearance_of) next.appearance = options.appearance_of(view);
-    if (view.has_exposure() && options.solved_appearance_of)
-      next.solved_appearance = options.solved_appearance_of(view);
-    drawn.push_back(std::move(next));
-    if (drawn.size() == at_a_time) measure_drawn();
+    const bool is_solved = view.has_exposure() && options.solved_appearance_of;
+    drawn.appearance = options.appearance_of ? options.appearance_of(view) : nullptr;
+    drawn.solved_appearance = is_solved ? options.solved_appearance_of(view) : nullptr;
+    evaluation.views.push_back(measured(view, drawn, settings.background, options));
   });
-  measure_drawn();
   if (options.metrics.is_perceptual && options.metrics.lpips)
     evaluation.lpips_source = options.metrics.lpips->source();
   take_means(evaluation);

@@ -25,8 +25,8 @@ double psnr(const ImageF& render, const Image8& photo);
 /// Mean structural similarity (Wang et al. 2004).
 double ssim(const ImageF& render, const Image8& photo);
 
-/// FLIP (metrics/flip.h). A picture of 1920x1080 takes a second on one core, so that it is measured
-/// at the end of a run alone.
+/// FLIP (flip/flip.h). It takes several times as long as the others, so that it is measured at the
+/// end of a run alone.
 struct PerceptualMetrics {
   double flip = 0;
   std::optional<double> lpips{};  // with a network alone

@@ -17,7 +17,8 @@ struct TrainingModel : ModelRows {
   // Gaussians before the first step; a growth curve begins there. 0: not known
   std::size_t first_count = 0;
 
-  explicit TrainingModel(Memory& memory = host_memory()) : ModelRows(memory), photometric(memory) {}
+  explicit TrainingModel(Memory& memory = host_memory())
+      : ModelRows(memory), photometric(memory), poses(memory) {}
 };
 
 /// Sets moments and statistics to zero, as before the first step. The parameters must be set.
@@ -39,7 +40,7 @@ inline TrainingModel copy_to(Memory& memory, const TrainingModel& from) {
   model.match_columns(from);
   copy_columns(from.columns(), model.columns());
   model.photometric = copy_to(memory, from.photometric);
-  model.poses = from.poses;
+  model.poses = copy_to(memory, from.poses);
   model.adam_steps = from.adam_steps;
   model.first_count = from.first_count;
   return model;

@@ -19,7 +19,7 @@ check_minimal() {
   scripts/pack_headers.sh
   build minimal_thread gemsplat thread_tests
   grep -q "^gs_glm_DIR_FOUND:PATH=$PWD/.deps/include$" build/minimal_thread/CMakeCache.txt || die "GLM is not from .deps"
-  if ldd build/minimal_thread/bin/gemsplat | grep -E 'opencv|OpenImageIO|ceres|fmt|spdlog|zstd|xxhash|libz\.|webp|httplib'; then
+  if ldd build/minimal_thread/bin/gemsplat | grep -E 'opencv|OpenImageIO|ceres|fmt|spdlog|zstd|xxhash|libz\.|webp'; then
     die "the minimal program needs the libraries above"
   fi
   build/minimal_thread/bin/gemsplat report --help >/dev/null

@@ -12,7 +12,6 @@ GS_PACKAGES=(
   libzstd-dev libxxhash-dev                                                       # decoded photos on disk; .spz 4
   zlib1g-dev libwebp-dev                                                          # .spz, .sog
   pybind11-dev python3-dev python3-numpy                                          # the Python module
-  libcpp-httplib-dev pkg-config                                                   # tests of the viewer
   libgtest-dev libgmock-dev libbenchmark-dev                                      # tests
 )
 # Report pages. Debian's packages conflict with node from elsewhere, so only where there is none.

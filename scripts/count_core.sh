@@ -9,7 +9,10 @@ cd "$(dirname "$0")/.."
 [[ ${1:-} != -* ]] || { sed -n '4,5s/^# //p' "$0"; exit 2; }
 library=${1:-$(find build -path 'build/*/cuda/libgs_cuda.a' -printf '%T@ %p\n' 2>/dev/null | sort -rn | sed -n '1s/^[^ ]* //p')}
 fields=gs_core/config/config_fields.h
-folders=(gs_core gs_render gs_train cuda gs_model/edit gs_model/lod gs_eval)  # and what has moved out of the first four
+# The libraries of the method, and what has moved out of them.
+folders=(gs_core gs_render gs_train cuda gs_eval gs_model/lod
+  'gs_model/edit/decimate.*' 'gs_model/edit/merge_gaussians.*' 'gs_model/edit/polygon.*' 'gs_model/edit/select.*'
+  'gs_model/edit/upright.*')
 
 show() { printf '%7d  %s\n' "$1" "$2"; }
 

@@ -1,6 +1,7 @@
 #!/usr/bin/env bash
 # SPDX-License-Identifier: Apache-2.0
-# Formats C++ and CUDA sources with clang-format 14 and .clang-format, as an editor does that formats when it saves.
+# Formats C++ and CUDA sources with clang-format 14 and .clang-format, and the JavaScript of apps/web with the prettier of
+# its package-lock.json where npm has installed it (a build with tests does), as an editor does that formats when it saves.
 # Tables whose columns are aligned by hand stand between `// clang-format off` and `// clang-format on`.
 #   scripts/format.sh [FILE...]           formats these files, or every tracked one
 #   scripts/format.sh --check [FILE...]   changes nothing, shows what would change, fails if anything would
@@ -19,12 +20,28 @@ find_clang_format() {
 
 check=no
 if [[ ${1:-} == --check ]]; then check=yes; shift; fi
-if [[ $# -gt 0 ]]; then
-  files=("$@")
-else
-  cd "$(dirname "$0")/.."
-  mapfile -t files < <(git ls-files '*.h' '*.cpp' '*.cu' '*.cuh')
+root=$(dirname "$0")/..
+if [[ $# -eq 0 ]]; then
+  cd "$root"
+  root=.
+  mapfile -t all < <(git ls-files '*.h' '*.cpp' '*.cu' '*.cuh' 'apps/web/*.js' 'apps/web/*.mjs')
+  set -- "${all[@]}"
 fi
+files=() scripts=()
+for file; do
+  if [[ $file == *.js || $file == *.mjs ]]; then scripts+=("$file"); else files+=("$file"); fi
+done
+
+format_scripts() {
+  local tool action=--write
+  if [[ $check == yes ]]; then action=--check; fi
+  for tool in "$root"/{apps/web,build/*/web}/node_modules/.bin/prettier; do
+    if [[ -x $tool ]]; then "$tool" --log-level warn "$action" "${scripts[@]}"; return; fi
+  done
+  echo "JavaScript is left out: npm has not installed prettier" >&2
+}
+if [[ ${#scripts[@]} -gt 0 ]]; then format_scripts || die "the files above are not formatted; run scripts/format.sh"; fi
+if [[ ${#files[@]} -eq 0 ]]; then exit; fi
 tool=$(find_clang_format)
 
 if [[ $check == no ]]; then

@@ -14,9 +14,9 @@
 #include "apps/cli/verbs.h"
 #include "data_loaders/photos/photo_names.h"
 #include "data_loaders/photos/photos.h"
+#include "gs_app/edit/edit_cameras.h"
 #include "gs_app/edit/edit_picture.h"
 #include "gs_app/edit/edit_step.h"
-#include "gs_app/edit/merge_models.h"
 #include "gs_app/export/export_model.h"
 #include "gs_app/run/make_backend.h"
 #include "gs_app/run/text.h"
@@ -25,6 +25,7 @@
 #include "gs_core/system/files/output_names.h"
 #include "gs_core/system/text/json.h"
 #include "gs_core/threads/parallel.h"
+#include "gs_model/edit/merge_models.h"
 #include "gs_render/render_settings.h"
 
 namespace gs {
@@ -37,7 +38,6 @@ struct EditCommand : CommandLine {
   std::map<std::string, std::vector<std::string>> values;  // of each kind of operation, in order
   std::string about = "0,0,0", plane = "xz", decimate_by = "merge", antialiased;
   std::optional<int> step;
-  int lod_level = 0;
   ExportOptions options;
   bool whole = false, as_stored = false, dry_run = false, json = false, force = false;
 };
@@ -129,7 +129,7 @@ Opened open_all(const EditCommand& command, bool with_cameras) {
   std::vector<NamedModel> models;
   bool cameras_are_shared = false;
   for (const std::string& input : command.inputs) {
-    OpenedModel opened = open_model(input, command.step, command.lod_level);
+    OpenedModel opened = open_model(input, command.step);
     const Config config = resolve(command, opened.config);
     if (models.empty()) result.config = config;
     if (!models.empty() && !command.as_stored && !command.has("dataset.source"))
@@ -306,7 +306,6 @@ void add_edit(CLI::App& program) {
   verb.add_option("--iteration", command->step,
                   "which model of a run: the one saved after this step [the newest]")
       ->type_name("STEP");
-  add_level_option(verb, command->lod_level);
   add_operations(verb, *command);
   verb.add_option("--about", command->about,
                   "the point that --turn, --scale and --up leave where it is [0,0,0]")

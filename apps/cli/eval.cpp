@@ -27,7 +27,6 @@ namespace {
 struct EvalCommand : CommandLine {
   std::string model, split = "test", output;
   std::optional<int> step;
-  int lod_level = 0;
   bool json = false, corrects_colors = false;
 };
 
@@ -67,7 +66,7 @@ void eval(const EvalCommand& command) {
   setup_log(command.verbosity());
   std::optional<OutputLock> lock;
   if (!command.output.empty()) lock.emplace(OutputLock::of_file(command.output));
-  OpenedModel opened = open_model(command.model, command.step, command.lod_level);
+  OpenedModel opened = open_model(command.model, command.step);
   // A single file does not say which views were held out, so the usual rule applies.
   if (!opened.run) opened.config.dataset.eval = true;
   const Config config = resolve(command, opened.config);
@@ -120,7 +119,6 @@ void add_eval(CLI::App& program) {
   verb.add_option("--iteration", command->step,
                   "which model of a run: the one saved after this step [the newest]")
       ->type_name("STEP");
-  add_level_option(verb, command->lod_level);
   verb.add_option("--split", command->split, "which views to measure [test]")
       ->check(CLI::IsMember({"test", "train", "all"}))
       ->type_name("");

@@ -16,7 +16,6 @@
 #include "gs_app/experiment/experiment_status.h"
 #include "gs_app/experiment/slurm.h"
 #include "gs_app/experiment/tables/experiment_tables.h"
-#include "gs_app/experiment/tables/table_rows.h"
 #include "gs_app/report/report_experiment.h"
 #include "gs_app/run/progress_bar.h"
 #include "gs_app/run/text.h"

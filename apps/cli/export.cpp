@@ -15,15 +15,13 @@
 #include "data_loaders/georef/georef_file.h"
 #include "gs_app/export/cameras.h"
 #include "gs_app/export/export_model.h"
-#include "gs_app/export/lod/export_levels.h"
-#include "gs_app/export/tiles/tileset.h"
 #include "gs_app/run/open_model.h"
-#include "gs_app/run/progress_bar.h"
 #include "gs_app/view/page/model_page.h"
 #include "gs_core/error.h"
 #include "gs_core/system/files/output_lock.h"
 #include "gs_core/system/files/output_names.h"
 #include "gs_core/threads/parallel.h"
+#include "gs_model/tiles/tileset.h"
 
 namespace gs {
 namespace {
@@ -32,16 +30,14 @@ struct ExportCommand : CommandLine {
   std::string model;
   std::vector<std::string> outputs;
   std::optional<int> step;
-  int lod_level = 0;
   std::optional<double> time;
   ExportOptions options;
   std::vector<double> up;  // empty: no turn
   double scale = 1;
-  std::size_t lod_leaf = LodOptions().leaf_rows;
   std::string georef;  // empty: that of the scene, if there is one
   std::string title;   // of a page; empty: the name of the scene
   std::size_t tile_gaussians = kTileGaussiansAtMost;
-  bool recenter = false, force = false, table = false, lod = false, unmeasured = false;
+  bool recenter = false, force = false, table = false, unmeasured = false;
 };
 
 ModelTransform transform_of(const ExportCommand& command, const GaussianModel& model) {
@@ -80,7 +76,7 @@ bool is_tileset(const ExportCommand& command, const std::string& output) {
 
 /// An output that ends in .html is the viewer's page with the model inside.
 bool is_page(const ExportCommand& command, const std::string& output) {
-  return !command.table && !command.lod && is_model_page(output);
+  return !command.table && is_model_page(output);
 }
 
 std::vector<std::filesystem::path> pages_of(const ExportCommand& command, OutputNames& names) {
@@ -215,28 +211,6 @@ void export_all(const ExportCommand& command, const std::vector<ExportRequest>& 
   std::cout << "\n" << table;
 }
 
-LevelsRequest levels_request_of(const ExportCommand& command, const GaussianModel& model,
-                                const Config& config) {
-  if (command.outputs.size() != 1)
-    throw UsageError("--lod takes one folder, in which it writes levels of detail");
-  LevelsRequest request{command.outputs[0], transform_of(command, model), config.model.sh_degree};
-  request.lod.leaf_rows = command.lod_leaf;
-  request.needed = inputs_of(command, config);
-  check_export_levels(request, command.force);
-  return request;
-}
-
-void export_lod(const ExportCommand& command, LevelsRequest request, const GaussianModel& model,
-                const Viewpoints* viewpoints) {
-  ProgressBar bar(std::int64_t(model.gaussians.count()), !command.quiet);
-  request.lod.on_progress = [&](std::size_t done, std::size_t) {
-    if (bar.due(std::int64_t(done))) bar.draw(std::int64_t(done), "merged", "Gaussians");
-  };
-  const ExportedLevels exported = export_levels(model, request, viewpoints);
-  bar.clear();
-  if (!command.quiet) std::cout << levels_table(exported);
-}
-
 void export_tilesets(const ExportCommand& command, const std::vector<TilesetRequest>& tilesets,
                      const GaussianModel& model) {
   for (const TilesetRequest& request : tilesets) {
@@ -256,36 +230,27 @@ void export_pages(const ExportCommand& command, const std::vector<std::filesyste
 
 void run_export(const ExportCommand& command) {
   setup_log(command.verbosity());
-  OpenedModel opened = open_model(command.model, command.step, command.lod_level);
+  OpenedModel opened = open_model(command.model, command.step);
   if (command.time) take_moment(opened, *command.time);
   const Config config = resolve(command, opened.config);
   set_thread_count(config.train.threads);
   const int sh_degree = config.model.sh_degree;
   const std::optional<Georeference> georeference = georeference_of(command, config);
-  std::vector<ExportRequest> requests;
-  LevelsRequest levels;
-  if (command.lod) {
-    levels = levels_request_of(command, opened.model, config);
-  } else {
-    OutputNames names;
-    requests = requests_of(command, opened, sh_degree, georeference, names);
-    const std::vector<TilesetRequest> tilesets = tilesets_of(command, config, georeference, names);
-    const std::vector<std::filesystem::path> pages = pages_of(command, names);
-    export_tilesets(command, tilesets, opened.model);
-    export_pages(command, pages, opened, config);
-  }
-  const auto write = [&](const Viewpoints* viewpoints) {
-    command.lod ? export_lod(command, levels, opened.model, viewpoints)
-                : export_all(command, requests, opened.model, viewpoints);
-  };
-  if (command.unmeasured || !(command.lod || is_any_lossy(requests, opened.model.sh_degree)))
-    return write(nullptr);
+  OutputNames names;
+  const std::vector<ExportRequest> requests =
+      requests_of(command, opened, sh_degree, georeference, names);
+  const std::vector<TilesetRequest> tilesets = tilesets_of(command, config, georeference, names);
+  const std::vector<std::filesystem::path> pages = pages_of(command, names);
+  export_tilesets(command, tilesets, opened.model);
+  export_pages(command, pages, opened, config);
+  if (command.unmeasured || !is_any_lossy(requests, opened.model.sh_degree))
+    return export_all(command, requests, opened.model, nullptr);
   const std::unique_ptr<Backend> backend = make_backend(config.train.device);
   const Gaussians gaussians = copy_to(backend->memory(), opened.model);
   Viewpoints viewpoints{*backend, gaussians.span(), settings_of_model(opened, config), {}};
   for (const NamedCamera& named : cameras_of(command, opened, config, viewpoints.what))
     viewpoints.cameras.push_back(named.camera);
-  write(&viewpoints);
+  export_all(command, requests, opened.model, &viewpoints);
 }
 
 }  // namespace
@@ -310,27 +275,14 @@ void add_export(CLI::App& program) {
   verb.add_option("--iteration", command->step,
                   "which model of a run: the one saved after this step [the newest]")
       ->type_name("STEP");
-  add_level_option(verb, command->lod_level);
   add_time_option(verb, command->time,
                   "write this moment of Gaussians in space and time, 0 to 1, as 3D Gaussians");
   verb.add_flag("--table", command->table,
                 "output is a folder: write every format into it, with a table of sizes and losses");
-  CLI::Option* const lod =
-      verb.add_flag("--lod", command->lod,
-                    "output is a folder: write levels of detail into it for viewers that stream "
-                    "(lod-meta.json and model.rad), with a table of what each level costs");
-  lod->excludes("--table");
-  verb.add_option("--lod-leaf", command->lod_leaf,
-                  "largest number of Gaussians in one leaf of the tree; a viewer chooses the level "
-                  "of each leaf [50000]")
-      ->check(CLI::Range(std::size_t(100), std::size_t(10'000'000)))
-      ->type_name("N")
-      ->needs(lod);
   verb.add_option("--title", command->title,
                   "what a page (.html) is called [the name of the scene's folder]")
       ->type_name("TEXT");
-  verb.add_flag("--force", command->force,
-                "if a file exists, move it to FILE.bak-N first, and the folder of --lod, too");
+  verb.add_flag("--force", command->force, "if a file exists, move it to FILE.bak-N first");
   verb.add_option("--spz-version", command->options.spz_version,
                   "version of .spz files: 3, which Spark and splat-transform read, 2 for older "
                   "readers, with coarser rotations, or 4, which fewer programs read [3]")

@@ -23,8 +23,8 @@ struct OtherMeaning {
   std::string_view verb, flag, own;  // their flag, and what to use here
 };
 
-// Flags that take other values here. Steps of densification, for example, count in a run of 30,000
-// steps and scale with the run's length.
+// Flags that take other values here, and some that this program had. Steps of densification, for
+// example, count in a run of 30,000 steps and scale with the run's length.
 constexpr OtherMeaning kOtherMeaning[] = {
     {"train", "--checkpoint-iterations", "--checkpoint-every N"},
     {"train", "--start-checkpoint", "--resume PATH"},
@@ -37,6 +37,7 @@ constexpr OtherMeaning kOtherMeaning[] = {
     {"train", "--densification-interval", "--set density.every=N"},
     {"train", "--opacity-reset-interval", "--set density.reset_opacity_every=N"},
     {"train", "--random-background", "--background random"},
+    {"export", "--lod", "an output that ends in .rad, which has the levels of detail"},
     {"render", "--skip-train", "--split test"},
     {"render", "--skip-test", "--split train"},
 };

@@ -10,7 +10,7 @@
 #include "apps/cli/options.h"
 #include "apps/cli/verbs.h"
 #include "data_loaders/georef/find_georeference.h"
-#include "data_loaders/scene/scene_model.h"
+#include "data_loaders/scene/place_scene.h"
 #include "gs_app/export/export_model.h"
 #include "gs_core/error.h"
 #include "gs_core/system/files/atomic_file.h"
@@ -72,7 +72,7 @@ GeorefFile by_gps(const GeorefCommand& command, const ColmapModel& model,
   if (command.gps.empty()) {
     std::vector<std::string> names;
     for (const ColmapImage& image : model.images) names.push_back(image.name);
-    places = gps_places_of_photos(names, match_photos(model, folders.images));
+    places = gps_places_of_photos(names, match_photos(names, folders.images));
   } else {
     places = read_gps_file(command.gps);
   }
@@ -86,7 +86,7 @@ GeorefFile by_gps(const GeorefCommand& command, const ColmapModel& model,
 
 GeorefFile georeference_of(const GeorefCommand& command, const Config& config) {
   const SceneFolders folders = find_scene(config.dataset);
-  const ColmapModel model = read_model_and_split(config.dataset, folders).model;
+  const ColmapModel model = read_scene(config.dataset, folders).model;
   GeorefFile file;
   if (!command.origin.empty())
     file = by_origin(command);

@@ -22,7 +22,6 @@ namespace {
 
 struct InfoCommand {
   std::string model;
-  int lod_level = 0;
   bool json = false;
 };
 
@@ -44,7 +43,7 @@ void print_build(bool as_json) {
 void info(const InfoCommand& command) {
   setup_log(Verbosity::normal);
   if (command.model.empty()) return print_build(command.json);
-  const OpenedModel opened = open_model(command.model, std::nullopt, command.lod_level);
+  const OpenedModel opened = open_model(command.model, std::nullopt);
   ModelInfo model_info = inspect(opened.model);
   model_info.had_filter_3d = is_ply_with_filter_3d(opened.ply);
   if (command.json) {
@@ -62,7 +61,6 @@ void add_info(CLI::App& program) {
   const auto command = std::make_shared<InfoCommand>();
   verb.add_option("model", command->model, std::string(kModelHelp) + " [none: the build]")
       ->type_name("MODEL|RUN");
-  add_level_option(verb, command->lod_level);
   verb.add_flag("--json", command->json, "print JSON");
   verb.callback([command] { info(*command); });
 }

@@ -139,14 +139,6 @@ void add_time_option(CLI::App& verb, std::optional<double>& time, const std::str
   verb.add_option("--time", time, help)->type_name("T")->check(CLI::Range(0.0, 1.0));
 }
 
-void add_level_option(CLI::App& verb, int& lod_level) {
-  verb.add_option("--lod-level", lod_level,
-                  "which level of a model with levels of detail (lod-meta.json): 0 is the finest "
-                  "[0]")
-      ->check(CLI::Range(0, 63))
-      ->type_name("LEVEL");
-}
-
 void add_camera_options(CLI::App& verb, CommandLine& line, const std::string& scene_names) {
   add_setting(verb, line, scene_names, "dataset.source", "Scene");
   add_setting(verb, line, "--images", "dataset.images", "Scene");

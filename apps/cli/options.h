@@ -43,11 +43,8 @@ void add_time_option(CLI::App& verb, std::optional<double>& time, const std::str
 
 /// What verbs that read any model say of their argument.
 inline constexpr const char* kModelHelp =
-    "a model of any trainer (.ply, .spz, .sog, .glb, .rad, .splat, .ksplat, .csv or .gs4d, or a "
-    "folder with meta.json or lod-meta.json), or a run's folder";
-
-/// --lod-level: a level of detail of the model.
-void add_level_option(CLI::App& verb, int& lod_level);
+    "a model of any trainer (.ply, .spz, .sog, .glb, .rad, .splat or .gs4d, or a folder with "
+    "meta.json), or a run's folder";
 
 /// The scene (`scene_names`: its flag's names), --images, -r, --test-every: all that poses and sizes of its cameras
 /// depend on.

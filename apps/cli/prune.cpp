@@ -23,9 +23,9 @@
 #include "gs_core/system/text/json.h"
 #include "gs_core/threads/parallel.h"
 #include "gs_eval/metrics.h"
+#include "gs_model/edit/model_transform.h"
 #include "gs_model/edit/select.h"
 #include "gs_model/formats/coding/finite_rows.h"
-#include "gs_model/formats/model_transform.h"
 #include "gs_train/density/floaters.h"
 
 namespace gs {
@@ -34,7 +34,6 @@ namespace {
 struct PruneCommand : CommandLine {
   std::string model, output;
   std::optional<int> step;
-  int lod_level = 0;
   float opacity = 0, contribution = 0;
   double keep = 1;  // share of the Gaussians that the other rules leave
   float clearance = 0;
@@ -176,7 +175,7 @@ void prune(const PruneCommand& command) {
         "there is no rule to prune by; give --opacity, --contribution, --keep, --floaters, --box "
         "or --sh-degree");
   check_export({command.output}, command.force);
-  OpenedModel opened = open_model(command.model, command.step, command.lod_level);
+  OpenedModel opened = open_model(command.model, command.step);
   if (!opened.run) opened.config.dataset.eval = true;
   const Config config = resolve(command, opened.config);
   set_thread_count(config.train.threads);
@@ -225,7 +224,6 @@ void add_prune(CLI::App& program) {
   verb.add_option("--iteration", command->step,
                   "which model of a run: the one saved after this step [the newest]")
       ->type_name("STEP");
-  add_level_option(verb, command->lod_level);
   verb.add_option("--opacity", command->opacity, "remove Gaussians with a lower opacity")
       ->type_name("0..1")
       ->check(CLI::Range(0.0, 1.0));

@@ -3,7 +3,6 @@
 #include <spdlog/fmt/fmt.h>
 
 #include <CLI/CLI.hpp>
-#include <algorithm>
 #include <iostream>
 #include <memory>
 
@@ -37,9 +36,8 @@ std::shared_ptr<const ColmapModel> poses_without_points(const DatasetConfig& dat
   } catch (const Error&) {  // no scene: photos, or a sentence that helps
     return nullptr;
   }
-  ColmapModel model = read_model_and_split(dataset, folders).model;
-  const auto is_frame = [](const ColmapImage& image) { return !image.video.empty(); };
-  if (!model.points.empty() || std::ranges::any_of(model.images, is_frame)) return nullptr;
+  ColmapModel model = read_scene(dataset, folders).model;
+  if (!model.points.empty()) return nullptr;
   log_info("{} has cameras and no points: COLMAP finds points for these cameras", dataset.source);
   photos = folders.images;
   return std::make_shared<const ColmapModel>(std::move(model));

@@ -202,7 +202,7 @@ void render_views(const RenderCommand& command, const std::vector<NamedCamera>& 
   ProgressBar bar(std::int64_t(cameras.size()), !command.quiet);
   const SignalHandlers handlers([](int) { g_is_interrupted = 1; });
   if (!command.output.is_film()) put_descriptions_aside(command, output);
-  for (std::size_t i = 0; i < cameras.size(); ++i) {
+  const auto render_view = [&](std::size_t i) {
     if (g_is_interrupted)
       throw Error(fmt::format("stopped by a signal after {} of {} views; {}", i, cameras.size(),
                               command.output.is_film() ? "the film is left out"
@@ -217,6 +217,12 @@ void render_views(const RenderCommand& command, const std::vector<NamedCamera>& 
       for (std::size_t q = 0; q < values.size(); ++q) output.write(i, quantities[q], values[q]);
     }
     if (bar.due(std::int64_t(i) + 1)) bar.draw(std::int64_t(i) + 1, cameras[i].name, "view");
+  };
+  try {
+    for (std::size_t i = 0; i < cameras.size(); ++i) render_view(i);
+  } catch (...) {
+    output.write_waiting();
+    throw;
   }
   bar.clear();
   if (command.output.is_film()) put_descriptions_aside(command, output);
@@ -232,7 +238,7 @@ bool RenderCommand::shows(Quantity quantity) const {
 
 void render(const RenderCommand& command) {
   setup_log(command.verbosity());
-  OpenedModel opened = open_model(command.model, command.step, command.lod_level);
+  OpenedModel opened = open_model(command.model, command.step);
   // A cameras.json has the size of its pictures already; only -r makes them smaller.
   if (!command.has("dataset.source")) opened.config.dataset.resolution = 1;
   const Config config = resolve(command, opened.config);

@@ -20,7 +20,6 @@ struct PictureSize {
 struct RenderCommand : CommandLine {
   std::string model;
   std::optional<int> step;     // of a run: the model saved after it
-  int lod_level = 0;           // of a model with levels of detail
   std::string cameras, split;  // empty: not said
   PathRequest path;
   std::string path_file;  // of key frames, where path.kind is kKeyFrames

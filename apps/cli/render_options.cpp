@@ -248,7 +248,6 @@ void add_render(CLI::App& program) {
   verb.add_option("--iteration", command.step,
                   "which model of a run: the one saved after this step [the newest]")
       ->type_name("STEP");
-  add_level_option(verb, command.lod_level);
   verb.add_option(
           "--cameras", command.cameras,
           "cameras.json, transforms.json or the folder of a COLMAP model [those of the run]")

@@ -115,8 +115,12 @@ class TerminalHooks final : public SessionHooks {
 
 void print_summary(const Results& results, const RunFolder& folder) {
   const bool has_test = !results.test.views.empty();
-  std::cout << fmt::format("{} views: {}\n", has_test ? "test" : "training",
-                           summary(has_test ? results.test : results.train))
+  const Evaluation& shown = has_test ? results.test : results.train;
+  const std::string quality =
+      shown.views.empty()
+          ? "quality:    not measured; --eval holds photos out and measures on them"
+          : fmt::format("{} views: {}", has_test ? "test" : "training", summary(shown));
+  std::cout << quality << "\n"
             << fmt::format("{} Gaussians, {} steps in {:.1f} s on {}\n",
                            with_commas(results.num_gaussians), results.iterations,
                            results.train_seconds, results.device)
@@ -146,6 +150,7 @@ TrainRequest request_of(const TrainCommand& command, const std::optional<Process
     return settings_of(command, place, start);
   };
   request.place = place;
+  request.begin = process_begin();
   request.resume = command.resume;
   request.added_steps = command.added_steps;
   request.force = command.force;

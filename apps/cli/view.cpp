@@ -20,7 +20,6 @@ namespace {
 struct ViewCommand : CommandLine {
   std::string model, cameras;
   std::optional<int> step;
-  int lod_level = 0;
   std::optional<double> time;
   HttpPlace place;
   std::optional<bool> open;
@@ -65,7 +64,7 @@ void view(const ViewCommand& command) {
   setup_log(command.verbosity());
   check_can_view();
   SignalWait signal;
-  const OpenedModel opened = open_model(command.model, command.step, command.lod_level);
+  const OpenedModel opened = open_model(command.model, command.step);
   if (command.time) check_has_time(opened);
   const Config config = resolve(command, opened.config);
   set_thread_count(config.train.threads);
@@ -93,7 +92,6 @@ void add_view(CLI::App& program) {
   verb.add_option("--iteration", command->step,
                   "which model of a run: the one saved after this step [the newest]")
       ->type_name("STEP");
-  add_level_option(verb, command->lod_level);
   add_http_place(verb, command->place, "--", "Server");
   verb.add_flag("--open,!--no-open", command->open, "open the browser [yes, if there is a desktop]")
       ->group("Server");

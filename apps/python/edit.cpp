@@ -10,9 +10,10 @@
 #include "apps/python/arrays.h"
 #include "apps/python/camera.h"
 #include "apps/python/devices.h"
+#include "gs_app/edit/edit_cameras.h"
 #include "gs_app/edit/edit_step.h"
-#include "gs_app/edit/merge_models.h"
 #include "gs_core/error.h"
+#include "gs_model/edit/merge_models.h"
 
 namespace gs::python {
 namespace {
@@ -57,7 +58,7 @@ std::vector<EditCamera> cameras_for(const std::vector<EditStep>& steps, const Mo
                                     const EditModel& edited,
                                     const std::vector<NamedCamera>& given) {
   std::vector<EditCamera> cameras;
-  for (const NamedCamera& camera : given) cameras.push_back({camera, false});
+  for (const NamedCamera& camera : given) cameras.push_back({camera.name, camera.camera});
   const bool wants = std::any_of(steps.begin(), steps.end(), [](const EditStep& step) {
     return step.needs_cameras || step.likes_cameras;
   });

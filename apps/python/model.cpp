@@ -185,7 +185,7 @@ or log_scales, opacities or logit_opacities, colors or sh0. Without sh_rest the 
   model.def(
       "save", save, py::call_guard<py::gil_scoped_release>(), py::arg("path"), py::kw_only(),
       py::arg("replace") = false, py::arg("spz_version") = 3, py::arg("spz_sh_bits") = 0,
-      R"(Writes a file of the format that the name ends in (ply, csv, glb, compressed.ply, spz, sog,
+      R"(Writes a file of the format that the name ends in (ply, glb, compressed.ply, spz, sog,
 rad, splat), whole or not at all, and returns the number of Gaussians in it: rows with NaN or infinity
 are left out, with a warning. A file beside it, NAME.transforms.json, has what the format cannot say.
 A file that is there already is refused (UsageError), or with replace=True kept as NAME.bak-N.)");
@@ -204,8 +204,8 @@ A file that is there already is refused (UsageError), or with replace=True kept 
   bind_edits(module, model);
   module.def("load", load_model, py::call_guard<py::gil_scoped_release>(), py::arg("path"),
              py::arg("step") = py::none(),
-             R"(Reads the model of a file (ply, csv, glb, compressed.ply, spz, sog, rad, splat,
-ksplat, gs4d), of a folder of SOG files, or of a run's folder: the newest one, or that after `step`. Values stay as they are in the file, also NaN and infinity.)");
+             R"(Reads the model of a file (ply, glb, compressed.ply, spz, sog, rad, splat,
+gs4d), of a folder of SOG files, or of a run's folder: the newest one, or that after `step`. Values stay as they are in the file, also NaN and infinity.)");
 }
 
 }  // namespace gs::python

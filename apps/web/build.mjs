@@ -12,10 +12,7 @@ import {sparkFix} from './spark_fix.mjs';
 
 // The packages bundled into each page, whose licenses the page carries. Spark's build contains
 // fflate.
-const PAGES = {
-  report: ['uplot'],
-  view: ['@sparkjsdev/spark', 'fflate', 'three', 'uplot'],
-};
+const PAGES = {report: ['uplot'], view: ['@sparkjsdev/spark', 'fflate', 'three', 'uplot']};
 
 const here = dirname(fileURLToPath(import.meta.url));
 const [modules, out] = process.argv.slice(2).map(path => resolve(path));
@@ -31,7 +28,7 @@ async function bundle(file) {
     format: 'iife',
     target: ['es2020'],
     charset: 'utf8',
-    legalComments: 'none',  // PAGES brings the full licenses
+    legalComments: 'none', // PAGES brings the full licenses
     logLevel: 'warning',
     plugins: [sparkFix],
   });

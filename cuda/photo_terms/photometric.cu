@@ -1,18 +1,14 @@
 // SPDX-License-Identifier: Apache-2.0
-// What a step adds for a photometric model: the sum of a photo's gradient after stage 5, and the
-// update of all photos with stage 8. Twin of gs_train/stages/photometric.cpp.
-//
-// Both kernels are a single block, because there are few numbers, and because all sums then have an
-// order of their own: the same bits come out each time. Sums are in double, as in the scalar twin.
+// After stage 5, for photos that differ in light: the sum of a photo's gradient. It is a single
+// block, so that the sums have an order of their own: the same bits come out each time.
 #include "cuda/photo_terms/photometric.cuh"
 
 #include "cuda/device/block_sums.cuh"
-#include "gs_train/photometric/gains.h"
 
 namespace gs::cuda {
 namespace {
 
-// Threads of a block: a multiple of kNumbers makes all numbers of a thread those of one channel.
+// Threads of a block: a multiple of kNumbers makes all sums of a thread those of one channel.
 constexpr int kNumbers = 3, kThreads = 768;  // of a photo: log gains
 
 __global__ void __launch_bounds__(kThreads)
@@ -26,49 +22,20 @@ __global__ void __launch_bounds__(kThreads)
   if (i < kNumbers) photo.photo_gradient[i] += photo.weight * shared[0][i];
 }
 
-/// The numbers of all photos on the device.
-struct Numbers {
-  float* values;
-  FloatMoments* moments;
-  const float* start;
-  std::uint32_t photos;
-  bool is_solved;
-
-  __device__ std::uint32_t size() const { return photos * std::uint32_t(kNumbers); }
+// Where the photos of a batch have their numbers in the gradient of all.
+struct BatchPlaces {
+  int photos;
+  double* gradient[kMostBatch];
 };
 
-/// Thread t takes the numbers t, t + kThreads, ... Clears the gradient.
-__device__ void update_all(const Numbers& numbers, double* gradient, const AdamStep& step,
-                           const AdamRule& rule) {
-  for (std::uint32_t i = threadIdx.x; i < numbers.size(); i += kThreads) {
-    double prior = 0;
-    if (numbers.is_solved)
-      prior = gain_prior_vjp(double(numbers.values[i]), double(numbers.start[i]),
-                             kGainPriorWeight / numbers.photos, kGainPriorSpread);
-    adam_update(numbers.values[i], numbers.moments[i], float(gradient[i] + prior), step, rule);
-    gradient[i] = 0;
+// gradient += the rows of all photos, one photo after another, and clears the rows. A thread has
+// one number of each row.
+__global__ void add_rows_kernel(const __grid_constant__ BatchPlaces places, double* rows) {
+  for (int i = 0; i < places.photos; ++i) {
+    double& of_photo = rows[std::size_t(i) * blockDim.x + threadIdx.x];
+    places.gradient[i][threadIdx.x] += of_photo;
+    of_photo = 0;
   }
-}
-
-/// Subtracts from each number of the photos its mean.
-__device__ void center(const Numbers& numbers, double (&shared)[1][kThreads]) {
-  double sum[1] = {0};
-  for (std::uint32_t i = threadIdx.x; i < numbers.size(); i += kThreads)
-    sum[0] += double(numbers.values[i]);
-  sum_by_remainder<kNumbers>(sum, shared);
-  const double common = shared[0][int(threadIdx.x) % kNumbers] / double(numbers.photos);
-  for (std::uint32_t i = threadIdx.x; i < numbers.size(); i += kThreads)
-    numbers.values[i] = float(double(numbers.values[i]) - common);
-}
-
-__global__ void __launch_bounds__(kThreads)
-    update_kernel(Numbers numbers, double* gradient, AdamStep step, AdamRule rule,
-                  const std::uint32_t* halted) {
-  if (*halted) return;
-  __shared__ double shared[1][kThreads];
-  update_all(numbers, gradient, step, rule);
-  __syncthreads();  // all values are new
-  center(numbers, shared);
 }
 
 }  // namespace
@@ -79,15 +46,39 @@ void add_look_gradient(Context& context, Span<const float> of_blocks, const Phot
   context.launch("photometric", add_gradient_kernel, 1, kThreads, of_blocks, photo);
 }
 
-void update_photometric(Context& context, const PhotometricState& state, Span<double> gradient,
-                        const AdamStep& step, const AdamRule& rule, const std::uint32_t* halted) {
-  const PhotometricShape& shape = state.shape;
-  GS_CHECK(int(shape.photo_size) == kNumbers && gradient.size == shape.size());
-  const StageScope scope(context, "photometric");
-  const Numbers numbers{state.values.data(), state.moments.data(), state.start.data(), shape.photos,
-                        state.is_solved};
-  context.launch("photometric", update_kernel, 1, kThreads, numbers, gradient.data, step, rule,
-                 halted);
+void PhotometricStage::begin(const PhotometricState& state, std::size_t photos) {
+  if (!is_on()) return;
+  GS_CHECK(!state.empty());
+  PhotoTableStage::begin(state);
+  const std::size_t numbers = has_rows(photos) ? photos * state.numbers : 0;
+  if (rows_.size() >= numbers) return;
+  rows_.resize_discard(numbers);
+  rows_.fill_zero();
+}
+
+PhotoOnDevice PhotometricStage::photo(const PhotometricState& state, const PhotoTableUpdate& update,
+                                      const TrainingPhoto& photo, std::size_t i,
+                                      std::size_t photos) const {
+  PhotoOnDevice result{state.row(photo.photo_row).data};
+  if (!update.is_due) return result;
+  result.weight = 1.0 / double(photos);
+  result.photo_gradient =
+      has_rows(photos) ? rows_.data() + i * state.numbers : gradient_of(state, photo.photo_row);
+  return result;
+}
+
+void PhotometricStage::update(PhotometricState& state, const PhotoTableUpdate& update,
+                              Span<const TrainingPhoto> batch, const std::uint32_t* halted) {
+  if (!update.is_due) return;
+  GS_CHECK(int(state.numbers) == kNumbers);
+  if (has_rows(batch.size)) {
+    BatchPlaces places{int(batch.size), {}};
+    for (std::size_t i = 0; i < batch.size; ++i)
+      places.gradient[i] = gradient_of(state, batch[i].photo_row);
+    const StageScope scope(context_, name_);
+    context_.launch(name_, add_rows_kernel, 1, kNumbers, places, rows_.data());
+  }
+  PhotoTableStage::update(state, model_->pulls(state), update, halted);
 }
 
 }  // namespace gs::cuda

@@ -12,7 +12,7 @@
 #include <utility>
 #include <vector>
 
-#include "cuda/photo_terms/photometric_stage.cuh"
+#include "cuda/photo_terms/photo_table.cuh"
 #include "cuda/render/renderer.cuh"
 #include "cuda/render/reports.cuh"
 #include "cuda/stages.cuh"
@@ -20,20 +20,12 @@
 
 namespace gs::cuda {
 
-/// The update of the poses; there is none while they rest.
-struct PoseUpdate {
-  bool is_due = false;
-  AdamStep adam{};
-  AdamRule rule = {};
-};
-
 /// A step that may have to be launched again. Its photos have numbers of their own, in order.
 struct PendingStep : ModelUpdate {
   std::vector<TrainingPhoto> batch;
   LossSettings loss_settings;
   float position_rate;  // Adam's rate for the means, which scales the noise
-  PhotometricUpdate photometric;
-  PoseUpdate poses;
+  PhotoTableUpdate photometric, poses;
   std::uint32_t first_photo = 0;  // its number
   bool is_launched = false;
 

@@ -72,8 +72,6 @@ struct ColmapImage {
   std::filesystem::path mask{};                      // of the photo, if the model names one
   std::filesystem::path depth{};                     // the same of its depth map
   double time = 0;                                   // when it was taken: Camera::time
-  std::filesystem::path video{};                     // of which it is a frame; empty: a photo
-  std::int64_t frame = 0;                            // its number in the video, from 0
 };
 
 /// One triangulated point. Of its track only the length is kept.

@@ -18,6 +18,7 @@
 
 #include "data_loaders/colmap/colmap_files.h"
 #include "gs_core/system/byte_reader.h"
+#include "gs_core/system/text/ascii.h"
 #include "gs_core/system/text/foreign_text.h"
 
 namespace gs::colmap {
@@ -26,13 +27,6 @@ namespace {
 namespace fs = std::filesystem;
 
 constexpr std::string_view kBlanks = " \t\r";
-
-/// The line without blanks at both ends.
-std::string_view trimmed(std::string_view line) {
-  const std::size_t first = line.find_first_not_of(kBlanks);
-  if (first == std::string_view::npos) return {};
-  return line.substr(first, line.find_last_not_of(kBlanks) - first + 1);
-}
 
 /// Cuts the next word off the front of `line`; empty at the end.
 std::string_view next_word(std::string_view& line) {

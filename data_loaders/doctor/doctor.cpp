@@ -28,17 +28,15 @@ void check_the_rest(Examination& examination) {
 SceneSize size_of(const Examination& examination) {
   double pixels = 0, training_pixels = 0;
   SceneSize scene;
-  const auto& is_test = examination.scene.is_test;
-  const auto& depth_files = examination.scene.depth_files;
   const int resolution = examination.config.dataset.resolution;
   for (const std::size_t i : examination.usable) {
-    const PhotoSize& size = examination.photo_sizes[i];
+    const Photo& photo = examination.scene.photos[i];
+    const PhotoSize& size = photo.size;
     const double scale = scale_at_resolution(size.width, size.height, resolution);
     const double of_photo = double(size.width) * double(size.height) * std::min(scale * scale, 1.0);
-    const bool is_trained_on = i >= is_test.size() || !is_test[i];
     pixels += of_photo;
-    if (is_trained_on) training_pixels += of_photo;
-    if (i < depth_files.size() && !depth_files[i].empty()) scene.depth_maps += 1;
+    if (!photo.is_test) training_pixels += of_photo;
+    if (!photo.depth_file.empty()) scene.depth_maps += 1;
     scene.largest_megapixels = std::max(scene.largest_megapixels, 1e-6 * of_photo);
   }
   scene.train_share = training_pixels / std::max(pixels, 1.0);

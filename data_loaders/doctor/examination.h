@@ -11,7 +11,7 @@
 #include "data_loaders/doctor/doctor.h"
 #include "data_loaders/photos/photos.h"
 #include "data_loaders/photos/picture_quality.h"
-#include "data_loaders/scene/scene_model.h"
+#include "data_loaders/scene/companions.h"
 
 namespace gs {
 
@@ -24,19 +24,17 @@ struct Examination {
   const ProgressFn& progress;
   Diagnosis diagnosis = {};
 
-  SceneFolders folders = {};
-  SceneModel scene = {};                    // photos may be empty paths: missing files
-  std::vector<PhotoSize> photo_sizes = {};  // (images)   0 x 0 if unknown
-  std::vector<std::size_t> usable = {};     // images with a photo that can be trained on
-  double masked_share = 0;                  // of the photos
+  SceneModel scene = {};                 // sizes of photos are 0 x 0 if unknown
+  std::vector<std::size_t> usable = {};  // photos that can be trained on
+  double masked_share = 0;               // of the photos
 
   const ColmapModel& model() const { return scene.model; }
   void add(Level level, std::string topic, std::string text, std::vector<std::string> names = {}) {
     diagnosis.findings.push_back({level, std::move(topic), std::move(text), std::move(names)});
   }
-  std::vector<std::string> names_of(const std::vector<std::size_t>& images) const {
+  std::vector<std::string> names_of(const std::vector<std::size_t>& photos) const {
     std::vector<std::string> names;
-    for (const std::size_t i : images) names.push_back(model().images[i].name);
+    for (const std::size_t i : photos) names.push_back(scene.photos[i].name);
     return names;
   }
 };
@@ -62,6 +60,11 @@ void examine_pictures(Examination& examination);
 /// Names photos that are much less sharp, darker or brighter than the others.
 void report_quality(Examination& examination, const std::vector<std::string>& names,
                     const std::vector<PictureQuality>& qualities);
+
+/// Finds the masks or the depth maps, and reports how many photos have one. `without` says what is
+/// done with the others. False if none has.
+bool match_files_of(const CompanionKind& kind, const char* noun, Examination::Level of_missing,
+                    const char* without, Examination& examination);
 
 // examine_depth.cpp: after the headers. With `look_at_maps` it reads each map.
 void examine_depth(Examination& examination, bool look_at_maps);

@@ -11,60 +11,21 @@
 namespace gs {
 namespace {
 
-namespace fs = std::filesystem;
 using Level = Finding::Level;
 
 constexpr int kFewBits = 8;  // 256 depths
 
-std::vector<fs::path> match_files(Examination& examination) {
-  const SceneModel& scene = examination.scene;
-  std::vector<std::string> names;
-  std::vector<fs::path> of_model;
-  for (const ColmapImage& image : scene.model.images) {
-    names.push_back(image.name);
-    of_model.push_back(image.depth);
-  }
-  try {
-    examination.scene.depth = find_depth(examination.config.dataset, examination.folders);
-    return match_depth(scene.depth, names, scene.photos, of_model);
-  } catch (const Error& error) {
-    examination.add(Level::fatal, "depth", error.what());
-    return {};
-  }
-}
-
-/// Reports how many photos have a map. False if none has.
-bool report_files(Examination& examination) {
-  const std::vector<fs::path>& files = examination.scene.depth_files;
-  std::vector<std::size_t> missing;
-  for (std::size_t i = 0; i < files.size(); ++i)
-    if (files[i].empty()) missing.push_back(i);
-  if (missing.size() == files.size()) return false;
-  const fs::path& folder = examination.scene.depth.folder;
-  examination.add(Level::good, "depth",
-                  fmt::format("{} of {} have a depth map in {}", files.size() - missing.size(),
-                              counted(files.size(), "photo"),
-                              folder.empty() ? "the files that the model names" : folder.string()));
-  if (!missing.empty())
-    examination.add(Level::note, "depth",
-                    fmt::format("{} no depth map there; only the photo is trained on",
-                                counted(missing.size(), "photo", "has", "have")),
-                    examination.names_of(missing));
-  return true;
-}
-
 /// Maps that cannot be read, or have another shape than their photo.
 void report_faults(Examination& examination) {
-  const std::vector<fs::path>& files = examination.scene.depth_files;
   std::vector<std::size_t> unreadable, other, coarse;
   std::string first_fault;
   for (const std::size_t i : examination.usable) {
-    if (files[i].empty()) continue;
+    const Photo& photo = examination.scene.photos[i];
+    if (photo.depth_file.empty()) continue;
     try {
-      const DepthFile depth = read_depth_file(files[i]);
+      const DepthFile depth = read_depth_file(photo.depth_file);
       if (depth.has_steps && depth.bits <= kFewBits) coarse.push_back(i);
-      if (!has_shape_of({depth.values.width, depth.values.height}, examination.photo_sizes[i]))
-        other.push_back(i);
+      if (!has_shape_of({depth.values.width, depth.values.height}, photo.size)) other.push_back(i);
     } catch (const Error& error) {
       if (unreadable.empty()) first_fault = error.what();
       unreadable.push_back(i);
@@ -73,7 +34,7 @@ void report_faults(Examination& examination) {
   if (!unreadable.empty())
     examination.add(Level::fatal, "depth",
                     fmt::format("{} of {} cannot be read: {}", unreadable.size(),
-                                counted(files.size(), "depth map"), first_fault),
+                                counted(examination.scene.photos.size(), "depth map"), first_fault),
                     examination.names_of(unreadable));
   if (!other.empty())
     examination.add(
@@ -123,8 +84,9 @@ void report_kind(Examination& examination) {
 }  // namespace
 
 void examine_depth(Examination& examination, bool look_at_maps) {
-  examination.scene.depth_files = match_files(examination);
-  if (examination.scene.depth_files.empty() || !report_files(examination)) return;
+  if (!match_files_of(kDepthMaps, "depth map", Level::note, "; only the photo is trained on",
+                      examination))
+    return;
   if (examination.config.loss.depth_weight == 0)
     examination.add(Level::note, "depth",
                     "loss.depth_weight is 0: the maps are only measured against, not trained on");

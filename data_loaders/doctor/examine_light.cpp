@@ -18,8 +18,8 @@ std::string exif_of(const Examination& examination) {
   float least = 0, most = 0;
   std::size_t known = 0;
   const auto& photos = examination.scene.photos;
-  for (const auto& photo : photos) {
-    const std::optional<float> stops = read_exposure_stops(photo);
+  for (const Photo& photo : photos) {
+    const std::optional<float> stops = read_exposure_stops(photo.file);
     if (!stops) continue;
     least = known ? std::min(least, *stops) : *stops;
     most = known ? std::max(most, *stops) : *stops;
@@ -43,9 +43,7 @@ void examine_light(Examination& examination) {
   const DatasetConfig& dataset = examination.config.dataset;
   std::optional<ExposureSummary> exposure;
   std::string unknown_because, by_exif;
-  const std::vector<ColmapImage>& images = examination.model().images;
-  const bool has_frames = std::any_of(
-      images.begin(), images.end(), [](const ColmapImage& image) { return !image.video.empty(); });
+  const bool has_frames = std::ranges::any_of(examination.scene.photos, &Photo::is_frame);
   try {
     unknown_because =
         has_frames ? "frames of videos are not looked at" : why_exposures_are_unknown(dataset);

@@ -8,6 +8,7 @@
 #include "data_loaders/colmap/world_offset.h"
 #include "data_loaders/doctor/examination.h"
 #include "data_loaders/lenses/undistort.h"
+#include "data_loaders/scene/photo_times.h"
 #include "gs_core/error.h"
 #include "gs_core/geometry/scene_frame.h"
 #include "gs_core/geometry/scene_sight.h"
@@ -49,7 +50,7 @@ std::vector<Camera> training_cameras(const Examination& examination) {
   std::map<std::uint32_t, PinholeCamera<double>> pinholes;  // a search over all borders: once each
   for (std::size_t i = 0; i < model.images.size(); ++i) {
     const ColmapImage& image = model.images[i];
-    if (i < examination.scene.is_test.size() && examination.scene.is_test[i]) continue;
+    if (examination.scene.photos[i].is_test) continue;
     try {
       if (!pinholes.contains(image.camera_id))
         pinholes[image.camera_id] = undistorted_pinhole(
@@ -83,22 +84,22 @@ void examine_up(Examination& examination, const std::vector<View>& views) {
 
 bool find_folders(Examination& examination) {
   try {
-    examination.folders = find_scene(examination.config.dataset);
+    examination.scene.folders = find_scene(examination.config.dataset);
   } catch (const Error& error) {
     examination.add(Level::fatal, "scene", error.what());
     return false;
   }
   examination.add(Level::good, "scene",
-                  fmt::format("model in {}, photos in {}", examination.folders.model.string(),
-                              examination.folders.images.string()));
+                  fmt::format("model in {}, photos in {}", examination.scene.folders.model.string(),
+                              examination.scene.folders.images.string()));
   return true;
 }
 
 bool read_model(Examination& examination) {
   SceneModel& scene = examination.scene;
   try {
-    scene = read_model_and_split(examination.config.dataset, examination.folders);
-    find_times(examination.config.dataset, examination.folders, scene);
+    scene = read_scene(examination.config.dataset, examination.scene.folders);
+    find_times(examination.config.dataset, scene);
     move_near_origin(scene);
   } catch (const Error& error) {
     examination.add(Level::fatal, "model", error.what());
@@ -120,7 +121,7 @@ bool read_model(Examination& examination) {
                                 "overlapping by two thirds",
                                 counted(model.images.size(), "photo", "is not enough", "are few")));
   if (examination.config.dataset.eval) {
-    const auto held_out = std::size_t(std::count(scene.is_test.begin(), scene.is_test.end(), true));
+    const auto held_out = std::size_t(std::ranges::count_if(scene.photos, &Photo::is_test));
     examination.add(
         Level::good, "model",
         fmt::format("{} held out to measure on", counted(held_out, "photo", "is", "are")));

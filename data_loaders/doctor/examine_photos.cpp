@@ -8,8 +8,8 @@
 #include <tuple>
 
 #include "data_loaders/doctor/examination.h"
-#include "data_loaders/photos/large_photos.h"
 #include "data_loaders/photos/photo_fit.h"
+#include "data_loaders/scene/place_scene.h"
 #include "data_loaders/scene/view_picture.h"
 #include "data_loaders/video/film_frames.h"
 #include "gs_core/camera.h"
@@ -27,11 +27,10 @@ constexpr double kHardlyTrained = 0.05;  // of a photo's pixels: the mask may be
 /// Pictures in the photos' folder that the model does not name. COLMAP may have failed to place
 /// them. Other programs write depth and normal maps, or validation photos, into the same folder.
 void report_unused(Examination& examination) {
-  const std::vector<std::string> unused =
-      pictures_besides(examination.scene.photos, examination.folders.images);
+  const std::vector<std::string> unused = pictures_besides(examination.scene);
   if (unused.empty()) return;
-  if (examination.folders.kind != SceneKind::colmap) {
-    const bool is_blender = examination.folders.kind == SceneKind::blender;
+  if (examination.scene.folders.kind != SceneKind::colmap) {
+    const bool is_blender = examination.scene.folders.kind == SceneKind::blender;
     examination.add(
         Level::note, "photos",
         fmt::format("{} not used: {}",
@@ -62,7 +61,7 @@ void report_masks(Examination& examination, const std::vector<std::size_t>& read
   }
   if (masked.empty()) return;
   examination.masked_share = double(masked.size()) / double(readable.size());
-  const bool is_background = examination.scene.masks.over_background;
+  const bool is_background = examination.scene.photos[0].masks.over_background;
   examination.add(
       Level::good, "masks",
       fmt::format("{} of {} are masked; {:.1f} % of their pixels {}", masked.size(),
@@ -86,10 +85,6 @@ struct Header {
   int orientation = 1;
 };
 
-bool is_frame(const Examination& examination, std::size_t image) {
-  return !examination.model().images[image].video.empty();
-}
-
 std::pair<PhotoSize, Header> read_video_header(const fs::path& video) {
   try {
     const Image8 first = read_frame(video, 0);
@@ -99,22 +94,20 @@ std::pair<PhotoSize, Header> read_video_header(const fs::path& video) {
   }
 }
 
-std::vector<Header> read_headers(Examination& examination) {
-  const std::vector<fs::path>& files = examination.scene.photos;
-  examination.photo_sizes.resize(files.size());
-  std::vector<Header> headers(files.size());
+std::vector<Header> read_headers(std::vector<Photo>& photos) {
+  std::vector<Header> headers(photos.size());
   std::map<fs::path, std::pair<PhotoSize, Header>> of_videos;
-  for (std::size_t i = 0; i < files.size(); ++i) {
-    if (!is_frame(examination, i)) continue;
-    const auto [known, is_new] = of_videos.try_emplace(files[i]);
-    if (is_new) known->second = read_video_header(files[i]);
-    std::tie(examination.photo_sizes[i], headers[i]) = known->second;
+  for (std::size_t i = 0; i < photos.size(); ++i) {
+    if (!photos[i].is_frame) continue;
+    const auto [known, is_new] = of_videos.try_emplace(photos[i].file);
+    if (is_new) known->second = read_video_header(photos[i].file);
+    std::tie(photos[i].size, headers[i]) = known->second;
   }
-  parallel_for(files.size(), 8, [&](std::size_t i) {
-    if (files[i].empty() || is_frame(examination, i)) return;
+  parallel_for(photos.size(), 8, [&](std::size_t i) {
+    if (photos[i].file.empty() || photos[i].is_frame) return;
     try {
-      examination.photo_sizes[i] = read_photo_size(files[i]);
-      headers[i].orientation = read_photo_orientation(files[i]);
+      photos[i].size = read_photo_size(photos[i].file);
+      headers[i].orientation = read_photo_orientation(photos[i].file);
     } catch (const Error& error) {
       headers[i].error = error.what();
     }
@@ -159,22 +152,20 @@ void report_reduced_photos(Examination& examination, const PhotoSize& largest) {
 }
 
 void match_photo_files(Examination& examination) {
-  std::vector<std::string> names;
-  for (const ColmapImage& image : examination.model().images) names.push_back(image.name);
-  std::vector<fs::path>& photos = examination.scene.photos;
-  photos = match_photos(examination.model(), examination.folders.images);
-  const LostPhotos lost = lost_photos(examination.model(), photos);
+  SceneModel& scene = examination.scene;
+  const std::string count = counted(scene.photos.size(), "photo");
+  match_photos(scene);
+  const LostPhotos lost = lost_photos(scene);
   const Level level = lost.are_few ? Level::warning : Level::fatal;
   const char* const rest = lost.are_few ? "; training goes on without them, or " : "; ";
   if (lost.missing.empty())
-    examination.add(Level::good, "photos",
-                    fmt::format("all {} of the model are there", counted(names.size(), "photo")));
+    examination.add(Level::good, "photos", fmt::format("all {} of the model are there", count));
   else
     examination.add(
         level, "photos",
-        fmt::format("{} of the model's {} are not in {}{}{}", lost.missing.size(),
-                    counted(names.size(), "photo"), examination.folders.images.string(), rest,
-                    remedy_of_missing(names[lost.missing[0]], examination.folders.images)),
+        fmt::format("{} of the model's {} are not in {}{}{}", lost.missing.size(), count,
+                    scene.folders.images.string(), rest,
+                    remedy_of_missing(scene.photos[lost.missing[0]].name, scene.folders.images)),
         examination.names_of(lost.missing));
   if (!lost.cut_short.empty())
     examination.add(level, "photos",
@@ -182,68 +173,67 @@ void match_photo_files(Examination& examination) {
                                 counted(lost.cut_short.size(), "photo", "is", "are"), rest),
                     examination.names_of(lost.cut_short));
   report_unused(examination);
-  for (const std::size_t i : lost.cut_short) photos[i].clear();
+  for (const std::size_t i : lost.cut_short) scene.photos[i].file.clear();
+}
+
+bool match_files_of(const CompanionKind& kind, const char* noun, Level of_missing,
+                    const char* without, Examination& examination) {
+  SceneModel& scene = examination.scene;
+  const bool is_mask = &kind == &kMasks;
+  const char* const topic = is_mask ? "masks" : "depth";
+  try {
+    match_companions(kind, examination.config.dataset, scene);
+  } catch (const Error& error) {
+    examination.add(Level::fatal, topic, error.what());
+    return false;
+  }
+  std::vector<std::size_t> missing;
+  for (std::size_t i = 0; i < scene.photos.size(); ++i)
+    if ((is_mask ? scene.photos[i].mask_file : scene.photos[i].depth_file).empty())
+      missing.push_back(i);
+  const std::size_t count = scene.photos.size();
+  if (missing.size() == count) return false;
+  examination.add(
+      Level::good, topic,
+      fmt::format("{} of {} have a {} in {}", count - missing.size(), counted(count, "photo"), noun,
+                  (is_mask ? scene.masks : scene.depth).place()));
+  if (!missing.empty())
+    examination.add(of_missing, topic,
+                    fmt::format("{} no {} there{}", counted(missing.size(), "photo", "has", "have"),
+                                noun, without),
+                    examination.names_of(missing));
+  return true;
 }
 
 void match_mask_files(Examination& examination) {
-  SceneModel& scene = examination.scene;
-  const std::size_t count = scene.photos.size();
-  scene.mask_files.resize(count);
-  std::vector<std::string> names;
-  std::vector<fs::path> of_model;
-  for (const ColmapImage& image : scene.model.images) {
-    names.push_back(image.name);
-    of_model.push_back(image.mask);
-  }
-  try {
-    scene.masks = find_masks(examination.config.dataset, examination.folders);
-    scene.mask_files = match_masks(scene.masks, names, scene.photos, of_model);
-  } catch (const Error& error) {
-    examination.add(Level::fatal, "masks", error.what());
-    return;
-  }
-  std::vector<std::size_t> missing;
-  for (std::size_t i = 0; i < count; ++i)
-    if (scene.mask_files[i].empty()) missing.push_back(i);
-  if (missing.size() == count) return;
-  const std::string place = scene.masks.folder.empty()
-                                ? std::string("the files that the model names")
-                                : scene.masks.folder.string();
-  examination.add(Level::good, "masks",
-                  fmt::format("{} of {} have a mask in {}", count - missing.size(),
-                              counted(count, "photo"), place));
-  if (!missing.empty())
-    examination.add(
-        Level::warning, "masks",
-        fmt::format("{} no mask there: all their pixels are trained, except where alpha masks them",
-                    counted(missing.size(), "photo", "has", "have")),
-        examination.names_of(missing));
+  match_files_of(kMasks, "mask", Level::warning,
+                 ": all their pixels are trained, except where alpha masks them", examination);
 }
 
 void examine_headers(Examination& examination) {
-  const std::vector<Header> headers = read_headers(examination);
+  std::vector<Photo>& photos = examination.scene.photos;
+  const std::vector<Header> headers = read_headers(photos);
   std::vector<std::size_t> unreadable, turned, other, scaled, with_orientation;
   for (std::size_t i = 0; i < headers.size(); ++i) {
-    if (examination.scene.photos[i].empty()) continue;
+    if (photos[i].file.empty()) continue;
     if (!headers[i].error.empty()) {
       unreadable.push_back(i);
       continue;
     }
     const ColmapModel& model = examination.model();
     const ColmapCamera& camera = model.cameras.at(model.images[i].camera_id);
-    const PhotoFit fit = fit_of(examination.photo_sizes[i], {camera.width, camera.height});
+    const PhotoFit fit = fit_of(photos[i].size, {camera.width, camera.height});
     if (fit == PhotoFit::turned) turned.push_back(i);
     if (fit == PhotoFit::other) other.push_back(i);
-    if (fit == PhotoFit::fits && examination.photo_sizes[i].width != camera.width)
-      scaled.push_back(i);
+    if (fit == PhotoFit::fits && photos[i].size.width != camera.width) scaled.push_back(i);
     if (headers[i].orientation != 1) with_orientation.push_back(i);
     if (fit == PhotoFit::fits) examination.usable.push_back(i);
   }
-  const auto add = [&](Level level, const char* topic, const std::vector<std::size_t>& photos,
+  const auto add = [&](Level level, const char* topic, const std::vector<std::size_t>& some,
                        const char* one, const char* more, const char* text) {
-    if (!photos.empty())
-      examination.add(level, topic, counted(photos.size(), "photo", one, more) + text,
-                      examination.names_of(photos));
+    if (!some.empty())
+      examination.add(level, topic, counted(some.size(), "photo", one, more) + text,
+                      examination.names_of(some));
   };
   if (!unreadable.empty())
     examination.add(
@@ -265,7 +255,7 @@ void examine_headers(Examination& examination) {
       "the same photos, or run COLMAP again");
   PhotoSize largest;
   for (const std::size_t i : examination.usable) {
-    const PhotoSize& size = examination.photo_sizes[i];
+    const PhotoSize& size = photos[i].size;
     if (double(size.width) * size.height > double(largest.width) * largest.height) largest = size;
   }
   if (largest.width > 0) report_reduced_photos(examination, largest);
@@ -278,15 +268,18 @@ void examine_headers(Examination& examination) {
 
 void examine_pictures(Examination& examination) {
   const std::vector<std::size_t>& usable = examination.usable;
-  const SceneModel& scene = examination.scene;
+  const auto photo = [&](std::size_t k) -> const Photo& {
+    return examination.scene.photos[usable[k]];
+  };
   std::vector<PictureQuality> qualities(usable.size());
   std::vector<double> shares(usable.size(), 1);
-  std::vector<char> is_damaged(usable.size(), false);
+  std::vector<char> is_damaged(usable.size(), true);
   std::mutex mutex;
   std::size_t done = 0;
   const auto rate = [&](std::size_t k, const PhotoWithAlpha& read) {
     qualities[k] = quality_of(read.photo);
-    shares[k] = trained_share(read_mask(scene.masks, scene.mask_files[usable[k]], read));
+    shares[k] = trained_share(read_mask(photo(k).masks, photo(k).mask_file, read));
+    is_damaged[k] = false;
   };
   const auto count = [&] {
     const std::lock_guard lock(mutex);
@@ -294,28 +287,22 @@ void examine_pictures(Examination& examination) {
   };
   std::map<fs::path, std::vector<std::size_t>> of_videos;
   for (std::size_t k = 0; k < usable.size(); ++k)
-    if (is_frame(examination, usable[k])) of_videos[scene.photos[usable[k]]].push_back(k);
+    if (photo(k).is_frame) of_videos[photo(k).file].push_back(k);
   parallel_for(usable.size(), 1, [&](std::size_t k) {
-    if (is_frame(examination, usable[k])) return;
+    if (photo(k).is_frame) return;
     try {
-      rate(k, read_photo_with_alpha(scene.photos[usable[k]]));
-    } catch (const Error&) {
-      is_damaged[k] = true;
+      rate(k, read_photo_with_alpha(photo(k).file));
+    } catch (const Error&) {  // it stays damaged
     }
     count();
   });
-  for (const auto& of_video : of_videos) {
-    const std::vector<std::size_t>& own = of_video.second;
+  for (const auto& [video, own] : of_videos) {
     std::vector<VideoFrame> frames;
-    for (const std::size_t k : own) {
-      frames.push_back({of_video.first, scene.model.images[usable[k]].frame});
-      is_damaged[k] = true;
-    }
+    for (const std::size_t k : own) frames.push_back({video, photo(k).frame});
     const auto is_wanted = [](std::size_t) { return true; };
     try {
-      for_each_frame(frames, 1, is_wanted, [&](std::size_t i, Image8 frame) {
+      for_each_frame(frames, 1, is_wanted, [&, &own = own](std::size_t i, Image8 frame) {
         rate(own[i], {std::move(frame), {}});
-        is_damaged[own[i]] = false;
         count();
       });
     } catch (const Error&) {  // the frames that remain are damaged

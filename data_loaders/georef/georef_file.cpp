@@ -88,7 +88,7 @@ void write_georef(const std::filesystem::path& path, const GeorefFile& file) {
     json["rms_m"] = quality->rms;
   }
   AtomicFile written(path);
-  written.write(json.dump(2, ' ', false, Json::error_handler_t::replace) + "\n");
+  written.write(file_text(json));
   written.commit();
 }
 

@@ -10,6 +10,7 @@
 #include "data_loaders/photos/photos.h"
 #include "gs_core/system/byte_reader.h"
 #include "gs_core/system/files/text_file.h"
+#include "gs_core/system/text/ascii.h"
 #include "gs_core/system/text/foreign_text.h"
 #include "gs_core/system/text/parse_number.h"
 
@@ -35,9 +36,8 @@ std::optional<Geodetic> take_place(std::string_view& line) {
   std::array<double, 3> numbers;  // latitude, longitude, height
   for (int i = 2; i >= 0; --i)
     if (!parse_number(take_last_word(line), numbers[std::size_t(i)])) return {};
-  const std::size_t begin = line.find_first_not_of(kSpace);
-  if (begin == line.npos) return {};
-  line = line.substr(begin, line.find_last_not_of(kSpace) + 1 - begin);
+  line = trimmed(line, kSpace);
+  if (line.empty()) return {};
   const Geodetic place{numbers[1], numbers[0], numbers[2]};
   return is_on_earth(place) ? std::optional(place) : std::nullopt;
 }

@@ -8,7 +8,7 @@
 
 #include <jpeglib.h>
 
-#include "data_loaders/photos/photos.h"
+#include "data_loaders/photos/photo_codec.h"
 #include "gs_core/error.h"
 
 namespace gs {
@@ -72,7 +72,7 @@ class JpegEncoder {
 
 }  // namespace
 
-std::vector<std::uint8_t> encode_jpeg(const Image8& image, int quality) {
+std::vector<std::uint8_t> encode_jpeg_alone(const Image8& image, int quality) {
   GS_CHECK(image.channels == 3);
   JpegEncoder encoder;
   if (!encoder.encode(image, quality))

@@ -184,12 +184,6 @@ ExposureTags decode_exposure_tags(const std::filesystem::path& path) {
 
 std::string codec_name() { return "OpenImageIO " OIIO_VERSION_STRING; }
 
-std::vector<std::uint8_t> encode_png(const Image8& image) {
-  OIIO::ImageSpec spec = spec_of(image);
-  spec.attribute("oiio:UnassociatedAlpha", 1);  // color not multiplied by alpha
-  return encode("png", image, spec);
-}
-
 std::vector<std::uint8_t> encode_jpeg_copy(const std::filesystem::path& photo,
                                            const Image8& image) {
   GS_CHECK(image.channels == 3);
@@ -201,7 +195,7 @@ std::vector<std::uint8_t> encode_jpeg_copy(const std::filesystem::path& photo,
   return encode("jpeg", image, spec);
 }
 
-std::vector<std::uint8_t> encode_jpeg(const Image8& image, int quality) {
+std::vector<std::uint8_t> encode_jpeg_alone(const Image8& image, int quality) {
   GS_CHECK(image.channels == 3);
   OIIO::ImageSpec spec = spec_of(image);
   spec.attribute("Compression", "jpeg:" + std::to_string(quality));

@@ -4,12 +4,9 @@
 #define STB_IMAGE_STATIC
 #define STBI_ONLY_JPEG
 #define STBI_ONLY_PNG
-#define STB_IMAGE_WRITE_IMPLEMENTATION
-#define STB_IMAGE_WRITE_STATIC
 #pragma GCC diagnostic push
 #pragma GCC diagnostic ignored "-Wunused-function"  // of a single-header library
 #include <stb_image.h>
-#include <stb_image_write.h>
 #pragma GCC diagnostic pop
 
 #include <algorithm>
@@ -19,7 +16,6 @@
 
 #include "data_loaders/photos/exif_tags.h"
 #include "data_loaders/photos/photo_codec.h"
-#include "data_loaders/photos/stb_bytes.h"
 #include "gs_core/error.h"
 #include "gs_core/system/byte_reader.h"
 
@@ -225,21 +221,11 @@ std::vector<std::uint8_t> encode_jpeg_copy(const std::filesystem::path& photo,
   const auto size = std::size_t(std::min<std::uint64_t>(file.size(), kHeadBytes));
   const std::vector<std::uint8_t> exif = upright_exif_of_jpeg({file.peek(size), size});
   constexpr std::size_t kStartOfImage = 2;  // bytes of the marker that comes first
-  std::vector<std::uint8_t> bytes = encode_jpeg(image, kCopyQuality);
+  std::vector<std::uint8_t> bytes = encode_jpeg_alone(image, kCopyQuality);
   bytes.insert(bytes.begin() + kStartOfImage, exif.begin(), exif.end());
   return bytes;
 }
 
 std::string codec_name() { return "stb_image"; }
-
-std::vector<std::uint8_t> encode_png(const Image8& image) {
-  std::vector<std::uint8_t> bytes;
-  const int stride = image.width * image.channels;
-  if (!stbi_write_png_to_func(append_stb_bytes, &bytes, image.width, image.height, image.channels,
-                              image.pixels.data(), stride))
-    throw Error("cannot encode a PNG: out of memory; write fewer or smaller pictures",
-                ExitCode::out_of_memory);
-  return bytes;
-}
 
 }  // namespace gs

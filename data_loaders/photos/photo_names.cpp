@@ -6,6 +6,7 @@
 #include <string_view>
 
 #include "gs_core/system/files/access.h"
+#include "gs_core/system/text/ascii.h"
 
 namespace gs {
 namespace {
@@ -32,12 +33,6 @@ bool has_one_of(const std::array<std::string_view, N>& extensions, const fs::pat
 bool is_picture(const fs::path& file) { return has_one_of(kPictureExtensions, file); }
 
 bool is_foreign_photo(const fs::path& file) { return has_one_of(kForeignExtensions, file); }
-
-std::string lowercase(std::string text) {
-  for (char& c : text)
-    if (c >= 'A' && c <= 'Z') c = char(c - 'A' + 'a');
-  return text;
-}
 
 std::string lowercase_ending(const fs::path& file) { return lowercase(file.extension().string()); }
 

@@ -8,9 +8,6 @@
 
 namespace gs {
 
-/// The text with ASCII letters in lower case. Other letters stay: file systems disagree on them.
-std::string lowercase(std::string text);
-
 /// Whether gemsplat reads files of this extension as pictures. A build without OpenImageIO reads JPEG
 /// and PNG only.
 bool is_picture(const std::filesystem::path& file);

@@ -9,6 +9,7 @@
 #include <cstring>
 #include <new>
 
+#include "data_loaders/photos/encode_png.h"
 #include "data_loaders/photos/photo_codec.h"
 #include "data_loaders/photos/picture_header.h"
 #include "gs_core/error.h"
@@ -164,6 +165,11 @@ Image8 area_resized(const Image8& image, int width, int height) {
     for (std::size_t y = begin; y < end; ++y) resize_row(image, target, int(y), sums);
   });
   return target;
+}
+
+std::string note_on_reduced_photos(const PhotoSize& largest, const PhotoSize& reduced) {
+  return fmt::format("photos of {}x{} are trained at {}x{}; -r 1 keeps all of their pixels",
+                     largest.width, largest.height, reduced.width, reduced.height);
 }
 
 void write_png(const fs::path& path, const Image8& image) {

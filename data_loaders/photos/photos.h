@@ -6,6 +6,7 @@
 #include <cstdint>
 #include <filesystem>
 #include <optional>
+#include <string>
 #include <vector>
 
 #include "gs_core/geodesy/geodetic.h"
@@ -62,7 +63,11 @@ Image8 area_resized(const Image8& image, int width, int height);
 void write_png(const std::filesystem::path& path, const Image8& image);
 
 /// The bytes of a JPEG file with three channels; quality 1 to 100. For viewing, not for measuring.
-/// Throws Error.
+/// Large ones are made on all threads. Throws Error.
 std::vector<std::uint8_t> encode_jpeg(const Image8& image, int quality);
+
+/// A sentence for photos that dataset.resolution = 0 has reduced. `largest` is the size of the
+/// largest photo, and `reduced` its size in training.
+std::string note_on_reduced_photos(const PhotoSize& largest, const PhotoSize& reduced);
 
 }  // namespace gs

@@ -52,7 +52,7 @@ ColmapCommand feature_command(const ColmapPlan& plan, const std::vector<PhotoFil
   const fs::path list = plan.files.photo_list();
   write_photo_list(photos, list);
   command.add("--database_path", plan.files.database().string());
-  command.add("--image_path", plan.files.images().string());
+  command.add("--image_path", plan.files.photos().string());
   command.add("--image_list_path", list.string());
   command.add("--ImageReader.camera_model", plan.camera_model);
   command.add("--ImageReader.single_camera", text(plan.single_camera));
@@ -102,7 +102,7 @@ ColmapCommand model_command(const ColmapPlan& plan) {
   if (plan.poses) {
     ColmapCommand command(plan.program, "point_triangulator");
     command.add("--database_path", plan.files.database().string());
-    command.add("--image_path", plan.files.images().string());
+    command.add("--image_path", plan.files.photos().string());
     command.add("--input_path", plan.files.known().string());
     command.add("--output_path", (plan.files.attempt() / "0").string());
     command.add_known({"--clear_points"}, "1");
@@ -111,7 +111,7 @@ ColmapCommand model_command(const ColmapPlan& plan) {
   }
   ColmapCommand command(plan.program, "mapper");
   command.add("--database_path", plan.files.database().string());
-  command.add("--image_path", plan.files.images().string());
+  command.add("--image_path", plan.files.photos().string());
   command.add("--output_path", plan.files.attempt().string());
   command.add_known({"--Mapper.num_threads"}, thread_text(plan));
   return command;

@@ -6,6 +6,8 @@
 #include <deque>
 #include <fstream>
 
+#include "gs_core/system/text/ascii.h"
+
 namespace gs {
 namespace {
 
@@ -15,9 +17,7 @@ constexpr const char* kBlanks = " \t\r";
 std::optional<std::string_view> after(std::string_view line, std::string_view key) {
   const std::size_t at = line.find(key);
   if (at == line.npos) return std::nullopt;
-  line.remove_prefix(at + key.size());
-  line.remove_prefix(std::min(line.find_first_not_of(kBlanks), line.size()));
-  return line.substr(0, line.find_last_not_of(kBlanks) + 1);
+  return trimmed(line.substr(at + key.size()), kBlanks);
 }
 
 constexpr std::int64_t kLargestCount = 1'000'000'000;  // of photos or blocks; more is another text

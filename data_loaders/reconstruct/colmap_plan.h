@@ -18,9 +18,15 @@ inline constexpr std::size_t kFewestPhotos = 3;  // of a scene to train on
 /// Paths inside the scene's folder.
 struct SceneFiles {
   std::filesystem::path root;
-  std::filesystem::path work = {};  // a folder in it that only this process uses (SceneState)
+  std::filesystem::path work = {};  // a folder in it where images and sparse are made (SceneState)
   std::filesystem::path images() const { return root / "images"; }
   std::filesystem::path sparse() const { return root / "sparse"; }
+  std::filesystem::path new_images() const { return work / "images"; }
+  std::filesystem::path new_sparse() const { return work / "sparse"; }
+  /// Where the photos lie: in new_images() until the scene is finished, unless they were in place.
+  std::filesystem::path photos() const {
+    return !work.empty() && std::filesystem::exists(new_images()) ? new_images() : images();
+  }
   std::filesystem::path attempt() const { return work / "models"; }  // the mapper's
   std::filesystem::path known() const { return work / "known"; }     // poses that are known
   std::filesystem::path photo_list() const { return work / "photos.txt"; }

@@ -10,6 +10,7 @@
 #include "data_loaders/reconstruct/photo_walk.h"
 #include "gs_core/error.h"
 #include "gs_core/system/byte_reader.h"
+#include "gs_core/system/text/ascii.h"
 
 namespace gs {
 namespace {

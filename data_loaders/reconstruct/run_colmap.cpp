@@ -91,7 +91,7 @@ void run_stage(const Stage& stage, const ColmapCommand& command, const ColmapPla
 }
 
 // The mapper's models become sparse/0, sparse/1, ..., the one with most photos first.
-void keep_models(const SceneFiles& files, const fs::path& sparse) {
+void keep_models(const SceneFiles& files) {
   std::vector<std::pair<std::size_t, fs::path>> models;
   for (const fs::path& folder : colmap_models_in(files.attempt()))
     models.emplace_back(read_colmap_model(folder).images.size(), folder);
@@ -102,21 +102,23 @@ void keep_models(const SceneFiles& files, const fs::path& sparse) {
         "COLMAP placed only {} photo(s), but a scene needs at least {}; take more photos, each of "
         "which shows two thirds of the one before. The output of COLMAP is in {}",
         models.empty() ? 0 : models[0].first, kFewestPhotos, files.log().string()));
-  fs::create_directories(sparse);
+  fs::remove_all(files.new_sparse());
+  fs::create_directories(files.new_sparse());
   for (std::size_t i = 0; i < models.size(); ++i)
-    fs::rename(models[i].second, sparse / fmt::format("{}", i));
+    fs::rename(models[i].second, files.new_sparse() / fmt::format("{}", i));
 }
 
 void make_model(const Stage& stage, const ColmapPlan& plan, SceneFolder& folder,
                 const ColmapProgress& progress) {
+  fs::remove_all(plan.files.attempt());  // of an earlier command
   fs::create_directories(plan.files.attempt());
   if (plan.poses) {
     fs::create_directories(plan.files.attempt() / "0");  // point_triangulator does not
     write_colmap_model(plan.files.known(), known_model(plan));
   }
   run_stage(stage, model_command(plan), plan, progress);
-  keep_models(plan.files, folder.work() / "sparse");
-  folder.take_models(stage.name);
+  keep_models(plan.files);
+  folder.finish(stage.name);
 }
 
 // COLMAP gives one camera to all photos of a call, so each group has a call.
@@ -128,13 +130,12 @@ void find_features(const Stage& stage, const ColmapPlan& plan, const ColmapProgr
   }
 }
 
-void run_stages(ColmapPlan& plan, SceneFolder& folder, const ColmapProgress& progress) {
+void run_stages(const ColmapPlan& plan, SceneFolder& folder, const ColmapProgress& progress) {
   for (const Stage& stage : kStages) {
     if (folder.has(stage.name)) {
       log_info("{}: done before", stage.headline);
       continue;
     }
-    plan.files.work = folder.work();
     switch (stage.stage) {
       case ColmapStage::frames:
       case ColmapStage::copies: break;  // taken above
@@ -167,6 +168,7 @@ Reconstruction run_colmap(const ColmapJob& job, const ColmapProgress& progress) 
         foreign->file.string(), foreign->program, foreign->way);
   OutputLock lock = OutputLock::of_folder(job.scene);
   const std::unique_ptr<SceneFolder> folder = prepare_folder(plan, job, stage_names(), lock);
+  if (!folder->has("model")) plan.files.work = folder->work();
   if (!plan.videos.empty())
     take_frames_of_videos(plan, *folder, progress);
   else if (!folder->has("model"))

@@ -3,9 +3,13 @@
 
 #include <fcntl.h>
 #include <spdlog/fmt/fmt.h>
+#include <stdlib.h>
 #include <unistd.h>
 
 #include <algorithm>
+#include <cctype>
+#include <cerrno>
+#include <cstring>
 
 #include "data_loaders/colmap/colmap_model.h"
 #include "gs_core/error.h"
@@ -22,11 +26,10 @@ namespace {
 namespace fs = std::filesystem;
 
 // What COLMAP writes: its database with the files that SQLite keeps beside it, and its log.
-const OwnedFiles::Stamps kWrittenByColmap = {{"database.db", ""},
-                                             {"database.db-journal", ""},
-                                             {"database.db-shm", ""},
-                                             {"database.db-wal", ""},
-                                             {"colmap.log", ""}};
+constexpr const char* kWrittenByColmap[] = {"database.db", "database.db-journal", "database.db-shm",
+                                            "database.db-wal", "colmap.log"};
+constexpr std::string_view kWorkFolder = ".gemsplat-";
+constexpr std::size_t kRandomLetters = 6;  // of mkdtemp
 
 // Whether the folder holds a result, of whatever program, that would be overwritten.
 bool holds_other_work(const ColmapPlan& plan) {
@@ -47,26 +50,23 @@ void sync_to_disk(const fs::path& folder) {
   ::close(descriptor);
 }
 
-// Whether the models are there, or where a kill has left them (SceneFolder::take_models()).
-bool has_models(const SceneFiles& files, const SceneState& state) {
-  const fs::path left = files.root / state.work / "sparse";
-  return fs::exists(files.sparse()) || (!state.work.empty() && fs::exists(left));
+bool is_there(const fs::path& path) {
+  std::error_code ignored;
+  return fs::symlink_status(path, ignored).type() != fs::file_type::not_found;
 }
 
-[[noreturn]] void refuse_models(const fs::path& sparse) {
-  throw UsageError(
-      fmt::format("{} is there, and is not of this reconstruction, so it is left alone; move it "
-                  "away, or choose "
-                  "another folder with -o",
-                  sparse.string()));
+void refuse_if_there(const fs::path& path) {
+  if (is_there(path))
+    throw UsageError(
+        fmt::format("{} is there, and is not of this reconstruction, so it is left alone; move it "
+                    "away, or choose another folder with -o",
+                    path.string()));
 }
 
 }  // namespace
 
 std::optional<SceneState> read_state(const SceneFiles& files) {
-  std::error_code ignored;
-  if (fs::symlink_status(files.state(), ignored).type() == fs::file_type::not_found)
-    return std::nullopt;
+  if (!is_there(files.state())) return std::nullopt;
   constexpr const char* kRemedy = "choose another folder with -o, or move that file away";
   try {
     const auto json = read_json_as(files.state(), kRemedy);
@@ -74,8 +74,6 @@ std::optional<SceneState> read_state(const SceneFiles& files) {
       SceneState state;
       state.made_of = json.at("made_of").get<std::string>();
       state.complete = json.at("complete").get<std::set<std::string>>();
-      // A scene of gemsplat 0.1.0 has no list: COLMAP's files are ours, and pictures are left alone.
-      state.files = json.value("files", kWrittenByColmap);
       state.work = json.value("work", "");
       if (!is_work_folder(state.work)) state.work.clear();
       return state;
@@ -89,33 +87,25 @@ std::optional<SceneState> read_state(const SceneFiles& files) {
   }
 }
 
-SceneFolder::SceneFolder(const SceneFiles& files, SceneState state)
-    : paths_(files), state_(std::move(state)),
-      owned_(files.root, state_.files, [this](const OwnedFiles::Stamps& now) {
-        state_.files = now;
-        save();
-      }) {
-  finish_taking_models();
-  remove_work();
+bool is_work_folder(const std::string& name) {
+  return name.size() == kWorkFolder.size() + kRandomLetters && name.starts_with(kWorkFolder) &&
+         std::all_of(name.begin() + kWorkFolder.size(), name.end(),
+                     [](unsigned char c) { return std::isalnum(c); });
 }
 
-SceneFolder::~SceneFolder() {
-  try {
-    remove_work();
-  } catch (const Error& error) {
-    log_warning("the work folder is still on record: {}; the same command tidies up", error.what());
-  } catch (const std::exception&) {  // no memory: the next process tidies up
-  }
+SceneFolder::SceneFolder(const SceneFiles& files, SceneState state)
+    : paths_(files), state_(std::move(state)) {
+  if (!state_.work.empty()) paths_.work = paths_.root / state_.work;
+  if (has("model")) move_in();
 }
 
 void SceneFolder::save() const {
   Json json;
   json["made_of"] = state_.made_of;
   json["complete"] = state_.complete;
-  json["files"] = state_.files;
   json["work"] = state_.work;
   AtomicFile file(paths_.state());
-  file.write(json.dump(2, ' ', false, Json::error_handler_t::replace) + "\n");
+  file.write(file_text(json));
   file.commit();
 }
 
@@ -125,43 +115,53 @@ void SceneFolder::complete(const std::string& stage) {
   save();
 }
 
-const fs::path& SceneFolder::work() {
-  if (work_.empty()) {
-    work_ = make_work_folder(paths_.root);
-    state_.work = work_.filename().string();
+fs::path SceneFolder::work() {
+  if (state_.work.empty() || !fs::is_directory(paths_.work)) {
+    std::string name = (paths_.root / kWorkFolder).string() + std::string(kRandomLetters, 'X');
+    if (!::mkdtemp(name.data()))
+      throw Error(fmt::format("cannot make a folder in {}: {}; choose another with -o",
+                              paths_.root.string(), std::strerror(errno)));
+    paths_.work = name;
+    state_.work = paths_.work.filename().string();
     save();
   }
-  return work_;
+  return paths_.work;
 }
 
 void SceneFolder::remove_work() {
   if (state_.work.empty()) return;
-  const fs::path work = paths_.root / state_.work;
-  if (!remove_work_folder(work)) {  // it stays on record
-    log_warning("{} cannot be removed now; the same command tries again", work.string());
+  std::error_code ignored;
+  fs::remove_all(paths_.work, ignored);
+  if (is_there(paths_.work)) {  // it stays on record
+    log_warning("{} cannot be removed now; the same command tries again", paths_.work.string());
     return;
   }
   state_.work.clear();
-  work_.clear();
+  paths_.work.clear();
   save();
 }
 
-void SceneFolder::take_models(const std::string& stage) {
-  if (fs::exists(paths_.sparse())) refuse_models(paths_.sparse());
+void SceneFolder::finish(const std::string& stage) {
+  refuse_if_there(paths_.sparse());
+  if (fs::exists(paths_.new_images())) refuse_if_there(paths_.images());
   complete(stage);
-  finish_taking_models();
+  move_in();
 }
 
-// A folder of models in the work folder is whole once the stage is complete.
-void SceneFolder::finish_taking_models() {
-  const fs::path models = paths_.root / state_.work / "sparse";
-  if (state_.work.empty() || !state_.complete.contains("model") || !fs::is_directory(models))
-    return;
-  const std::error_code error = rename_to_new(models, paths_.sparse());
-  if (error == std::errc::file_exists) refuse_models(paths_.sparse());
-  if (error)
-    throw Error(fmt::format("cannot move {} to {}: {}; the same command tries again",
-                            models.string(), paths_.sparse().string(), error.message()));
+// Both folders are whole once the last stage is complete. A scene is known by its models, so that
+// they come last.
+void SceneFolder::move_in() {
+  if (state_.work.empty()) return;
+  for (const auto& [from, to] : {std::pair(paths_.new_images(), paths_.images()),
+                                 std::pair(paths_.new_sparse(), paths_.sparse())}) {
+    if (!fs::is_directory(from)) continue;
+    const std::error_code error = rename_to_new(from, to);
+    if (error == std::errc::file_exists) refuse_if_there(to);
+    if (error)
+      throw Error(fmt::format("cannot move {} to {}: {}; the same command tries again",
+                              from.string(), to.string(), error.message()));
+  }
+  remove_work();
 }
 
 // What the file says in between belongs to no photos, so that after a kill every command starts over.
@@ -169,7 +169,9 @@ void SceneFolder::start_over(const std::string& made_of) {
   state_.complete.clear();
   state_.made_of.clear();
   save();
-  owned_.remove_all();
+  remove_work();
+  std::error_code ignored;
+  for (const char* name : kWrittenByColmap) fs::remove(paths_.root / name, ignored);
   state_.made_of = made_of;
   save();
 }
@@ -185,25 +187,35 @@ std::unique_ptr<SceneFolder> prepare_folder(const ColmapPlan& plan, const Colmap
     log_warning("the old content of {} was moved to {}", job.scene.string(),
                 lock.move_folder_aside({job.photos}).string());
   const bool is_same = state && state->made_of == fresh.made_of;
-  if (is_same && !has_models(files, *state)) state->complete.erase("model");
+  const auto is_at_work = [&](const char* name) {
+    return state && !state->work.empty() && fs::exists(files.root / state->work / name);
+  };
+  if (is_same && !fs::exists(files.sparse()) && !is_at_work("sparse"))
+    state->complete.erase("model");
+  const bool is_made = state && state->complete.contains("model");
+  if (is_same && !is_made && !fs::exists(files.images()) && !is_at_work("images"))
+    state->complete.clear();
   const bool is_finished = state && std::includes(state->complete.begin(), state->complete.end(),
                                                   stages.begin(), stages.end());
-  if (state && !state->complete.contains("model") && fs::exists(files.sparse()))
-    refuse_models(files.sparse());
   if (!job.force && !is_same && (state ? is_finished : is_in_the_way))
     throw UsageError(fmt::format(
         "the folder {} holds a scene already{}; choose another with -o, or give --force to move it "
         "to {}.bak-N first",
         job.scene.string(), state ? ", of other photos or settings" : "", job.scene.string()));
+  if (state && !is_made) {
+    refuse_if_there(files.sparse());
+    // Of a scene whose sparse/ was removed, the photos are in images/.
+    const bool was_made = is_same && state->complete.contains("features") && !is_at_work("images");
+    if (!plan.photos_in_place && !was_made) refuse_if_there(files.images());
+  }
+  if (!state)
+    for (const char* name : kWrittenByColmap) refuse_if_there(files.root / name);
   auto folder = std::make_unique<SceneFolder>(files, state.value_or(fresh));
-  // Pictures that an earlier command put there are the photos of this one.
-  if (plan.photos_in_place) folder->files().forget("images/");
   if (state && !is_same) {
     log_warning("photos or settings differ from those of the unfinished scene in {}: starting over",
                 job.scene.string());
     folder->start_over(fresh.made_of);
   }
-  if (!is_same || !is_finished) folder->files().claim(kWrittenByColmap);
   return folder;
 }
 

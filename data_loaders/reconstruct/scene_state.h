@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// reconstruct.json, which records what is complete in a scene's folder and which of its files are
-// ours; and the folder before the first stage.
+// The folder of a scene that is being made. Photos and models are made in a folder of their own in
+// it and renamed into place when all is complete; reconstruct.json records how far that is.
 #pragma once
 
 #include <memory>
@@ -10,7 +10,6 @@
 
 #include "data_loaders/reconstruct/colmap_plan.h"
 #include "gs_core/system/files/output_lock.h"
-#include "gs_core/system/files/owned_files.h"
 
 namespace gs {
 
@@ -18,42 +17,40 @@ namespace gs {
 struct SceneState {
   std::string made_of;             // photos and settings: made_of() of a plan
   std::set<std::string> complete;  // names of stages
-  OwnedFiles::Stamps files = {};   // files of the scene that we put there
-  std::string work = {};           // the name of a work folder that a kill may have left behind
+  std::string work = {};           // name of the work folder; empty: there is none
 };
+
+/// Whether a name has the form of work folders, ".gemsplat-XXXXXX". Others come from a damaged file.
+bool is_work_folder(const std::string& name);
 
 /// A scene's folder that this process works on: the state, and every change of it, which is on the
 /// disk when the call returns.
 class SceneFolder {
  public:
+  /// Finishes what a kill has left half done (finish()).
   SceneFolder(const SceneFiles& files, SceneState state);
-  ~SceneFolder();
-  SceneFolder(const SceneFolder&) = delete;
-  SceneFolder& operator=(const SceneFolder&) = delete;
 
   bool has(const std::string& stage) const { return state_.complete.contains(stage); }
   /// Records that a stage is complete, when its files are on the disk, too.
   void complete(const std::string& stage);
-  /// Files of ours in the folder.
-  OwnedFiles& files() { return owned_; }
-  /// An empty folder in the scene's, which is removed at the end. A kill leaves it, and the next
-  /// process removes it.
-  const std::filesystem::path& work();
-  /// Records that `stage` is complete and its result is WORK/sparse, then makes that the scene's
-  /// sparse/. After a kill in between, the next process does the second half.
-  void take_models(const std::string& stage);
-  /// Forgets everything and removes our files, because photos or settings are others now.
+  /// The work folder, in the scene's. It stays until the scene is finished or started over, so that
+  /// a later command finds there what is complete.
+  std::filesystem::path work();
+  /// Records that the last stage is complete, then renames WORK/images and WORK/sparse to images/
+  /// and sparse/, and removes the work folder. After a kill in between, the next process does the
+  /// rest. Throws UsageError where another file has one of these names.
+  void finish(const std::string& stage);
+  /// Forgets everything and removes the work folder and COLMAP's files, because photos or settings
+  /// are others now.
   void start_over(const std::string& made_of);
 
  private:
   void save() const;
-  void finish_taking_models();
+  void move_in();
   void remove_work();
 
   SceneFiles paths_;
   SceneState state_;
-  OwnedFiles owned_;
-  std::filesystem::path work_;
 };
 
 /// Nothing if there is no reconstruct.json. Throws UsageError if it is not one of ours, or damaged.

@@ -38,12 +38,20 @@ std::vector<std::string> stems_of(const std::vector<fs::path>& videos) {
   return stems;
 }
 
-constexpr std::string_view kImages = "images/";
-
-std::string name_in_scene(const std::string& photo) { return std::string(kImages) + photo; }
-
-void place(const std::map<std::string, fs::path>& sources, SceneFolder& folder) {
-  folder.files().place(sources, [&] { return folder.work(); });
+// Gives `to` the content of `from`, by a hard link or, where the file system has none, by a copy.
+void place(const fs::path& from, const fs::path& to, const fs::path& work) {
+  std::error_code error;
+  if (fs::exists(to, error)) return;
+  fs::create_directories(to.parent_path(), error);
+  if (!error) fs::create_hard_link(from, to, error);
+  if (!error) return;
+  const fs::path copy = work / "copy";
+  if (fs::copy_file(from, copy, fs::copy_options::overwrite_existing, error))
+    fs::rename(copy, to, error);
+  if (error)
+    throw Error(
+        fmt::format("cannot copy {} to {}: {}; free some space or choose another folder with -o",
+                    from.string(), to.string(), error.message()));
 }
 
 // The photo upright; nothing where it is damaged, which a warning says.
@@ -59,68 +67,47 @@ std::optional<Image8> upright_of(const PhotoFile& photo) {
   }
 }
 
-// Upright copies in the work folder, by their names in the scene.
-std::map<std::string, fs::path> make_copies(const std::vector<PhotoFile>& photos,
-                                            SceneFolder& folder, const ColmapProgress& progress) {
-  if (photos.empty()) return {};
+void make_copies(const std::vector<PhotoFile>& photos, const fs::path& images,
+                 const ColmapProgress& progress) {
+  if (photos.empty()) return;
   log_info("{} copied upright into the scene", counted(photos.size(), "photo", "is", "are"));
-  const fs::path copies = folder.work() / "copies";
   const auto count = std::int64_t(photos.size());
   progress(ColmapStage::copies, 0, count);
-  std::map<std::string, fs::path> made;
   std::mutex mutex;
   std::int64_t done = 0;
   parallel_for(photos.size(), 1, [&](std::size_t i) {
-    const PhotoFile& photo = photos[i];
-    const fs::path copy = copies / (std::to_string(i) + fs::path(photo.name).extension().string());
-    const std::optional<Image8> pixels = upright_of(photo);
-    if (pixels) write_copy(photo.path, *pixels, copy);
+    const std::optional<Image8> pixels = upright_of(photos[i]);
+    if (pixels) write_copy(photos[i].path, *pixels, images / photos[i].name);
     const std::lock_guard lock(mutex);
-    if (pixels) made[name_in_scene(photo.name)] = copy;
     progress(ColmapStage::copies, ++done, count);
   });
-  return made;
 }
 
-// The frames are made in the work folder and moved when all of a video are there.
-void take_frames_of(const fs::path& video, std::int64_t count, std::int64_t wanted,
-                    const std::string& stem, SceneFolder& folder,
-                    const std::function<void(std::int64_t done)>& progress) {
-  const fs::path frames = folder.work() / "frames";
-  std::map<std::string, fs::path> sources;
-  for (const std::string& name : take_frames(video, count, wanted, frames, stem, progress))
-    sources[name_in_scene(name)] = frames / name;
-  place(sources, folder);
-}
-
-// Frames that we took, and no other pictures in the folder. A scene of gemsplat 0.1.0 does not say
-// which these are.
-std::vector<PhotoFile> frames_in(const ColmapPlan& plan, SceneFolder& folder) {
-  std::vector<PhotoFile> photos = find_photos(plan.files.images(), {}, PhotoUse::in_place);
-  const OwnedFiles::Stamps& ours = folder.files().names();
-  const auto first = ours.lower_bound(std::string(kImages));
-  if (first == ours.end() || !first->first.starts_with(kImages)) return photos;
-  std::erase_if(photos,
-                [&](const PhotoFile& photo) { return !ours.contains(name_in_scene(photo.name)); });
+// Frames of these videos, and no pictures that the user has put beside them.
+std::vector<PhotoFile> frames_in(const fs::path& folder, const std::vector<std::string>& stems) {
+  std::vector<PhotoFile> photos = find_photos(folder, {}, PhotoUse::in_place);
+  std::erase_if(photos, [&](const PhotoFile& photo) {
+    return std::ranges::none_of(
+        stems, [&](const std::string& stem) { return photo.name.starts_with(stem + "_"); });
+  });
   return photos;
 }
 
 }  // namespace
 
 void take_photos(ColmapPlan& plan, SceneFolder& folder, const ColmapProgress& progress) {
-  if (plan.photos_in_place) return;
-  std::map<std::string, fs::path> sources;
+  const fs::path images = plan.files.new_images();
+  if (plan.photos_in_place) fs::remove_all(images);  // of an earlier command that brought them
+  if (plan.photos_in_place || (folder.has("features") && !fs::exists(images))) return;
   std::vector<PhotoFile> to_copy;
   for (const PhotoFile& photo : plan.photos)
     if (!photo.is_copied)
-      sources[name_in_scene(photo.name)] = fs::canonical(photo.path);
-    else if (!folder.files().holds(name_in_scene(photo.name)))
+      place(fs::canonical(photo.path), images / photo.name, plan.files.work);
+    else if (!fs::exists(images / photo.name))
       to_copy.push_back(photo);
-  const std::map<std::string, fs::path> copies = make_copies(to_copy, folder, progress);
-  sources.insert(copies.begin(), copies.end());
-  place(sources, folder);
+  make_copies(to_copy, images, progress);
   std::erase_if(plan.photos, [&](const PhotoFile& photo) {
-    return photo.is_copied && !folder.files().holds(name_in_scene(photo.name));
+    return photo.is_copied && !fs::exists(images / photo.name);
   });
   if (!to_copy.empty()) complete_plan(plan, plan.files.root);
 }
@@ -145,11 +132,11 @@ void take_frames_of_videos(ColmapPlan& plan, SceneFolder& folder, const ColmapPr
     progress(ColmapStage::frames, before, all);
     const std::int64_t wanted = share_of(counts[i], all, plan.frames);
     log_info("{}", words_on_frames(wanted, counts[i], plan.videos[i].string()));
-    take_frames_of(plan.videos[i], counts[i], wanted, stems[i], folder,
-                   [&](std::int64_t done) { progress(ColmapStage::frames, before + done, all); });
+    take_frames(plan.videos[i], counts[i], wanted, plan.files.new_images(), stems[i],
+                [&](std::int64_t done) { progress(ColmapStage::frames, before + done, all); });
     folder.complete(name_of(i));
   }
-  plan.photos = frames_in(plan, folder);
+  plan.photos = frames_in(plan.files.photos(), stems);
   complete_plan(plan, plan.videos[0].parent_path());
 }
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Fills the scene's images/ with the photos, or with frames of the videos.
+// Fills the images/ of the work folder with the photos, or with frames of the videos.
 #pragma once
 
 #include "data_loaders/reconstruct/colmap_plan.h"
@@ -9,7 +9,7 @@ namespace gs {
 
 /// Hard links where the file system has them, else copies; upright ones where PhotoFile says so. The
 /// photos themselves stay as they are. A photo that turns out to be damaged is taken out of the
-/// plan, with a warning. Throws UsageError if another file has the name of a photo.
+/// plan, with a warning. Does nothing where the scene has its photos.
 void take_photos(ColmapPlan& plan, SceneFolder& folder, const ColmapProgress& progress);
 
 /// The sharpest frames of each video; a video whose frames are complete is passed over. Completes

@@ -23,14 +23,14 @@ class CachedPictures {
       : cache_(folder, most_bytes), keys_(views) {}
 
   /// make_picture() from the cache, which is given the pictures that it lacks.
-  Picture picture(std::size_t view, const ViewPlan& plan);
+  Picture picture(std::size_t view, const Photo& photo);
 
   /// The parts of picture(), for pictures that somebody else makes. has() tells whether the cache
   /// seems to hold the picture; store() comes after has() or find(), and does nothing if the files
   /// were changed since then.
-  bool has(std::size_t view, const ViewPlan& plan);
-  std::optional<Picture> find(std::size_t view, const ViewPlan& plan);
-  void store(std::size_t view, const ViewPlan& plan, const Picture& picture);
+  bool has(std::size_t view, const Photo& photo);
+  std::optional<Picture> find(std::size_t view, const Photo& photo);
+  void store(std::size_t view, const Photo& photo, const Picture& picture);
 
   const std::filesystem::path& folder() const { return cache_.folder(); }
 
@@ -41,8 +41,8 @@ class CachedPictures {
     std::uintmax_t bytes = 0;
     std::filesystem::file_time_type changed;
   };
-  const std::string& key_of(std::size_t view, const ViewPlan& plan);
-  std::string key_of_frame(const ViewPlan& plan, const Key& file);
+  const std::string& key_of(std::size_t view, const Photo& photo);
+  std::string key_of_frame(const Photo& photo, const Key& file);
 
   PhotoCache cache_;
   std::vector<Key> keys_;  // of each view
@@ -54,6 +54,6 @@ class CachedPictures {
 /// undistorted nor resized are only worth it if they are decoded again and again (not `all_fit`).
 /// Frames of videos are always worth it then.
 std::shared_ptr<CachedPictures> cache_for(const DatasetConfig& dataset,
-                                          const std::vector<ViewPlan>& plans, bool all_fit);
+                                          const std::vector<Photo>& photos, bool all_fit);
 
 }  // namespace gs

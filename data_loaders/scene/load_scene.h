@@ -2,11 +2,11 @@
 // From a folder with photos and cameras to the Scene that training starts from.
 #pragma once
 
+#include <cstdint>
 #include <functional>
 #include <string>
+#include <vector>
 
-#include "data_loaders/scene/depth/depth_agreement.h"
-#include "data_loaders/scene/shown_points.h"
 #include "gs_core/config/config.h"
 #include "gs_core/scene.h"
 
@@ -55,12 +55,14 @@ struct SceneOutline {
   std::vector<Camera> cameras;     // (views)
   std::vector<bool> is_test;       // (views)
   std::vector<ScenePoint> points;
-  ShownPoints shown;                  // (views)   the points that each view shows
-  Vec3d world_offset{0.0, 0.0, 0.0};  // as in Scene
+  std::vector<std::vector<std::uint32_t>> shown;  // (views)   the points that each view shows
+  Vec3d world_offset{0.0, 0.0, 0.0};              // as in Scene
 };
 
 /// The outline of the scene that load_scene() would load. Throws like it.
 SceneOutline outline_scene(const DatasetConfig& dataset, const LoadProgress& progress = {});
+
+struct DepthAgreement;  // depth/depth_kind_of.h
 
 /// How the depth maps of a scene go with its sparse points. Reads some maps, and no photo. Throws
 /// like load_scene().

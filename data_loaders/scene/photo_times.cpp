@@ -88,6 +88,62 @@ std::optional<double> number_in(const std::string& name) {
   return std::stod(digits);
 }
 
+/// Each image becomes the frames of its camera. Returns the number of times.
+std::size_t add_frames_of_cameras(SceneModel& scene) {
+  std::vector<ColmapImage> images;
+  std::vector<Photo> photos;
+  std::set<std::string> sources;
+  std::size_t frames_each = 0;
+  for (std::size_t i = 0; i < scene.photos.size(); ++i) {
+    const ColmapImage& camera = scene.model.images[i];
+    const std::vector<Frame> frames = frames_of(scene.folders.images, camera);
+    if (!sources.insert(fs::path(frames[0].name).parent_path().generic_string()).second)
+      throw Error(fmt::format(
+          "several images of the model lie in the folder of {}: with dataset.times = \"frames\" "
+          "the model has one image of each camera; a camera that moves has dataset.times = "
+          "\"names\"",
+          frames[0].name));
+    if (i == 0) frames_each = frames.size();
+    check_same_count(scene.model.images[0], frames_each, camera, frames.size());
+    for (std::size_t frame = 0; frame < frames.size(); ++frame) {
+      ColmapImage& image = images.emplace_back(camera);
+      image.id = std::uint32_t(images.size());
+      image.name = frames[frame].name;
+      image.time = frames_each > 1 ? double(frame) / double(frames_each - 1) : 0.0;
+      image.observations.clear();
+      Photo& photo = photos.emplace_back(scene.photos[i]);
+      photo.name = image.name;
+      photo.file = frames[frame].video;
+      photo.is_frame = !photo.file.empty();
+      photo.frame = frames[frame].number;
+    }
+  }
+  scene.model.images = std::move(images);
+  scene.photos = std::move(photos);
+  scene.model.rigs.clear();  // they name the images of before
+  scene.model.frames.clear();
+  return frames_each;
+}
+
+/// Returns the number of different times.
+std::size_t set_times_by_name(ColmapModel& model) {
+  std::set<double> numbers;
+  for (ColmapImage& image : model.images) {
+    const std::optional<double> number = number_in(image.name);
+    if (!number)
+      throw Error(fmt::format(
+          "the name {} has no number of a frame (dataset.times = \"names\"); rename the photos, as "
+          "in frame_0012.png, or leave dataset.times out",
+          image.name));
+    numbers.insert(image.time = *number);
+  }
+  if (numbers.empty()) return 0;
+  const double first = *numbers.begin(), duration = *numbers.rbegin() - first;
+  for (ColmapImage& image : model.images)
+    image.time = duration > 0 ? (image.time - first) / duration : 0.0;
+  return numbers.size();
+}
+
 }  // namespace
 
 fs::path video_of_camera(const fs::path& images, const std::string& camera) {
@@ -108,58 +164,22 @@ fs::path video_of_camera(const fs::path& images, const std::string& camera) {
   return videos.empty() ? fs::path() : videos[0];
 }
 
-std::size_t add_frames_of_cameras(const fs::path& images, ColmapModel& model,
-                                  std::vector<bool>& is_test) {
-  std::vector<ColmapImage> all;
-  std::vector<bool> all_test;
-  std::set<std::string> sources;
-  std::size_t frames_each = 0;
-  for (std::size_t i = 0; i < model.images.size(); ++i) {
-    const ColmapImage& camera = model.images[i];
-    const std::vector<Frame> frames = frames_of(images, camera);
-    if (!sources.insert(fs::path(frames[0].name).parent_path().generic_string()).second)
-      throw Error(fmt::format(
-          "several images of the model lie in the folder of {}: with dataset.times = \"frames\" "
-          "the "
-          "model has one image of each camera; a camera that moves has dataset.times = \"names\"",
-          frames[0].name));
-    if (i == 0) frames_each = frames.size();
-    check_same_count(model.images[0], frames_each, camera, frames.size());
-    for (std::size_t frame = 0; frame < frames.size(); ++frame) {
-      ColmapImage image = camera;
-      image.id = std::uint32_t(all.size() + 1);
-      image.name = frames[frame].name;
-      image.video = frames[frame].video;
-      image.frame = frames[frame].number;
-      image.time = frames_each > 1 ? double(frame) / double(frames_each - 1) : 0.0;
-      image.observations.clear();
-      all.push_back(std::move(image));
-      all_test.push_back(is_test[i]);
-    }
+void find_times(const DatasetConfig& dataset, SceneModel& scene) {
+  if (dataset.times == PhotoTimes::none) return;
+  if (scene.folders.kind != SceneKind::colmap)
+    throw UsageError(
+        "dataset.times is for COLMAP models; the frames of a transforms.json have a `time` of "
+        "their own");
+  if (dataset.times == PhotoTimes::names) {
+    scene.time_count = set_times_by_name(scene.model);
+    return;
   }
-  model.images = std::move(all);
-  model.rigs.clear();  // they name the images of before
-  model.frames.clear();
-  is_test = std::move(all_test);
-  return frames_each;
-}
-
-std::size_t set_times_by_name(ColmapModel& model) {
-  std::set<double> numbers;
-  for (ColmapImage& image : model.images) {
-    const std::optional<double> number = number_in(image.name);
-    if (!number)
-      throw Error(fmt::format(
-          "the name {} has no number of a frame (dataset.times = \"names\"); rename the photos, as "
-          "in frame_0012.png, or leave dataset.times out",
-          image.name));
-    numbers.insert(image.time = *number);
-  }
-  if (numbers.empty()) return 0;
-  const double first = *numbers.begin(), duration = *numbers.rbegin() - first;
-  for (ColmapImage& image : model.images)
-    image.time = duration > 0 ? (image.time - first) / duration : 0.0;
-  return numbers.size();
+  if (dataset.refine_cameras || dataset.exposure)
+    throw UsageError(
+        "dataset.times = \"frames\" goes neither with --refine-cameras nor with --exposure: the "
+        "points were seen in one frame of each camera only; refine the scene before, without "
+        "dataset.times");
+  scene.time_count = add_frames_of_cameras(scene);
 }
 
 }  // namespace gs

@@ -17,7 +17,7 @@
 #include "data_loaders/photos/photo_names.h"
 #include "data_loaders/scene/find_scene.h"
 #include "data_loaders/scene/photo_times.h"
-#include "data_loaders/scene/scene_files.h"
+#include "data_loaders/scene/place_scene.h"
 #include "data_loaders/video/film_frames.h"
 #include "gs_core/system/files/access.h"
 #include "gs_core/system/fnv1a.h"

@@ -1,31 +1,41 @@
 // SPDX-License-Identifier: Apache-2.0
-// The cameras, points and files of a scene, whatever program has written them: all that is known
-// before the first photo is opened.
+// A scene on its way from a folder to its views, whatever program has written it. The stages that
+// fill it in are those of load_scene.h.
 #pragma once
 
-#include <filesystem>
+#include <optional>
 #include <string>
 #include <vector>
 
 #include "data_loaders/colmap/colmap_model.h"
-#include "data_loaders/scene/depth/depth_files.h"
 #include "data_loaders/scene/find_scene.h"
-#include "data_loaders/scene/scene_files.h"
+#include "data_loaders/scene/photo.h"
 #include "gs_core/config/config.h"
+#include "gs_core/scene.h"
 
 namespace gs {
 
+/// Where the masks or the depth maps of a scene are.
+struct Companions {
+  std::filesystem::path folder;  // empty: there are none, or only those that the model names
+  bool is_named = false;         // by the setting; else the folder was only found
+  bool is_used = true;           // false: the setting is none
+
+  std::string place() const {
+    return folder.empty() ? "the files that the model names" : folder.string();
+  }
+};
+
 struct SceneModel {
+  SceneFolders folders;
   ColmapModel model;                  // images sorted by name
-  std::vector<bool> is_test;          // (images)   held out to measure on
+  std::vector<Photo> photos;          // (images)
   bool is_split_by_files = false;     // transforms.json or Blender's files name the test photos
   std::size_t time_count = 0;         // different times of the photos; 2 and more: it moves
   Vec3d world_offset{0.0, 0.0, 0.0};  // taken off the model's coordinates (world_offset.h)
-  MaskSource masks;
-  std::vector<std::filesystem::path> photos;      // (images)   the video of an image of a video
-  std::vector<std::filesystem::path> mask_files;  // (images)   empty: none
-  DepthSource depth;
-  std::vector<std::filesystem::path> depth_files;  // (images)   empty: none
+  Companions masks, depth;
+  std::vector<ScenePoint> points;  // of the model, in single precision; after plan_scene()
+  std::optional<CameraRefinement> refinement;
 
   bool moves() const { return time_count > 1; }
 };
@@ -46,35 +56,20 @@ std::vector<std::size_t> frame_numbers(const ColmapModel& model);
 /// What a model with cameras and without points costs, and how COLMAP finds points for its cameras.
 std::string text_of_no_points(int random_points);
 
-/// Photos of a model that training cannot use because their files are not there, or not to the end.
-/// Indices of model.images.
-struct LostPhotos {
-  std::vector<std::size_t> missing, cut_short;
-  bool are_few = true;  // training goes on without them
-};
-/// `photos`: their files, empty where there is none.
-LostPhotos lost_photos(const ColmapModel& model, const std::vector<std::filesystem::path>& photos);
+/// Reads a COLMAP model or transforms.json and splits it, as the files say or else by
+/// test_views_of(). Coordinates are the model's own; files are not looked for. Throws Error that
+/// names the file and the remedy; UsageError if nothing is left to train on.
+SceneModel read_scene(const DatasetConfig& dataset, const SceneFolders& folders,
+                      Tracks tracks = Tracks::skip);
 
-/// The three steps of read_scene_model(), for callers that report faults instead of stopping.
-/// First: reads a COLMAP model or transforms.json and splits it, as the files say or else by
-/// test_views_of(). The images' observations are read if dataset.exposure or dataset.refine_cameras
-/// asks for them, or `tracks` does. Coordinates are the model's own; files are not looked for.
-SceneModel read_model_and_split(const DatasetConfig& dataset, const SceneFolders& folders,
-                                Tracks tracks = Tracks::skip);
-/// Second: takes the offset off the coordinates of a scene far from the origin.
+/// Takes the offset off the coordinates of a scene far from the origin.
 void move_near_origin(SceneModel& scene);
-/// Gives the images times by dataset.times (photo_times.h). With `frames`, each image becomes the
-/// frames of its camera.
-void find_times(const DatasetConfig& dataset, const SceneFolders& folders, SceneModel& scene);
-/// Third: the files of photos, masks and depth maps. A few photos that are missing or cut short are
-/// taken out of the model, with a warning (LostPhotos). Throws Error for more of them, and for a
-/// name that leads out of the images folder.
-void find_scene_files(const DatasetConfig& dataset, const SceneFolders& folders, SceneModel& scene);
 
-/// All that later stages need to know of a scene. Throws Error that names the file and the remedy,
-/// also for a model that has next to none of the photos; UsageError if nothing is left to train on.
-/// `tracks` as for read_model_and_split().
-SceneModel read_scene_model(const DatasetConfig& dataset, const SceneFolders& folders,
-                            Tracks tracks = Tracks::skip);
+/// Takes out the elements of a list that are not kept.
+template <class T>
+void keep(const std::vector<bool>& is_kept, std::vector<T>& list) {
+  std::size_t i = 0;
+  std::erase_if(list, [&](const T&) { return !is_kept[i++]; });
+}
 
 }  // namespace gs

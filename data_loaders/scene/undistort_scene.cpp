@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Stages, in order: read the model, plan the views at full size, name the new files, write photos,
+// Stages, in order: read the model, plan the photos at full size, name the new files, write photos,
 // masks and depth maps, write the model.
 #include "data_loaders/scene/undistort_scene.h"
 
@@ -15,9 +15,11 @@
 
 #include "data_loaders/colmap/colmap_write.h"
 #include "data_loaders/photos/exr.h"
+#include "data_loaders/photos/photo_codec.h"
 #include "data_loaders/photos/photo_names.h"
 #include "data_loaders/scene/depth/depth_map.h"
-#include "data_loaders/scene/plan_views.h"
+#include "data_loaders/scene/place_scene.h"
+#include "data_loaders/scene/plan_photos.h"
 #include "data_loaders/scene/view_picture.h"
 #include "gs_core/error.h"
 #include "gs_core/system/files/atomic_file.h"
@@ -32,26 +34,26 @@ namespace fs = std::filesystem;
 
 /// Whether the file itself gives the same view: it has no lens, and loading it without a mask file
 /// gives the same mask.
-bool is_copied(const ViewPlan& plan) {
-  const bool has_only_alpha = plan.mask_file.empty() && plan.masks.use_alpha;
-  const std::string ending = lowercase_ending(plan.file);
-  return !plan.has_lens() && (has_only_alpha || ending == ".jpg" || ending == ".jpeg");
+bool is_copied(const Photo& photo) {
+  const bool has_only_alpha = photo.mask_file.empty() && photo.masks.use_alpha;
+  const std::string ending = lowercase_ending(photo.file);
+  return !photo.has_lens() && (has_only_alpha || ending == ".jpg" || ending == ".jpeg");
 }
 
 /// The names of the new files: the old ones with another ending, or with one more if two would
 /// become the same.
-std::vector<std::string> new_names(const std::vector<ViewPlan>& plans, bool as_jpeg) {
-  const auto ending_of = [&](const ViewPlan& plan) {
-    return is_copied(plan) ? plan.file.extension().string() : as_jpeg ? ".jpg" : ".png";
+std::vector<std::string> new_names(const std::vector<Photo>& photos, bool as_jpeg) {
+  const auto ending_of = [&](const Photo& photo) {
+    return is_copied(photo) ? photo.file.extension().string() : as_jpeg ? ".jpg" : ".png";
   };
   std::map<std::string, int> uses;
   std::vector<std::string> names;
-  for (const ViewPlan& plan : plans) {
-    names.push_back(fs::path(plan.name).replace_extension(ending_of(plan)).generic_string());
+  for (const Photo& photo : photos) {
+    names.push_back(fs::path(photo.name).replace_extension(ending_of(photo)).generic_string());
     ++uses[names.back()];
   }
-  for (std::size_t i = 0; i < plans.size(); ++i)
-    if (uses[names[i]] > 1) names[i] = plans[i].name + ending_of(plans[i]);
+  for (std::size_t i = 0; i < photos.size(); ++i)
+    if (uses[names[i]] > 1) names[i] = photos[i].name + ending_of(photos[i]);
   return names;
 }
 
@@ -77,7 +79,7 @@ void copy_photo(const fs::path& from, const fs::path& to) {
 
 /// Returns the PSNR of the file against the photo.
 double write_jpeg(const fs::path& path, const Image8& photo, int quality) {
-  const std::vector<std::uint8_t> bytes = encode_jpeg(photo, quality);
+  const std::vector<std::uint8_t> bytes = encode_jpeg_alone(photo, quality);
   AtomicFile file(path);
   file.write(bytes.data(), bytes.size());
   file.commit();
@@ -86,36 +88,36 @@ double write_jpeg(const fs::path& path, const Image8& photo, int quality) {
 
 /// A pixel of the model's camera as a pixel of the undistorted photo; nothing if no ray of the lens
 /// lands there.
-std::optional<Vec2d> undistorted_pixel(const ColmapCamera& camera, const ViewPlan& plan, double x,
+std::optional<Vec2d> undistorted_pixel(const ColmapCamera& camera, const Photo& photo, double x,
                                        double y) {
-  const PinholeCamera<double>& from = plan.lens.pinhole;  // at the photo's size
-  const PinholeCamera<double>& to = plan.undistorted;
+  const PinholeCamera<double>& from = photo.lens.pinhole;  // at the photo's size
+  const PinholeCamera<double>& to = photo.undistorted;
   const Vec2d landed((x * from.width / camera.width - from.cx) / from.fx,
                      (y * from.height / camera.height - from.cy) / from.fy);
-  const std::optional<Vec2d> ideal = undistorted(plan.lens, landed);
+  const std::optional<Vec2d> ideal = undistorted(photo.lens, landed);
   if (!ideal) return std::nullopt;
   return Vec2d(to.fx * ideal->x + to.cx, to.fy * ideal->y + to.cy);
 }
 
 /// The model of the undistorted photos.
-ColmapModel pinhole_model(ColmapModel model, const std::vector<ViewPlan>& plans,
+ColmapModel pinhole_model(ColmapModel model, const std::vector<Photo>& photos,
                           const std::vector<std::string>& names) {
   const std::map<std::uint32_t, ColmapCamera> lenses = std::move(model.cameras);
   model.cameras.clear();
   std::uint32_t next_id = lenses.empty() ? 1 : lenses.rbegin()->first + 1;
   std::map<std::tuple<std::uint32_t, int, int>, std::uint32_t> id_of;  // per camera and photo size
-  for (std::size_t i = 0; i < plans.size(); ++i) {
+  for (std::size_t i = 0; i < photos.size(); ++i) {
     ColmapImage& image = model.images[i];
     const ColmapCamera& lens = lenses.at(image.camera_id);
     std::vector<ColmapObservation> observations;
     for (const ColmapObservation& seen : image.observations)
-      if (const auto at = undistorted_pixel(lens, plans[i], seen.x, seen.y))
+      if (const auto at = undistorted_pixel(lens, photos[i], seen.x, seen.y))
         observations.push_back({seen.point_id, at->x, at->y});
     image.observations = std::move(observations);
     image.name = names[i];
-    const PinholeCamera<double>& p = plans[i].undistorted;
-    const auto [known, is_new] = id_of.try_emplace(
-        {lens.id, plans[i].photo_size.width, plans[i].photo_size.height}, lens.id);
+    const PinholeCamera<double>& p = photos[i].undistorted;
+    const auto [known, is_new] =
+        id_of.try_emplace({lens.id, photos[i].size.width, photos[i].size.height}, lens.id);
     if (is_new) {
       if (model.cameras.contains(lens.id)) known->second = next_id++;
       model.cameras[known->second] = {
@@ -132,21 +134,21 @@ ColmapModel pinhole_model(ColmapModel model, const std::vector<ViewPlan>& plans,
 }
 
 /// The depth map of the undistorted photo, in world units where integers have them.
-ImageF metric_depth(ViewPlan plan) {
-  plan.depth_kind = DepthKind::metric;
-  return make_depth(plan);
+ImageF metric_depth(Photo photo) {
+  photo.depth_kind = DepthKind::metric;
+  return make_depth(photo);
 }
 
 /// Writes photo, mask and depth map of one view. Returns its share of the result.
-UndistortedScene write_view(const ViewPlan& plan, const fs::path& out, const std::string& name,
+UndistortedScene write_view(const Photo& photo, const fs::path& out, const std::string& name,
                             int jpeg_quality) {
   UndistortedScene view;
   const fs::path photo_file = out / "images" / name;
-  const bool is_copy = is_copied(plan);
+  const bool is_copy = is_copied(photo);
   Picture picture;
-  if (!is_copy || !plan.mask_file.empty()) picture = make_picture(plan);
+  if (!is_copy || !photo.mask_file.empty()) picture = make_picture(photo);
   if (is_copy)
-    copy_photo(plan.file, photo_file);
+    copy_photo(photo.file, photo_file);
   else if (jpeg_quality > 0)
     view.jpeg_psnr = write_jpeg(photo_file, picture.photo, jpeg_quality);
   else
@@ -156,8 +158,8 @@ UndistortedScene write_view(const ViewPlan& plan, const fs::path& out, const std
     write_png(out / "masks" / (name + ".png"), picture.mask);  // COLMAP's naming
     view.masks = 1;
   }
-  if (!plan.depth_file.empty() && can_write_exr()) {
-    write_exr(out / "depth" / (name + ".exr"), metric_depth(plan), {"Z"});
+  if (!photo.depth_file.empty() && can_write_exr()) {
+    write_exr(out / "depth" / (name + ".exr"), metric_depth(photo), {"Z"});
     view.depth_maps = 1;
   }
   return view;
@@ -169,29 +171,30 @@ UndistortedScene undistort_scene(const DatasetConfig& dataset, const fs::path& o
                                  int jpeg_quality, const ProgressFn& progress) {
   const OutputLock lock = OutputLock::of_new_folder(out);
   const SceneFolders folders = find_scene(dataset);
-  SceneModel scene = read_model_and_split(dataset, folders, Tracks::read);
-  find_scene_files(dataset, folders, scene);
+  SceneModel scene = read_scene(dataset, folders, Tracks::read);
+  find_scene_files(dataset, scene);
   if (scene.is_split_by_files)
     log_warning(
         "the split of {} is not part of a COLMAP model: --eval will hold out every {}th "
         "photo of {} instead",
         folders.model.string(), dataset.test_every, out.string());
-  const std::vector<ViewPlan> plans = plan_views(scene, 1, {});
+  plan_photos(scene, 1, {});
+  const std::vector<Photo>& photos = scene.photos;
   if (!can_write_exr() &&
-      std::ranges::any_of(scene.depth_files, [](const fs::path& file) { return !file.empty(); }))
+      std::ranges::any_of(photos, [](const Photo& photo) { return !photo.depth_file.empty(); }))
     log_warning("the depth maps are left out: {}", cannot_write_exr());
-  const std::vector<std::string> names = new_names(plans, jpeg_quality > 0);
+  const std::vector<std::string> names = new_names(photos, jpeg_quality > 0);
 
   UndistortedScene result;
   double psnr = 0;
   std::atomic<bool> has_failed = false;  // then the other photos need not be written
   std::mutex mutex;
   std::size_t done = 0;
-  parallel_for(plans.size(), 1, [&](std::size_t i) {
+  parallel_for(photos.size(), 1, [&](std::size_t i) {
     if (has_failed) return;
     UndistortedScene view;
     try {
-      view = write_view(plans[i], out, names[i], jpeg_quality);
+      view = write_view(photos[i], out, names[i], jpeg_quality);
     } catch (...) {
       has_failed = true;
       throw;
@@ -202,12 +205,12 @@ UndistortedScene undistort_scene(const DatasetConfig& dataset, const fs::path& o
     result.masks += view.masks;
     result.depth_maps += view.depth_maps;
     psnr += view.jpeg_psnr;
-    if (progress) progress(++done, plans.size());
+    if (progress) progress(++done, photos.size());
   });
   if (jpeg_quality > 0 && result.undistorted > 0)
     result.jpeg_psnr = psnr / double(result.undistorted);
-  result.needs_background = scene.masks.over_background;
-  write_colmap_model(out / "sparse" / "0", pinhole_model(std::move(scene.model), plans, names));
+  result.needs_background = photos[0].masks.over_background;
+  write_colmap_model(out / "sparse" / "0", pinhole_model(std::move(scene.model), photos, names));
   return result;
 }
 

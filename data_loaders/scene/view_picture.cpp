@@ -32,41 +32,41 @@ Image8 mask_channel(const fs::path& file) {
 }
 
 /// Photo and mask as the view's camera sees them. No color from under the mask leaks out of it.
-void fit_to_camera(Picture& picture, const ViewPlan& plan) {
+void fit_to_camera(Picture& picture, const Photo& photo) {
   // Pixels: bicubic weights of the mask reach 2 beyond its edge, those of the photo 2 more.
   constexpr int kReach = 4;
-  auto& [photo, mask] = picture;
+  auto& [pixels, mask] = picture;
   const bool is_masked = !mask.empty();
-  const std::string& name = plan.name;
-  if (plan.has_lens()) {
-    if (is_masked) fill_masked_edge(photo, mask, kReach);
-    photo = undistorted_photo(photo, plan.lens, plan.undistorted, name);
-    if (is_masked) mask = undistorted_photo(mask, plan.lens, plan.undistorted, name);
+  const std::string& name = photo.name;
+  if (photo.has_lens()) {
+    if (is_masked) fill_masked_edge(pixels, mask, kReach);
+    pixels = undistorted_photo(pixels, photo.lens, photo.undistorted, name);
+    if (is_masked) mask = undistorted_photo(mask, photo.lens, photo.undistorted, name);
   }
-  if (!plan.is_resized()) return;
-  const int width = plan.target.width, height = plan.target.height;
+  if (!photo.is_resized()) return;
+  const int width = photo.target.width, height = photo.target.height;
   if (is_masked) {
-    multiply_by_mask(photo, mask);
+    multiply_by_mask(pixels, mask);
     mask = area_resized(mask, width, height);
   }
-  photo = area_resized(photo, width, height);
-  if (is_masked) divide_by_mask(photo, mask);
+  pixels = area_resized(pixels, width, height);
+  if (is_masked) divide_by_mask(pixels, mask);
 }
 
 }  // namespace
 
-Picture make_picture(const ViewPlan& plan) {
-  if (plan.is_frame) return make_picture(plan, {read_frame(plan.file, plan.frame), {}});
-  return make_picture(plan, read_photo_with_alpha(plan.file));
+Picture make_picture(const Photo& photo) {
+  if (photo.is_frame) return make_picture(photo, {read_frame(photo.file, photo.frame), {}});
+  return make_picture(photo, read_photo_with_alpha(photo.file));
 }
 
-Picture make_picture(const ViewPlan& plan, PhotoWithAlpha read) {
-  if (read.photo.width != plan.photo_size.width || read.photo.height != plan.photo_size.height)
+Picture make_picture(const Photo& photo, PhotoWithAlpha read) {
+  if (read.photo.width != photo.size.width || read.photo.height != photo.size.height)
     throw Error(
-        fmt::format("{} has changed since the scene was loaded; start again", plan.file.string()));
-  Picture picture{{}, read_mask(plan.masks, plan.mask_file, read)};
+        fmt::format("{} has changed since the scene was loaded; start again", photo.file.string()));
+  Picture picture{{}, read_mask(photo.masks, photo.mask_file, read)};
   picture.photo = std::move(read.photo);
-  fit_to_camera(picture, plan);
+  fit_to_camera(picture, photo);
   return picture;
 }
 

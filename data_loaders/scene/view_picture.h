@@ -5,7 +5,7 @@
 #include <filesystem>
 
 #include "data_loaders/photos/photos.h"
-#include "data_loaders/scene/plan_views.h"
+#include "data_loaders/scene/photo.h"
 
 namespace gs {
 
@@ -19,9 +19,9 @@ inline constexpr int kPictureVersion = 1;
 
 /// The picture of a view. Throws Error that names the file. For a frame of a video, all frames
 /// before it are decoded, too.
-Picture make_picture(const ViewPlan& plan);
+Picture make_picture(const Photo& photo);
 /// The same from the decoded file.
-Picture make_picture(const ViewPlan& plan, PhotoWithAlpha read);
+Picture make_picture(const Photo& photo, PhotoWithAlpha read);
 
 /// The mask of a photo, (height, width, 1) of its size, 255 where it trains: from the file, or else
 /// (`mask` empty) from the photo's alpha. Empty if there is neither, and if all of it is 255. In a

@@ -115,7 +115,7 @@ std::string blocks_json(const BlocksFile& blocks) {
                {"blocks", Json::array()}};
   for (const Cut& cut : blocks.tree.cuts) json["cuts"].push_back(json_of(cut));
   for (const BlockEntry& block : blocks.blocks) json["blocks"].push_back(json_of(block));
-  return json.dump(2, ' ', false, Json::error_handler_t::replace) + "\n";
+  return file_text(json);
 }
 
 BlocksFile read_blocks(const fs::path& file_or_folder) {

@@ -5,9 +5,10 @@
 
 #include <map>
 
-#include "gs_app/edit/merge_models.h"
+#include "gs_app/edit/edit_cameras.h"
 #include "gs_core/error.h"
 #include "gs_core/system/log.h"
+#include "gs_model/edit/merge_models.h"
 
 namespace gs {
 namespace {

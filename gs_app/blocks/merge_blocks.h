@@ -8,7 +8,7 @@
 #include <vector>
 
 #include "gs_app/blocks/blocks_file.h"
-#include "gs_app/edit/edit_model.h"
+#include "gs_model/edit/edit_model.h"
 
 namespace gs {
 

@@ -88,8 +88,10 @@ void count_points(const SceneOutline& scene, const Census& census,
                   const std::vector<std::vector<bool>>& views_of_blocks, Partition& partition) {
   for (std::size_t b = 0; b < partition.blocks.size(); ++b) {
     Block& block = partition.blocks[b];
-    const std::vector<bool> is_shown =
-        points_shown_by(scene.shown, views_of_blocks[b], scene.points.size());
+    std::vector<bool> is_shown(scene.points.size(), false);
+    for (std::size_t view = 0; view < scene.shown.size(); ++view)
+      if (views_of_blocks[b][view])
+        for (const std::uint32_t point : scene.shown[view]) is_shown[point] = true;
     for (std::size_t p = 0; p < is_shown.size(); ++p) {
       if (!is_shown[p]) continue;
       ++block.points;

@@ -278,12 +278,11 @@ void read_model(CheckedReader& file, std::size_t count, TrainingModel& model) {
 }
 
 void write_photometric(CheckedWriter& file, const PhotometricState& state) {
-  const PhotometricShape& shape = state.shape;
   write_values(
       file, "photometric",
       // Two that older versions had of cameras are 0.
-      std::vector<std::uint32_t>{shape.photos, shape.photo_size, 0, 0,
-                                 std::uint32_t(state.adam_steps), std::uint32_t(state.is_solved)});
+      std::vector<std::uint32_t>{state.rows, state.numbers, 0, 0, std::uint32_t(state.adam_steps),
+                                 std::uint32_t(state.is_solved)});
   for_each_photometric_array(
       [&](const char* name, const auto& array) { write_rows(file, name, array); }, state);
 }
@@ -296,27 +295,28 @@ void write_photometric(CheckedWriter& file, const PhotometricState& state) {
 
 void read_photometric(const std::filesystem::path& path, CheckedReader& file,
                       PhotometricState& state) {
-  constexpr std::uint32_t kMost = 1u << 31, kMostNumbers = 1024;  // of one photo
+  constexpr std::uint32_t kMost = 1u << 31, kMostNumbers = 1024;  // of a photo or camera
   const auto shape = file.values<std::uint32_t>("photometric");
   if (shape.size() != 6 || shape[0] > kMost || shape[1] > kMostNumbers || shape[2] > kMost ||
       shape[3] > kMostNumbers || shape[4] > std::uint32_t(kMostSteps))
     file.damaged();
   if (shape[2] > 0 && shape[3] > 0) refuse_removed(path, "vignetting that is learned");
-  state.shape = {shape[0], shape[1]};
+  if (shape[1] > kMostPhotoNumbers) file.damaged();
+  state.rows = shape[0];
+  state.numbers = shape[1];
   state.adam_steps = int(shape[4]);
   state.is_solved = shape[5] != 0;
   for_each_photometric_array(
       [&]<class T>(const char* name, Buffer<T>& array) {
-        array.upload(read_of_photos<T>(file, name, state.shape.size()));
+        array.upload(read_of_photos<T>(file, name, state.size()));
       },
       state);
 }
 
 void write_poses(CheckedWriter& file, const PoseState& state) {
-  write_values(
-      file, "poses",
-      std::vector<std::uint32_t>{std::uint32_t(state.rows()), std::uint32_t(state.adam_steps)});
-  for_each_pose_array([&](const char* name, const auto& array) { write_values(file, name, array); },
+  write_values(file, "poses",
+               std::vector<std::uint32_t>{state.rows, std::uint32_t(state.adam_steps)});
+  for_each_pose_array([&](const char* name, const auto& array) { write_rows(file, name, array); },
                       state);
 }
 
@@ -325,12 +325,15 @@ void read_poses(CheckedReader& file, PoseState& state) {
   const auto numbers = file.values<std::uint32_t>("poses");
   if (numbers.size() != 2 || numbers[0] > kMostRows || numbers[1] > std::uint32_t(kMostSteps))
     file.damaged();
+  state.rows = numbers[0];
+  state.numbers = std::uint32_t(kPoseNumbers);
   state.adam_steps = int(numbers[1]);
   for_each_pose_array(
-      [&]<class T>(const char* name, std::vector<T>& array) {
-        array = read_of_photos<T>(file, name, kPoseNumbers * std::size_t(numbers[0]));
+      [&]<class T>(const char* name, Buffer<T>& array) {
+        array.upload(read_of_photos<T>(file, name, state.size()));
       },
       state);
+  state.start.upload(std::vector<float>(state.size(), 0.0f));
 }
 
 // The texts of a file. They are parsed only after its checksum was found right.
@@ -437,6 +440,25 @@ void check(const std::filesystem::path& path, const Checkpoint& checkpoint) {
       cannot_read(path, fmt::format("a view is counted {} breakdowns; {}", strikes, kRemedy));
 }
 
+// What stands behind the texts.
+void read_views_and_arrays(const std::filesystem::path& path, CheckedReader& file,
+                           Checkpoint& checkpoint) {
+  checkpoint.scene.views = read_views(file);
+  checkpoint.state.progress.strikes = file.values<int>("strikes");
+  checkpoint.state.progress.view_order = file.values<std::uint32_t>("view_order");
+  const auto count = file.values<std::uint64_t>("gaussians");
+  const std::uint64_t kind = count.size() == 2 ? count[1] : 0;
+  for (const RemovedKind& removed : kRemovedKinds)
+    if (kind & removed.bit) refuse_removed(path, removed.what);
+  if (!(count.size() == 1 || (kind > 0 && is_kind(kind)))) file.damaged();
+  set_kind(checkpoint.state.model, kind);
+  if (kind & kHasTime) read_times(file, checkpoint.scene.views);
+  read_model(file, count[0], checkpoint.state.model);
+  if (kind & kHasPhotometric) read_photometric(path, file, checkpoint.state.model.photometric);
+  if (kind & kHasPoses) read_poses(file, checkpoint.state.model.poses);
+  file.finish();
+}
+
 }  // namespace
 
 SceneRecord::SceneRecord(const Scene& scene)
@@ -473,26 +495,13 @@ void write_checkpoint(const std::filesystem::path& path, const Config& config,
   file.commit();
 }
 
-Checkpoint read_checkpoint(const std::filesystem::path& path) {
+Checkpoint read_checkpoint(const std::filesystem::path& path, CheckpointPart part) {
   CheckedReader file(path, kKind);
   Checkpoint checkpoint;
   Contents contents;
   contents.about = file.text("about");
   contents.config = file.text("config");
-  checkpoint.scene.views = read_views(file);
-  checkpoint.state.progress.strikes = file.values<int>("strikes");
-  checkpoint.state.progress.view_order = file.values<std::uint32_t>("view_order");
-  const auto count = file.values<std::uint64_t>("gaussians");
-  const std::uint64_t kind = count.size() == 2 ? count[1] : 0;
-  for (const RemovedKind& removed : kRemovedKinds)
-    if (kind & removed.bit) refuse_removed(path, removed.what);
-  if (!(count.size() == 1 || (kind > 0 && is_kind(kind)))) file.damaged();
-  set_kind(checkpoint.state.model, kind);
-  if (kind & kHasTime) read_times(file, checkpoint.scene.views);
-  read_model(file, count[0], checkpoint.state.model);
-  if (kind & kHasPhotometric) read_photometric(path, file, checkpoint.state.model.photometric);
-  if (kind & kHasPoses) read_poses(file, checkpoint.state.model.poses);
-  file.finish();
+  if (part == CheckpointPart::whole) read_views_and_arrays(path, file, checkpoint);
   try {
     apply(path, contents, checkpoint);
   } catch (const UsageError& error) {  // whole, but with a setting that this version does not have

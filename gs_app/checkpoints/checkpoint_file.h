@@ -48,8 +48,13 @@ void write_checkpoint(const std::filesystem::path& path, const Config& config,
                       const SceneRecord& scene, const RunProgress& progress,
                       const TrainingModel& model);
 
+/// What is read of a file: all of it, or what stands in front of views and arrays, which is settings
+/// and numbers of the progress. Only the whole shows whether a file is damaged.
+enum class CheckpointPart { head, whole };
+
 /// Throws Error "cannot read PATH: ..." for a file that is cut short, damaged, or of another
 /// version.
-Checkpoint read_checkpoint(const std::filesystem::path& path);
+Checkpoint read_checkpoint(const std::filesystem::path& path,
+                           CheckpointPart part = CheckpointPart::whole);
 
 }  // namespace gs

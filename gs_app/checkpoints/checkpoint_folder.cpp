@@ -50,14 +50,15 @@ std::vector<CheckpointPath> checkpoints_in(const fs::path& folder) {
   return found;
 }
 
-std::optional<Checkpoint> newest_checkpoint(const fs::path& folder) {
+std::optional<Checkpoint> newest_checkpoint(const fs::path& folder, CheckpointPart part) {
   for (const CheckpointPath& candidate : checkpoints_in(folder)) {
     try {
-      return read_checkpoint(candidate.file);
+      return read_checkpoint(candidate.file, part);
     } catch (const AccessError&) {
       throw;
     } catch (const Error& error) {
       if (error.code() == ExitCode::out_of_memory) throw;
+      if (part == CheckpointPart::head) continue;
       log_warning("{}; it is renamed to {}.refused, and the older checkpoint is used", error.what(),
                   candidate.file.filename().string());
     }

@@ -22,8 +22,10 @@ struct CheckpointPath {
 std::vector<CheckpointPath> checkpoints_in(const std::filesystem::path& folder);
 
 /// The latest checkpoint that is whole. A damaged file is named in a warning, and renamed to
-/// FILE.refused. Throws AccessError if a file cannot be read now: it may be whole.
-std::optional<Checkpoint> newest_checkpoint(const std::filesystem::path& folder);
+/// FILE.refused. Throws AccessError if a file cannot be read now: it may be whole. With
+/// CheckpointPart::head, the latest one whose head can be read; no file is renamed.
+std::optional<Checkpoint> newest_checkpoint(const std::filesystem::path& folder,
+                                            CheckpointPart part = CheckpointPart::whole);
 
 /// The free space of the folder's file system, in bytes.
 std::uint64_t free_space(const std::filesystem::path& folder);

@@ -84,7 +84,8 @@ void refuse_model(const fs::path& file) {
 }
 
 // The checkpoint and the folder of its run.
-std::optional<ResumedRun> find_checkpoint(const SettingsOver& settings, const std::string& where) {
+std::optional<ResumedRun> find_checkpoint(const SettingsOver& settings, const std::string& where,
+                                          CheckpointPart part) {
   const bool is_auto = where == "auto";
   const fs::path named = is_auto ? fs::path(settings({}).model.output) : fs::path(where);
   if (named.empty())
@@ -95,12 +96,12 @@ std::optional<ResumedRun> find_checkpoint(const SettingsOver& settings, const st
   ResumedRun run;
   if (fs::is_regular_file(named)) {
     refuse_model(named);
-    run.checkpoint = read_checkpoint(named);
+    run.checkpoint = read_checkpoint(named, part);
     run.source = fs::absolute(named).lexically_normal().parent_path().parent_path();
     return run;
   }
   run.source = named;
-  std::optional<Checkpoint> found = newest_checkpoint(RunFolder(named).checkpoints());
+  std::optional<Checkpoint> found = newest_checkpoint(RunFolder(named).checkpoints(), part);
   if (!found && is_auto) return std::nullopt;
   if (!found)
     throw Error("there is no checkpoint to resume from in " +
@@ -185,8 +186,8 @@ int extract_added_steps(std::vector<std::string>& settings) {
 }
 
 std::optional<ResumedRun> find_resumed_run(const SettingsOver& settings, const std::string& where,
-                                           int added_steps) {
-  std::optional<ResumedRun> run = find_checkpoint(settings, where);
+                                           int added_steps, CheckpointPart part) {
+  std::optional<ResumedRun> run = find_checkpoint(settings, where, part);
   if (!run) {
     if (added_steps)
       throw UsageError(

@@ -38,9 +38,9 @@ int extract_added_steps(std::vector<std::string>& settings);
 /// Finds the run to go on with. `where` is "auto" for the run in the output folder (none is
 /// returned where it holds no checkpoint), a run's folder, or a checkpoint. Settings that
 /// `settings` does not name stay as they were in the run. Throws UsageError that lists the settings
-/// that differ although a run keeps them.
+/// that differ although a run keeps them. `part` is what is read of its checkpoint.
 std::optional<ResumedRun> find_resumed_run(const SettingsOver& settings, const std::string& where,
-                                           int added_steps);
+                                           int added_steps, CheckpointPart part);
 
 /// Throws Error where the scene is not the one that the run was trained on.
 /// `scene` is its record, `source` its name for messages.

@@ -24,6 +24,20 @@ constexpr std::size_t kDeviceCopyBytes = std::size_t(1) << 30;  // much larger t
 constexpr std::size_t kHostCopyBytes = std::size_t(1) << 28;
 constexpr int kCopies = 8;
 
+/// Of an even number of values, the mean of the two in the middle; 0 for none.
+double median(std::vector<double> values) {
+  if (values.empty()) return 0;
+  const std::size_t n = values.size();
+  std::sort(values.begin(), values.end());
+  return (values[(n - 1) / 2] + values[n / 2]) / 2;
+}
+
+// The camera with a picture `scale` times as large.
+Camera at_scale(const Camera& camera, double scale) {
+  const auto side = [&](int pixels) { return std::max(1, int(std::lround(pixels * scale))); };
+  return resized(camera, side(camera.width), side(camera.height));
+}
+
 double milliseconds_now() {
   using Clock = std::chrono::steady_clock;
   return std::chrono::duration<double, std::milli>(Clock::now().time_since_epoch()).count();
@@ -83,18 +97,6 @@ Workload of_training(Workload workload) {
 
 }  // namespace
 
-double median(std::vector<double> values) {
-  if (values.empty()) return 0;
-  const std::size_t n = values.size();
-  std::sort(values.begin(), values.end());
-  return (values[(n - 1) / 2] + values[n / 2]) / 2;
-}
-
-Camera at_scale(const Camera& camera, double scale) {
-  const auto side = [&](int pixels) { return std::max(1, int(std::lround(pixels * scale))); };
-  return resized(camera, side(camera.width), side(camera.height));
-}
-
 void check_scales(const std::vector<View>& views, const std::vector<double>& scales) {
   for (const View& view : views)
     for (const double scale : scales) {
@@ -141,34 +143,30 @@ Workload mean_workload(Backend& backend, const TrainingModel& model, const std::
   return mean;
 }
 
-double milliseconds_of_steps(Backend& backend, TrainingModel& model, const std::vector<View>& views,
-                             const RenderSettings& settings, const Config& config,
-                             const DensityStep& density, int steps, std::size_t& next) {
-  RenderSettings training = settings;
-  training.for_backward = true;
-  const std::size_t batch = std::size_t(config.train.batch);
-  const Update update{{}, batch_rule(config.train.batch)};  // all rates are zero
-  std::vector<TrainingPhoto> photos(batch);
-  backend.synchronize(model);
-  const double begin = milliseconds_now();
-  for (int step = 0; step < steps; ++step) {
-    for (TrainingPhoto& photo : photos) photo = {&views[next++ % views.size()], training};
-    backend.device().prefetch_next(views[next % views.size()]);
-    backend.step(model, {{photos.data(), batch}, {config.loss.lambda_dssim}, update, density});
-  }
-  backend.synchronize(model);
-  return milliseconds_now() - begin;
-}
-
 TrainingFigures time_training(Backend& backend, TrainingModel& model,
                               const std::vector<View>& views, const RenderSettings& settings,
                               const Config& config, const BenchmarkPlan& plan,
                               const Workload& workload) {
   backend.device().upload_views(views, std::size_t(double(config.train.photo_gib) * kBytesPerGib));
+  RenderSettings training = settings;
+  training.for_backward = true;
+  const std::size_t batch = std::size_t(config.train.batch);
+  const Update update{{}, batch_rule(config.train.batch)};  // all rates are zero
+  std::vector<TrainingPhoto> photos(batch);
   std::size_t next = 0;
   const auto milliseconds_of = [&](int steps) {
-    return milliseconds_of_steps(backend, model, views, settings, config,
-                                 {.gather_statistics = true}, steps, next);
+    backend.synchronize(model);
+    const double begin = milliseconds_now();
+    for (int step = 0; step < steps; ++step) {
+      for (TrainingPhoto& photo : photos) photo = {&views[next++ % views.size()], training};
+      backend.device().prefetch_next(views[next % views.size()]);
+      backend.step(model, {{photos.data(), batch},
+                           {config.loss.lambda_dssim},
+                           update,
+                           {.gather_statistics = true}});
+    }
+    backend.synchronize(model);
+    return milliseconds_now() - begin;
   };
 
   TrainingFigures figures;
@@ -195,14 +193,12 @@ double forecast_gpu_bytes(const TrainingModel& model, const std::vector<View>& v
 
 RenderingFigures time_rendering(Backend& backend, TrainingModel& model,
                                 const std::vector<View>& views, const RenderSettings& settings,
-                                const BenchmarkPlan& plan, double scale, FrameSource source) {
+                                const BenchmarkPlan& plan, double scale) {
   RenderPass pass(backend.memory());
   RenderSettings viewing = settings;
   viewing.for_backward = false;
-  const bool is_packed = source == FrameSource::packed;
-  const GaussiansSpan gaussians = model.gaussians.span();
-  const std::unique_ptr<PackedScene> scene = is_packed ? backend.renderer().pack(gaussians, viewing)
-                                                       : std::make_unique<PackedScene>(gaussians);
+  const std::unique_ptr<PackedScene> scene =
+      backend.renderer().pack(model.gaussians.span(), viewing);
   const auto milliseconds_of_frame = [&](const Camera& camera) {
     const double begin = milliseconds_now();
     backend.renderer().draw(*scene, camera, viewing, pass);
@@ -216,11 +212,8 @@ RenderingFigures time_rendering(Backend& backend, TrainingModel& model,
   };
 
   RenderingFigures figures;
-  figures.way = &backend.memory() == &host_memory() ? "scalar"
-                : is_packed                         ? "packed"
-                                                    : "parameters";
   figures.scale = scale;
-  figures.mean.is_packed = is_packed && !model.gaussians.has_time;
+  figures.mean.is_packed = !model.gaussians.has_time;
   std::vector<Camera> cameras;
   for (const View& view : views) cameras.push_back(at_scale(view.camera, scale));
   figures.width = cameras.front().width;

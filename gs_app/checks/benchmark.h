@@ -35,23 +35,13 @@ struct TrainingFigures {
   std::vector<StageFigures> stages;  // empty if the backend does not time stages
 };
 
-/// What frames are drawn from.
-enum class FrameSource { packed, parameters };  // Renderer::pack, or the Gaussians as they are
-
 struct RenderingFigures {
-  std::string way;  // packed, parameters, or scalar
   double scale = 1;
   int width = 0, height = 0;  // pixels, of the first view
   Workload mean;              // over the views
   double ms_per_frame = 0;    // median of each view's frames, mean over the views
   std::vector<StageFigures> stages;
 };
-
-/// Of an even number of values, the mean of the two in the middle; 0 for none.
-double median(std::vector<double> values);
-
-/// The camera with a picture `scale` times as large.
-Camera at_scale(const Camera& camera, double scale);
 
 /// Throws UsageError if a view at one of the scales exceeds the largest picture.
 void check_scales(const std::vector<View>& views, const std::vector<double>& scales);
@@ -64,13 +54,6 @@ TrainingModel benchmark_model(Backend& backend, const GaussianModel& from,
 /// The workload of one view, averaged over `views`.
 Workload mean_workload(Backend& backend, const TrainingModel& model, const std::vector<View>& views,
                        const RenderSettings& settings);
-
-/// The wall time of so many training steps on all views in turn, from views[next] on, which
-/// afterwards is the view of the next step. Learning rates are zero. Takes views that the backend
-/// has (upload_views).
-double milliseconds_of_steps(Backend& backend, TrainingModel& model, const std::vector<View>& views,
-                             const RenderSettings& settings, const Config& config,
-                             const DensityStep& density, int steps, std::size_t& next);
 
 /// Times training steps on all views in turn. Learning rates are zero, so that every step sees the
 /// same model, but each step computes and moves as much as any other. `workload` gives the stages'
@@ -86,10 +69,11 @@ double forecast_gpu_bytes(const TrainingModel& model, const std::vector<View>& v
                           const RenderSettings& settings, const Config& config,
                           const Workload& workload);
 
-/// Times frames of every view at `scale` times its size, which check_scales() has accepted.
+/// Times frames of every view at `scale` times its size, which check_scales() has accepted, drawn
+/// from a packed model (Renderer::pack).
 RenderingFigures time_rendering(Backend& backend, TrainingModel& model,
                                 const std::vector<View>& views, const RenderSettings& settings,
-                                const BenchmarkPlan& plan, double scale, FrameSource source);
+                                const BenchmarkPlan& plan, double scale);
 
 /// Bandwidth of copies within the backend's memory, reads and writes together, in 1e9 bytes per
 /// second. Nothing if there is too little memory for it.

@@ -38,8 +38,7 @@ Json stages_json(const std::vector<StageFigures>& stages, const BenchmarkReport&
 }
 
 Json rendering_json(const RenderingFigures& figures, const BenchmarkReport& report) {
-  return {{"way", figures.way},
-          {"scale", figures.scale},
+  return {{"scale", figures.scale},
           {"width", figures.width},
           {"height", figures.height},
           {"visible", figures.mean.visible},
@@ -47,23 +46,6 @@ Json rendering_json(const RenderingFigures& figures, const BenchmarkReport& repo
           {"longest_list", figures.mean.longest_list},
           {"ms_per_frame", figures.ms_per_frame},
           {"stages", stages_json(figures.stages, report)}};
-}
-
-Json blender_json(const BlenderFigures& figures) {
-  return {{"bounds", figures.bounds},
-          {"blender", figures.blender},
-          {"scale", figures.scale},
-          {"width", figures.width},
-          {"height", figures.height},
-          {"instances", figures.instances},
-          {"ms_per_frame", figures.ms_per_frame},
-          {"blend_ms", figures.blend_ms},
-          {"psnr", std::isfinite(figures.psnr) ? Json(figures.psnr) : Json(nullptr)},
-          {"largest_difference", figures.largest},
-          {"pixels", figures.pixels},
-          {"pixels_apart", figures.apart},
-          {"unexplained", figures.unexplained},
-          {"unexplained_borderline", figures.borderline}};
 }
 
 // What the times include, for readers of a table in which they stand beside others.
@@ -95,38 +77,6 @@ std::string stages_text(const std::vector<StageFigures>& stages, const Benchmark
       text += fmt::format(" {:>7.0f}%", 100 * *share);
     text += "\n";
   }
-  return text;
-}
-
-std::string blenders_text(const std::vector<BlenderFigures>& blenders) {
-  if (blenders.empty()) return "";
-  std::string text = fmt::format(
-      "\nblenders, compared with simt at the same bounds\n"
-      "  differing: pixels with a channel that differs by more than {:g}\n"
-      "  unexplained: of these, pixels that are wrong by more than rounding of alpha by {:g} "
-      "explains; margin: the largest of theirs\n  "
-      "{:<7} {:<10} {:>11} {:>9} {:>9} {:>9} {:>7} "
-      "{:>9} {:>9} {:>11} {:>8}\n",
-      kBlendersAgree, kBorderline, "bounds", "blender", "size", "instances", "frame ms", "blend ms",
-      "PSNR", "largest", "differing", "unexplained", "margin");
-  for (const BlenderFigures& f : blenders)
-    text += fmt::format(
-        "  {:<7} {:<10} {:>11} {:>9} {:>9.3f} {:>9.3f} {:>7.1f} {:>9.1e} {:>9} {:>11} {:>8}\n",
-        f.bounds, f.blender, fmt::format("{}x{}", f.width, f.height),
-        with_commas(std::uint64_t(f.instances + 0.5)), f.ms_per_frame, f.blend_ms, f.psnr,
-        f.largest, f.apart, f.unexplained,
-        f.unexplained ? fmt::format("{:.1e}", f.borderline) : "");
-  return text;
-}
-
-std::string scores_text(const std::vector<ScoreCost>& scores) {
-  if (scores.empty()) return "";
-  std::string text =
-      fmt::format("\ntraining steps that gather the statistics of a score\n  {:<10} {:>8} {:>7}\n",
-                  "score", "ms", "cost");
-  for (const ScoreCost& cost : scores)
-    text += fmt::format("  {:<10} {:>8.3f} {:>6.1f}%\n", cost.statistics, cost.ms_per_step,
-                        100 * (cost.ratio - 1));
   return text;
 }
 
@@ -166,18 +116,12 @@ std::string report_json(const BenchmarkSubject& subject, const BenchmarkPlan& pl
   json["render"] = Json::array();
   for (const RenderingFigures& figures : report.rendering)
     json["render"].push_back(rendering_json(figures, report));
-  for (const BlenderFigures& figures : report.blenders)
-    json["blenders"].push_back(blender_json(figures));
-  for (const ScoreCost& cost : report.scores)
-    json["scores"].push_back({{"statistics", cost.statistics},
-                              {"ms_per_step", cost.ms_per_step},
-                              {"ratio", cost.ratio}});
   json["copy_gb_per_s"] = or_null(report.copy_gb_per_second);
   if (report.peak_gpu_bytes) {
     json["peak_gpu_bytes"] = *report.peak_gpu_bytes;
     json["forecast_gpu_bytes"] = std::llround(report.forecast_gpu_bytes);
   }
-  return json.dump(2, ' ', false, Json::error_handler_t::replace) + "\n";
+  return file_text(json);
 }
 
 std::string report_text(const BenchmarkSubject& subject, const BenchmarkPlan& plan,
@@ -198,12 +142,12 @@ std::string report_text(const BenchmarkSubject& subject, const BenchmarkPlan& pl
   text += "  " + workload_text(report.workload) + "\n";
   text += stages_text(report.training.stages, report);
   for (const RenderingFigures& figures : report.rendering) {
-    text += fmt::format("\nrendering: {:.3f} ms per frame, {}x{}, {} {} views, {}\n",
+    text += fmt::format("\nrendering: {:.3f} ms per frame, {}x{}, {} {} views\n",
                         figures.ms_per_frame, figures.width, figures.height, rendered,
-                        subject.test_views.empty() ? "training" : "test", figures.way);
+                        subject.test_views.empty() ? "training" : "test");
     text += "  " + workload_text(figures.mean) + "\n" + stages_text(figures.stages, report);
   }
-  text += scores_text(report.scores) + blenders_text(report.blenders) + report.list_table + "\n";
+  text += "\n";
   if (report.clock_mhz) text += fmt::format("clock while busy: {:.0f} MHz\n", *report.clock_mhz);
   if (report.copy_gb_per_second)
     text += fmt::format("copies in memory: {:.0f} GB/s, reads and writes together\n",

@@ -7,8 +7,6 @@
 #include <vector>
 
 #include "gs_app/checks/benchmark.h"
-#include "gs_app/checks/blenders.h"
-#include "gs_app/checks/score_costs.h"
 
 namespace gs {
 
@@ -30,9 +28,6 @@ struct BenchmarkReport {
   TrainingFigures training;
   Workload workload;  // of a training view, averaged
   std::vector<RenderingFigures> rendering;
-  std::vector<BlenderFigures> blenders;
-  std::vector<ScoreCost> scores;
-  std::string list_table;  // of --lists
   std::optional<double> copy_gb_per_second;
   std::optional<double> clock_mhz;  // of a GPU's multiprocessors while they are busy
   std::optional<std::size_t> peak_gpu_bytes;

@@ -55,13 +55,13 @@ Camera camera_before(const GaussianModel& model) {
 EditPicture::EditPicture(const EditModel& before, const EditTools& tools, std::string camera_name)
     : tools_(tools), camera_name_(std::move(camera_name)),
       camera_(camera_name_.empty() ? camera_before(before.model)
-                                   : camera_named(before, camera_name_).named.camera),
+                                   : camera_named(before, camera_name_).camera),
       frame_(before.input_from_model), left_(picture_of(before, camera_, tools)) {}
 
 Image8 EditPicture::beside(const EditModel& after) const {
   Camera camera = camera_;
   if (!camera_name_.empty())
-    camera = camera_named(after, camera_name_).named.camera;
+    camera = camera_named(after, camera_name_).camera;
   else if (after.input_from_model != frame_)
     camera = camera_before(after.model);
   return side_by_side(left_, picture_of(after, camera, tools_));

@@ -6,11 +6,11 @@
 #include <algorithm>
 #include <cmath>
 
-#include "gs_app/edit/places/words.h"
 #include "gs_app/run/progress_bar.h"
 #include "gs_core/error.h"
 #include "gs_core/system/text/parse_number.h"
-#include "gs_model/formats/model_moment.h"
+#include "gs_model/edit/model_moment.h"
+#include "gs_model/edit/places/words.h"
 
 namespace gs {
 namespace {

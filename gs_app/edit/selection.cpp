@@ -14,8 +14,8 @@
 #include "gs_core/error.h"
 #include "gs_core/math/render/activations.h"
 #include "gs_core/math/render/rotation.h"
+#include "gs_model/edit/model_moment.h"
 #include "gs_model/formats/coding/finite_rows.h"
-#include "gs_model/formats/model_moment.h"
 
 namespace gs {
 namespace {
@@ -53,9 +53,9 @@ MarksOf in_view(const std::string& name) {
   return [name](const EditModel& model, const EditTools&) {
     std::vector<Camera> cameras;
     if (name == "all")
-      for (const EditCamera& camera : model.cameras) cameras.push_back(camera.named.camera);
+      for (const EditCamera& camera : model.cameras) cameras.push_back(camera.camera);
     else
-      cameras.push_back(camera_named(model, name).named.camera);
+      cameras.push_back(camera_named(model, name).camera);
     return marks_where(count_of(model), [&](std::size_t i) {
       const Vec3f& mean = model.model.gaussians.mean[i];
       return std::any_of(cameras.begin(), cameras.end(),
@@ -67,7 +67,7 @@ MarksOf in_view(const std::string& name) {
 std::vector<float> camera_distances(const EditModel& model, const EditTools&) {
   std::vector<Vec3f> positions;
   for (const EditCamera& camera : model.cameras)
-    if (!camera.is_test) positions.push_back(camera.named.camera.position());
+    if (!camera.is_test) positions.push_back(camera.camera.position());
   return distances_to_nearest(model.model.gaussians, positions);
 }
 
@@ -216,10 +216,10 @@ const EditCamera& camera_named(const EditModel& model, const std::string& name) 
                     name));
   std::vector<std::string> names;
   for (const EditCamera& camera : model.cameras) {
-    if (camera.named.name == name || without_extension(camera.named.name) == name ||
-        camera.named.name == without_extension(name))
+    if (camera.name == name || without_extension(camera.name) == name ||
+        camera.name == without_extension(name))
       return camera;
-    names.push_back(camera.named.name);
+    names.push_back(camera.name);
   }
   const std::string nearest = nearest_word(name, names);
   throw UsageError(fmt::format(
@@ -236,7 +236,7 @@ constexpr double kSampledPixels = 100'000;  // of a picture
 std::vector<Camera> training_cameras(const EditModel& model) {
   std::vector<Camera> cameras;
   for (const EditCamera& camera : model.cameras)
-    if (!camera.is_test) cameras.push_back(camera.named.camera);
+    if (!camera.is_test) cameras.push_back(camera.camera);
   return cameras;
 }
 

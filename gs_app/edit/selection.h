@@ -8,8 +8,8 @@
 #include <vector>
 
 #include "gs_app/edit/contributions.h"
-#include "gs_app/edit/edit_model.h"
-#include "gs_app/edit/places/places.h"
+#include "gs_model/edit/edit_model.h"
+#include "gs_model/edit/places/places.h"
 #include "gs_model/edit/select.h"
 #include "gs_train/backend.h"
 

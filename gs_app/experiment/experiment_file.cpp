@@ -69,7 +69,7 @@ void visit_list(const fs::path& file, const toml::table& root, const char* key, 
 }
 
 // False also for a name that no file can have.
-bool is_there(const fs::path& path) {
+bool can_be_found(const fs::path& path) {
   std::error_code ignored;
   return fs::exists(path, ignored);
 }
@@ -88,7 +88,7 @@ ExperimentScene scene_of(const fs::path& file, const toml::node& node) {
   if (path.empty()) refuse(file, node, "a scene needs the path of its folder");
   scene.path = fs::absolute(file.parent_path() / path).lexically_normal();
   if (!scene.path.has_filename()) scene.path = scene.path.parent_path();  // "scenes/a/"
-  if (!is_there(scene.path))
+  if (!can_be_found(scene.path))
     throw Error(place_in(file, node) + "there is no scene " + scene.path.string() +
                 "; give a path that is relative to the experiment's file");
   scene.name = folder_name(scene.name.empty() ? scene.path.filename().string() : scene.name);
@@ -99,7 +99,7 @@ ExperimentScene scene_of(const fs::path& file, const toml::node& node) {
 std::string base_of(const fs::path& file, const std::string& name) {
   if (name.empty()) return name;
   const fs::path beside = fs::absolute(file.parent_path() / name).lexically_normal();
-  return is_there(beside) ? beside.string() : name;
+  return can_be_found(beside) ? beside.string() : name;
 }
 
 std::vector<ExperimentConfig> configs_of(const fs::path& file, const toml::node& node) {

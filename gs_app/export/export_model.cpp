@@ -5,9 +5,9 @@
 
 #include <algorithm>
 
-#include "data_loaders/colmap/world_offset.h"
 #include "gs_core/config/text/markdown.h"
 #include "gs_core/error.h"
+#include "gs_core/geometry/world_offset.h"
 #include "gs_core/system/files/atomic_file.h"
 #include "gs_core/system/files/move_aside.h"
 #include "gs_core/system/files/output_lock.h"
@@ -19,35 +19,27 @@ namespace {
 namespace fs = std::filesystem;
 
 /// The model as the file is to hold it.
-GaussianModel prepared(const GaussianModel& model, const ExportRequest& request,
-                       const ModelFormat& format) {
+GaussianModel prepared(const GaussianModel& model, const ExportRequest& request) {
   GaussianModel result{copy_of(model.gaussians), model.sh_degree, model.is_ours, model.antialiased,
                        model.world_offset};
   limit_sh_degree(result, request.sh_degree);
   transform_model(result, request.transform);
-  // Adding the offset back would undo a transform that the user asked for.
-  if (format.adds_world_offset && !request.transform.is_identity())
-    result.world_offset = Vec3d(0.0);
   return result;
 }
 
 /// Compares the file with the original where that stands: in the frame of training.
 Fidelity measure(const ExportedFile& exported, const ModelTransform& transform,
-                 const Vec3d& world_offset, const Viewpoints& viewpoints) {
+                 const Viewpoints& viewpoints) {
   GaussianModel kept = exported.format->read(exported.file);
-  if (exported.format->adds_world_offset) {  // reader and writer may have chosen different offsets
-    const Vec3d added = transform.is_identity() ? world_offset : Vec3d(0.0);
-    transform_model(kept, {added - kept.world_offset});
-  }
   transform_model(kept, inverse_of(transform));
   return fidelity_of(kept, viewpoints);
 }
 
 void say_where(const ExportedFile& exported, const Vec3d& world_offset) {
-  if (world_offset == Vec3d(0.0) || exported.format->adds_world_offset) return;
+  if (world_offset == Vec3d(0.0)) return;
   log_info(
       "{} lies near the origin, because floats cannot hold coordinates about {}; {} has the matrix "
-      "back to the photos' coordinates, and a .csv file holds these themselves",
+      "back to the photos' coordinates",
       exported.file.string(), text_of_offset(world_offset),
       sidecar_of(exported.file).filename().string());
 }
@@ -99,15 +91,15 @@ ExportedFile export_model(const GaussianModel& model, const ExportRequest& reque
   exported.georeference = request.georeference;
   const bool is_changed = !request.transform.is_identity() || request.sh_degree < model.sh_degree;
   GaussianModel changed;
-  if (is_changed) changed = prepared(model, request, format);
-  {  // an older sidecar is never beside the newer file
-    const BeforeNaming remove_sidecar(request.file, [&] { fs::remove(sidecar); });
-    exported.gaussians = write_model(request.file, is_changed ? changed : model, request.options);
-  }
+  if (is_changed) changed = prepared(model, request);
+  AtomicFile file(request.file);
+  exported.gaussians = write_model(file, format, is_changed ? changed : model, request.options);
+  // An older sidecar is never beside the newer file.
+  file.commit(AtomicFile::Durability::synced, [&] { fs::remove(sidecar); });
   exported.bytes = fs::file_size(request.file);
   write_sidecar(exported);  // at once, as measuring may take minutes
   if (is_lossy(request, model.sh_degree) && viewpoints && !viewpoints->cameras.empty()) {
-    exported.fidelity = measure(exported, request.transform, model.world_offset, *viewpoints);
+    exported.fidelity = measure(exported, request.transform, *viewpoints);
     write_sidecar(exported);
   }
   if (!request.transform.turns_or_scales() && !exported.was_moved)

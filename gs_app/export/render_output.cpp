@@ -4,6 +4,7 @@
 #include <spdlog/fmt/fmt.h>
 
 #include <set>
+#include <utility>
 
 #include "data_loaders/photos/exr.h"
 #include "data_loaders/photos/photo_names.h"
@@ -13,12 +14,14 @@
 #include "gs_core/error.h"
 #include "gs_core/system/files/move_aside.h"
 #include "gs_core/system/log.h"
+#include "gs_core/threads/parallel.h"
 
 namespace gs {
 namespace {
 
 namespace fs = std::filesystem;
 
+constexpr std::size_t kMostWaitingBytes = std::size_t(1) << 29;
 constexpr const char* kOtherFilms[] = {".mov", ".mkv", ".avi", ".webm", ".m4v", ".gif", ".mpg"};
 constexpr const char* kPictures[] = {".png", ".jpg", ".jpeg", ".exr"};
 
@@ -147,28 +150,47 @@ void RenderOutput::write_frame(Quantity quantity, const Image8& frame) {
   codec_ = writer->second.codec();
 }
 
-void RenderOutput::write(std::size_t i, Quantity quantity, const Image8& shown) {
+void RenderOutput::write(std::size_t i, Quantity quantity, Image8 shown) {
   if (request_.is_film()) return write_frame(quantity, shown);
-  const fs::path file = picture(i, quantity, ".png");
-  move_older_aside(file);
-  write_png(file, shown);
+  const std::size_t bytes = shown.pixels.size();
+  add(picture(i, quantity, ".png"), bytes,
+      [shown = std::move(shown)](const fs::path& file) { write_png(file, shown); });
 }
 
 void RenderOutput::write(std::size_t i, Quantity quantity, const ImageF& values) {
   if (request_.is_film() || request_.png) write(i, quantity, picture_of(quantity, values, range_));
-  if (request_.exr) {
-    const fs::path file = picture(i, quantity, ".exr");
-    move_older_aside(file);
-    write_exr(file, values, channels_of(quantity));
-  }
+  if (request_.exr)
+    add(picture(i, quantity, ".exr"), values.pixels.size() * sizeof(float),
+        [values, channels = channels_of(quantity)](const fs::path& file) {
+          write_exr(file, values, channels);
+        });
+}
+
+void RenderOutput::add(fs::path file, std::size_t bytes,
+                       std::function<void(const fs::path&)> write) {
+  waiting_.push_back({std::move(file), std::move(write)});
+  waiting_bytes_ += bytes;
+  if (waiting_.size() >= 2 * std::size_t(thread_count()) || waiting_bytes_ >= kMostWaitingBytes)
+    write_waiting();
+}
+
+void RenderOutput::write_waiting() {
+  const std::vector<Waiting> files = std::exchange(waiting_, {});
+  waiting_bytes_ = 0;
+  parallel_for(files.size(), 1, [&](std::size_t i) {
+    move_older_aside(files[i].file);
+    files[i].write(files[i].file);
+  });
 }
 
 void RenderOutput::finish() {
+  write_waiting();
   for (auto& [quantity, writer] : films_) {
     move_older_aside(film(quantity));
     writer.commit();
   }
-  if (moved_aside_ > 0) log_info("{} older files are now called FILE.bak-N", moved_aside_);
+  if (const std::size_t count = moved_aside_)
+    log_info("{} older files are now called FILE.bak-N", count);
 }
 
 }  // namespace gs

@@ -2,7 +2,9 @@
 // Writes the pictures of `gemsplat render`: files in a folder, or a film for each quantity.
 #pragma once
 
+#include <atomic>
 #include <filesystem>
+#include <functional>
 #include <map>
 #include <string>
 #include <vector>
@@ -30,7 +32,8 @@ struct OutputRequest {
 void check_output(const OutputRequest& request);
 
 /// Writes what was rendered, and holds the output's lock. Order of calls: construct, write() for
-/// each view in order, finish().
+/// each view in order, finish(). Pictures wait until there is one for each thread; write_waiting()
+/// keeps those of a job that ends early.
 class RenderOutput {
  public:
   /// `names` are the names of the views. Throws UsageError where a file is there already and may
@@ -41,8 +44,10 @@ class RenderOutput {
   /// older file is moved to FILE.bak-N.
   void write(std::size_t i, Quantity quantity, const ImageF& values);
   /// The same where it is a picture already: of a film, or of files of 8 bits.
-  void write(std::size_t i, Quantity quantity, const Image8& shown);
-  /// Completes the films and gives them their names.
+  void write(std::size_t i, Quantity quantity, Image8 shown);
+  /// Writes the pictures that wait, side by side.
+  void write_waiting();
+  /// Writes them, completes the films and gives these their names.
   void finish();
 
   /// A file that goes with the pictures: FILM.json beside FILM.mp4, FOLDER/film.json.
@@ -62,6 +67,14 @@ class RenderOutput {
   std::vector<const char*> extensions() const;
   void write_frame(Quantity quantity, const Image8& frame);
   void move_older_aside(const std::filesystem::path& file);
+  void add(std::filesystem::path file, std::size_t bytes,
+           std::function<void(const std::filesystem::path&)> write);
+
+  // A file that waits to be written.
+  struct Waiting {
+    std::filesystem::path file;
+    std::function<void(const std::filesystem::path&)> write;
+  };
 
   OutputRequest request_;
   OutputLock lock_;
@@ -69,7 +82,9 @@ class RenderOutput {
   DepthRange range_;
   std::map<Quantity, FilmWriter> films_;
   std::string codec_;
-  std::size_t moved_aside_ = 0;
+  std::vector<Waiting> waiting_;
+  std::size_t waiting_bytes_ = 0;
+  std::atomic<std::size_t> moved_aside_ = 0;
 };
 
 }  // namespace gs

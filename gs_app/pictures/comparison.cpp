@@ -8,6 +8,7 @@
 #include "data_loaders/photos/photos.h"
 #include "gs_app/pictures/color_ramp.h"
 #include "gs_core/error.h"
+#include "gs_core/threads/parallel.h"
 #include "gs_core/types.h"
 #include "gs_eval/flip/flip.h"
 
@@ -107,13 +108,17 @@ Image8 comparison_picture(const std::vector<Comparison>& comparisons) {
   const int width = std::clamp(first.width, kMinPanelWidth, kMaxPanelWidth);
   const int columns = first.height > first.width && comparisons.size() > 1 ? 2 : 1;
 
-  std::vector<std::array<Image8, 3>> views;
+  std::vector<std::array<Image8, 3>> views(comparisons.size());
+  parallel_for(3 * views.size(), 1, [&](std::size_t i) {
+    const auto& [photo, render] = comparisons[i / 3];
+    const std::size_t panel = i % 3;
+    views[i / 3][panel] = at_width(panel == 0   ? photo
+                                   : panel == 1 ? render
+                                                : error_picture(photo, render),
+                                   width);
+  });
   int height = 0;  // of the tallest
-  for (const auto& [photo, render] : comparisons) {
-    views.push_back({at_width(photo, width), at_width(render, width),
-                     at_width(error_picture(photo, render), width)});
-    height = std::max(height, views.back()[0].height);
-  }
+  for (const auto& view : views) height = std::max(height, view[0].height);
   const int rows = (int(views.size()) + columns - 1) / columns;
   const int view_width = 3 * width + 2 * kGap;
   Image8 canvas(kMargin + columns * (view_width + kMargin), kMargin + rows * (height + kMargin), 3,

@@ -2,6 +2,8 @@
 // comparison.png of a run: photo | render | error of a few views.
 #pragma once
 
+#include <cstddef>
+#include <map>
 #include <vector>
 
 #include "gs_core/image.h"
@@ -12,6 +14,9 @@ namespace gs {
 struct Comparison {
   Image8 photo, render;
 };
+
+/// Pictures of some views of an evaluation, by the number that their files have.
+using ShownViews = std::map<std::size_t, Comparison>;
 
 /// The mean absolute difference of the channels, times four: black is no error, the brightest
 /// yellow a quarter of the range or more. Both pictures have the same size.

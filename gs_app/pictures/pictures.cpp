@@ -9,13 +9,6 @@
 
 namespace gs {
 
-std::vector<std::size_t> evenly_chosen(std::size_t count, std::size_t wanted) {
-  const std::size_t chosen = std::min(count, wanted);
-  std::vector<std::size_t> indices(chosen);
-  for (std::size_t i = 0; i < chosen; ++i) indices[i] = (2 * i + 1) * count / (2 * chosen);
-  return indices;
-}
-
 std::string picture_file(std::size_t index) { return fmt::format("{:05d}.png", index); }
 
 std::filesystem::path picture_path(const std::filesystem::path& folder,

@@ -1,18 +1,15 @@
 // SPDX-License-Identifier: Apache-2.0
-// Helpers for pictures that several parts of the program share: which ones to choose, and the names
-// of their files.
+// Helpers for pictures that several parts of the program share: which ones to choose
+// (evenly_chosen.h), and the names of their files.
 #pragma once
 
 #include <filesystem>
 #include <string>
-#include <vector>
 
+#include "gs_core/evenly_chosen.h"
 #include "gs_core/image.h"
 
 namespace gs {
-
-/// `wanted` indices below `count`, evenly spread and ascending; all of them if there are fewer.
-std::vector<std::size_t> evenly_chosen(std::size_t count, std::size_t wanted);
 
 /// The file of a picture of an evaluation: "00012.png" for index 12.
 std::string picture_file(std::size_t index);

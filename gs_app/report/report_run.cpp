@@ -54,13 +54,8 @@ void add_config(const RunFolder& folder, Json& report, std::vector<std::string>&
   report["title"] = scene.empty() ? folder.root().filename().string() : scene;
 }
 
-}  // namespace
-
-Json run_report(const RunFolder& folder, Json results) {
-  if (!folder.holds_run())
-    throw Error("the folder " + folder.root().string() +
-                " holds no run; name the folder that was given to `gemsplat train -o`");
-  if (results.is_null() && fs::exists(folder.results())) results = read_json(folder.results());
+// What the folder and an ended run have; each of them may lack something.
+Json report_of(const RunFolder& folder, Json results, const EndedRun* run) {
   std::vector<std::string> notes;
   Json report = {{"kind", "run"},
                  {"title", ""},
@@ -70,9 +65,12 @@ Json run_report(const RunFolder& folder, Json results) {
   add_config(folder, report, notes);
   report["metrics"] = metrics_columns(folder.metrics(), kMostCurveRows);
   report.update(profile_columns(folder.profile(), kMostCurveRows));
-  const std::optional<int> step = folder.newest_step();
-  if (step) {
-    report["views"] = report_views(folder, *step, notes);
+  const std::optional<int> step = run ? run->step : folder.newest_step();
+  if (run) {
+    report["views"] = report_views(folder, *step, run->pictures, notes);
+    report["histograms"] = model_histograms(run->model);
+  } else if (step) {
+    report["views"] = report_views(folder, *step, {}, notes);
     report["histograms"] = model_histograms(read_gaussian_ply(folder.ply(*step)));
   } else {
     notes.push_back("No model is saved yet, so there are no views and no histograms.");
@@ -82,10 +80,20 @@ Json run_report(const RunFolder& folder, Json results) {
   return report;
 }
 
-void write_final_report(const RunFolder& folder, const std::string& results_json) {
+}  // namespace
+
+Json run_report(const RunFolder& folder) {
+  if (!folder.holds_run())
+    throw Error("the folder " + folder.root().string() +
+                " holds no run; name the folder that was given to `gemsplat train -o`");
+  return report_of(folder, fs::exists(folder.results()) ? read_json(folder.results()) : Json(),
+                   nullptr);
+}
+
+void write_final_report(const RunFolder& folder, const EndedRun& run) {
   if (!can_write_reports()) return log_info("no report.html: {}", cannot_write_reports());
   try {
-    write_report(folder.report(), run_report(folder, Json::parse(results_json)));
+    write_report(folder.report(), report_of(folder, Json::parse(run.results_json), &run));
   } catch (const std::exception& error) {
     log_warning("{} was not written: {}; `gemsplat report {}` writes it", folder.report().string(),
                 plain_message(error), folder.root().string());

@@ -7,7 +7,6 @@
 #include <cmath>
 
 #include "data_loaders/photos/photos.h"
-#include "gs_app/pictures/comparison.h"
 #include "gs_app/pictures/pictures.h"
 #include "gs_app/report/report_page.h"
 #include "gs_app/run/page_text.h"
@@ -15,6 +14,7 @@
 #include "gs_core/error.h"
 #include "gs_core/system/text/json.h"
 #include "gs_core/system/text/read_json.h"
+#include "gs_core/threads/parallel.h"
 
 namespace gs {
 namespace {
@@ -36,25 +36,32 @@ std::string data_uri(const Image8& image) {
   return "data:image/jpeg;base64," + base64_of(encode_jpeg(image, kQuality));
 }
 
-// Adds photo, render, error and FLIP of one picture to `view`. Returns their bytes.
-std::size_t add_pictures(const fs::path& pictures, const std::string& file, Json& view) {
-  const Image8 photo = read_photo(pictures / "gt" / file);
-  const Image8 render = read_photo(pictures / "renders" / file);
-  if (photo.width != render.width || photo.height != render.height)
+Comparison read_pictures(const fs::path& pictures, const std::string& file) {
+  Comparison view{read_photo(pictures / "gt" / file), read_photo(pictures / "renders" / file)};
+  if (view.photo.width != view.render.width || view.photo.height != view.render.height)
     throw Error((pictures / "renders" / file).string() +
                 " has another size than its photo; move the folder " + pictures.string() +
                 " away for a report without pictures");
-  const Image8 small = at_most(render, kLongestSide), small_photo = at_most(photo, kLongestSide);
-  view["width"] = small.width;
-  view["height"] = small.height;
-  view["photo"] = data_uri(small_photo);
-  view["render"] = data_uri(small);
-  view["error"] = data_uri(at_most(error_picture(photo, render), kLongestSide));
-  view["flip_picture"] = data_uri(flip_picture(small_photo, small));  // as the page shows both
-  std::size_t bytes = 0;
-  for (const char* key : {"photo", "render", "error", "flip_picture"})
-    bytes += view[key].get_ref<const std::string&>().size();
-  return bytes;
+  return view;
+}
+
+// What the page shows of a view.
+struct PagePictures {
+  int width = 0, height = 0;
+  std::string photo, render, error, flip;  // data URIs
+
+  std::size_t bytes() const { return photo.size() + render.size() + error.size() + flip.size(); }
+};
+
+PagePictures page_pictures(const Comparison& view) {
+  const Image8 photo = at_most(view.photo, kLongestSide),
+               render = at_most(view.render, kLongestSide);
+  return {render.width,
+          render.height,
+          data_uri(photo),
+          data_uri(render),
+          data_uri(at_most(error_picture(view.photo, view.render), kLongestSide)),
+          data_uri(flip_picture(photo, render))};  // as the page shows both
 }
 
 // The names of the views, in the order of their pictures.
@@ -69,7 +76,12 @@ std::vector<std::string> names_of(const RunFolder& folder, const std::string& sp
 
 }  // namespace
 
-Json report_views(const RunFolder& folder, int step, std::vector<std::string>& notes) {
+std::vector<std::size_t> shown_in_report(std::size_t count) {
+  return evenly_chosen(count, kMostViews);
+}
+
+Json report_views(const RunFolder& folder, int step, const ShownViews& known,
+                  std::vector<std::string>& notes) {
   if (!fs::exists(folder.split()) || !fs::exists(folder.per_view())) return nullptr;
   const std::string split = split_names(folder, "test").empty() ? "train" : "test";
   const std::vector<std::string> names = names_of(folder, split);
@@ -84,15 +96,30 @@ Json report_views(const RunFolder& folder, int step, std::vector<std::string>& n
     });
     list.push_back(std::move(view));
   }
-  std::size_t bytes = 0, missing = 0;
-  for (const std::size_t index : evenly_chosen(names.size(), kMostViews)) {
+  std::size_t missing = 0;
+  std::vector<std::size_t> shown;
+  for (const std::size_t index : shown_in_report(names.size())) {
     const std::string file = picture_file(index);
-    if (!fs::exists(pictures / "gt" / file) || !fs::exists(pictures / "renders" / file)) {
+    if (known.contains(index) ||
+        (fs::exists(pictures / "gt" / file) && fs::exists(pictures / "renders" / file)))
+      shown.push_back(index);
+    else
       ++missing;
-    } else if (bytes < kMostBytes) {
-      bytes += add_pictures(pictures, file, list[index]);
-    }
   }
+  std::vector<PagePictures> made(shown.size());
+  parallel_for(shown.size(), 1, [&](std::size_t i) {
+    const auto view = known.find(shown[i]);
+    made[i] = page_pictures(view != known.end() ? view->second
+                                                : read_pictures(pictures, picture_file(shown[i])));
+  });
+  std::size_t bytes = 0;
+  for (std::size_t i = 0; i < made.size() && bytes < kMostBytes; bytes += made[i++].bytes())
+    list[shown[i]].update({{"width", made[i].width},
+                           {"height", made[i].height},
+                           {"photo", made[i].photo},
+                           {"render", made[i].render},
+                           {"error", made[i].error},
+                           {"flip_picture", made[i].flip}});
   if (missing)
     notes.push_back(fmt::format("{} views have no pictures in {}", missing, pictures.string()));
   return {{"split", split}, {"total", names.size()}, {"list", std::move(list)}};

@@ -6,16 +6,22 @@
 #include <string>
 #include <vector>
 
+#include "gs_app/pictures/comparison.h"
 #include "gs_app/run/run_folder.h"
 #include "gs_core/system/text/json.h"
 
 namespace gs {
 
+/// The views of `count` whose pictures a report shows, ascending.
+std::vector<std::size_t> shown_in_report(std::size_t count);
+
 /// {"split", "total", "list": [{"name", "psnr", "ssim", "flip", "lpips",
 /// "width", "height", "photo", "render", "error", "flip_picture"}, ...]}: the test views, or the training views of results.json if nothing was held out.
 /// Null if the run has no evaluation. Pictures are data URIs of JPEGs with at most 800 pixels on a
-/// side, of up to 24 evenly chosen views, and at most 12 MiB together. A sentence about missing
-/// pictures is added to `notes`. Throws Error if a file is damaged.
-Json report_views(const RunFolder& folder, int step, std::vector<std::string>& notes);
+/// side, of up to 24 evenly chosen views, and at most 12 MiB together. Pictures that are not among
+/// `known` are read from the folder. A sentence about missing ones is added to `notes`. Throws Error
+/// if a file is damaged.
+Json report_views(const RunFolder& folder, int step, const ShownViews& known,
+                  std::vector<std::string>& notes);
 
 }  // namespace gs

@@ -11,9 +11,8 @@
 #include "gs_app/run/pose_file.h"
 #include "gs_core/error.h"
 #include "gs_core/system/log.h"
+#include "gs_model/edit/model_moment.h"
 #include "gs_model/formats/formats.h"
-#include "gs_model/formats/lod/streamed_sog.h"
-#include "gs_model/formats/model_moment.h"
 #include "gs_render/render_settings.h"
 
 namespace gs {
@@ -35,21 +34,10 @@ fs::path ply_of(const RunFolder& run, std::optional<int> step) {
               "; the newest is that of step " + std::to_string(*newest));
 }
 
-GaussianModel read_level(const fs::path& file, int lod_level) {
-  if (lod_level == 0) return read_model(file);
-  if (file.filename() != kLodMeta)
-    throw UsageError(fmt::format(
-        "{} has no levels of detail from which --lod-level could choose; name a folder that "
-        "`gemsplat export --lod` wrote, or leave the flag out",
-        file.string()));
-  return read_streamed_sog(file, lod_level);
-}
-
 }  // namespace
 
-OpenedModel open_model(const fs::path& path, std::optional<int> step, int lod_level) {
+OpenedModel open_model(const fs::path& path, std::optional<int> step) {
   OpenedModel opened;
-  opened.lod_level = lod_level;
   opened.ply = path;
   if (const fs::path inside = model_in_folder(path); !inside.empty()) {
     opened.ply = inside;
@@ -59,7 +47,7 @@ OpenedModel open_model(const fs::path& path, std::optional<int> step, int lod_le
     if (fs::exists(opened.run->config())) load_config(opened.config, opened.run->config());
     opened.config.train = {};  // rendering may use another device than training did
   }
-  opened.model = read_level(opened.ply, lod_level);
+  opened.model = read_model(opened.ply);
   opened.input_from_model = take_sidecar(opened.ply, opened.model);
   opened.config.model.sh_degree = opened.model.sh_degree;
   opened.config.render.antialias = opened.model.antialiased;

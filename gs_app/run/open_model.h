@@ -18,7 +18,6 @@ struct OpenedModel {
   std::filesystem::path ply;     // or a file of another format
   std::optional<RunFolder> run;  // where a folder was named
   GaussianModel model;
-  int lod_level = 0;  // of a model with levels of detail: 0 is the finest
   // From the model's numbers to the photos' frame, where the file was turned or scaled, or moved by
   // `gemsplat edit`. Elsewhere that is a shift by the world offset.
   std::optional<Mat4d> input_from_model = {};
@@ -28,10 +27,8 @@ struct OpenedModel {
 };
 
 /// Opens a file of any format that can be read (formats.h), or a folder of SOG files. In a run's
-/// folder this is the newest PLY, or the PLY after `step`. Of a lod-meta.json it is the level
-/// `lod_level`, and no other model has one above 0. Throws Error if there is none.
-OpenedModel open_model(const std::filesystem::path& path, std::optional<int> step,
-                       int lod_level = 0);
+/// folder this is the newest PLY, or the PLY after `step`. Throws Error if there is none.
+OpenedModel open_model(const std::filesystem::path& path, std::optional<int> step);
 
 /// Throws UsageError where the model has no time.
 void check_has_time(const OpenedModel& opened);

@@ -39,14 +39,10 @@ std::string script_json(const Json& data) {
   std::string escaped;
   escaped.reserve(text.size());
   // In JSON, < occurs only in strings; "</script" would end the element.
-  for (const char c : text) {
-    if (c == '<') {
-      escaped += "\\u003c";
-    } else {
-      escaped += c;
-    }
-  }
-  return escaped;
+  std::size_t at = 0;
+  for (std::size_t next = 0; (next = text.find('<', at)) != text.npos; at = next + 1)
+    escaped.append(text, at, next - at) += "\\u003c";
+  return escaped.append(text, at);
 }
 
 }  // namespace gs

@@ -77,11 +77,6 @@ Json by_view(const Evaluation& evaluation) {
   return result;
 }
 
-// Names of photos need not be UTF-8.
-std::string text_of(const Json& json) {
-  return json.dump(2, ' ', false, Json::error_handler_t::replace) + "\n";
-}
-
 }  // namespace
 
 std::optional<std::size_t> peak_gpu_bytes([[maybe_unused]] Backend& backend) {
@@ -103,6 +98,7 @@ std::string results_json(const Results& results) {
                {"num_gaussians", results.num_gaussians},
                {"removed_floaters", results.removed_floaters},
                {"train_seconds", results.train_seconds},
+               {"wall_seconds", Json::object()},
                {"test", means(results.test)},
                {"train", means(results.train)},
                {"device", results.device},
@@ -114,6 +110,7 @@ std::string results_json(const Results& results) {
                {"date", utc_date()},
                {"scene_hash", results.scene_hash},
                {"peak_host_bytes", peak_host_bytes()}};
+  for (const auto& [part, seconds] : results.wall_seconds) json["wall_seconds"][part] = seconds;
   if (const auto& changes = uncommitted_changes()) json["uncommitted"] = changes->hash;
   if (const CudaBuild cuda = built_cuda(); !cuda.toolkit.empty()) json["cuda"] = cuda.toolkit;
   add_network(results.test.lpips_source ? results.test.lpips_source : results.train.lpips_source,
@@ -144,11 +141,11 @@ std::string results_json(const Results& results) {
       json["forecast_gpu_bytes"] = std::llround(*results.forecast_gpu_bytes);
     json["driver"] = gpu_driver();
   }
-  return text_of(json);
+  return file_text(json);
 }
 
 std::string per_view_json(const Results& results) {
-  return text_of({{"test", by_view(results.test)}, {"train", by_view(results.train)}});
+  return file_text(Json{{"test", by_view(results.test)}, {"train", by_view(results.train)}});
 }
 
 std::string evaluation_json(const Evaluation& evaluation, const std::string& model,
@@ -161,7 +158,7 @@ std::string evaluation_json(const Evaluation& evaluation, const std::string& mod
   json["version"] = kVersion;
   add_network(evaluation.lpips_source, json);
   json["views"] = by_view(evaluation);
-  return text_of(json);
+  return file_text(json);
 }
 
 std::string summary(const Evaluation& evaluation) {

@@ -5,6 +5,8 @@
 #include <functional>
 #include <optional>
 #include <string>
+#include <utility>
+#include <vector>
 
 #include "gs_eval/metrics.h"
 #include "gs_train/backend.h"
@@ -20,6 +22,8 @@ struct Results {
   std::size_t num_gaussians = 0;
   std::size_t removed_floaters = 0;  // at the end (gs_train/density/floaters.h)
   double train_seconds = 0;
+  // How long each part of the command took, seconds of the clock on the wall, in order
+  std::vector<std::pair<std::string, double>> wall_seconds;
   Evaluation test, train;  // train: of a few views, evenly chosen
   std::string device;
   std::uint64_t seed = 0;
@@ -38,8 +42,8 @@ std::optional<std::size_t> peak_gpu_bytes(Backend& backend);
 /// The GPU memory that it holds now.
 std::optional<std::size_t> gpu_bytes(Backend& backend);
 
-/// {"iterations", "num_gaussians", "removed_floaters", "train_seconds", "test": {"psnr", "ssim",
-/// "flip", "num_views"}, "train": {...}, "device", "version", "seed", "commit", "cpu", "date",
+/// {"iterations", "num_gaussians", "removed_floaters", "train_seconds", "wall_seconds": {"start",
+/// ...}, "test": {"psnr", "ssim", "flip", "num_views"}, "train": {...}, "device", "version", "seed", "commit", "cpu", "date",
 /// "scene_hash", "peak_host_bytes", "compiler"}; "cuda" of a build with CUDA, "uncommitted" of one
 /// with uncommitted changes (their hash); "test" is null where no view was held out, and "flip"
 /// is there where it was measured. So is "lpips", with "lpips_network": {"name",

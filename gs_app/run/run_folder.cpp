@@ -66,7 +66,7 @@ std::string split_json(const Config& config, const Scene& scene) {
                             "testing; views of one rig frame stay together",
                             config.dataset.test_every)
                       : "all views are for training";
-  return split.dump(2, ' ', false, SortedJson::error_handler_t::replace) + "\n";
+  return file_text(split);
 }
 
 }  // namespace

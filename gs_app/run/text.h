@@ -36,7 +36,7 @@ inline std::string duration_text(double seconds) {
 /// The text as one word of a shell command.
 inline std::string shell_word(const std::string& text) {
   constexpr const char* kPlain =
-      "abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789/._-+=%";
+      "abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789/._-+=%:,@";
   if (!text.empty() && text.find_first_not_of(kPlain) == text.npos) return text;
   std::string result = "'";
   for (const char c : text) result += c == '\'' ? std::string("'\\''") : std::string(1, c);

@@ -8,7 +8,7 @@
 
 #include "data_loaders/cameras/camera_file.h"
 #include "gs_core/scene.h"
-#include "gs_model/formats/model_transform.h"
+#include "gs_model/edit/model_transform.h"
 
 namespace gs {
 

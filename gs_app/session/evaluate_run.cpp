@@ -3,10 +3,12 @@
 #include "gs_app/session/evaluate_run.h"
 
 #include <algorithm>
+#include <utility>
 
 #include "data_loaders/photos/photos.h"
 #include "gs_app/pictures/comparison.h"
 #include "gs_app/pictures/pictures.h"
+#include "gs_app/report/report_views.h"
 #include "gs_core/forecast/training_memory.h"
 #include "gs_core/threads/parallel.h"
 #include "gs_eval/depth_error.h"
@@ -20,87 +22,111 @@ constexpr std::size_t kComparedViews = 4;  // rows of comparison.png
 // At the poses that the run has refined, if it has.
 std::vector<View> sample_of_training_views(Trainer& trainer, std::size_t wanted) {
   const std::vector<View>& views = trainer.scene().train_views;
+  const std::vector<Camera> cameras = refined_cameras(trainer.model().poses, views);
   std::vector<View> sample;
   for (const std::size_t index : evenly_chosen(views.size(), wanted)) {
     sample.push_back(views[index]);
-    sample.back().camera = refined_camera(trainer.model().poses, views[index].camera, index);
+    sample.back().camera = cameras[index];
   }
   return sample;
 }
 
-// Keeps the pictures of one split: each render and its photo as files, and those of some views for
-// comparison.png.
+// Writes the pictures of one split, each render and its photo, and keeps those that others show.
 class PictureKeeper {
  public:
-  PictureKeeper(std::filesystem::path folder, const Vec3f& background,
-                std::vector<std::size_t> compared)
-      : folder_(std::move(folder)), background_(background), compared_(std::move(compared)) {}
+  PictureKeeper(std::filesystem::path folder, const Vec3f& background, std::size_t views)
+      : folder_(std::move(folder)), background_(background), in_report_(shown_in_report(views)),
+        compared_(evenly_chosen(views, kComparedViews)) {}
 
-  void keep(std::size_t index, const View& view, const ImageF& image) {
-    Image8 render = to_image8(image), photo = shown_photo(view, background_);
-    if (std::binary_search(compared_.begin(), compared_.end(), index))
-      comparisons_.push_back({photo, render});
-    const std::string name = picture_file(index);
-    files_.push_back({folder_ / "renders" / name, std::move(render)});
-    files_.push_back({folder_ / "gt" / name, std::move(photo)});
-    if (files_.size() >= 2 * std::size_t(thread_count())) write_files();
+  void keep(std::size_t index, const View& view, Image8 render) {
+    waiting_[index] = {shown_photo(view, background_), std::move(render)};
+    if (waiting_.size() >= std::size_t(thread_count())) write_files();
   }
-  /// Writes what is still in memory. One thread would take longer to compress the pictures than all
-  /// of them to measure the views.
+  /// Writes what was not written so far, each file by a thread.
   void write_files() {
-    parallel_for(files_.size(), 1,
-                 [&](std::size_t i) { write_png(files_[i].path, files_[i].picture); });
-    files_.clear();
+    std::vector<std::pair<std::filesystem::path, const Image8*>> files;
+    for (const auto& [index, view] : waiting_) {
+      files.emplace_back(folder_ / "renders" / picture_file(index), &view.render);
+      files.emplace_back(folder_ / "gt" / picture_file(index), &view.photo);
+    }
+    parallel_for(files.size(), 1,
+                 [&](std::size_t i) { write_png(files[i].first, *files[i].second); });
+    for (auto& [index, view] : std::exchange(waiting_, {}))
+      if (is_one_of(in_report_, index) || is_one_of(compared_, index))
+        shown_[index] = std::move(view);
   }
-  const std::vector<Comparison>& comparisons() const { return comparisons_; }
+  /// Writes the remaining files and a comparison of some views.
+  void finish(const std::filesystem::path& comparison) {
+    write_files();
+    std::vector<Comparison> views;
+    for (const std::size_t index : compared_)
+      if (shown_.contains(index)) views.push_back(shown_.at(index));
+    if (!views.empty()) write_png(comparison, comparison_picture(views));
+  }
+  ShownViews take_shown() { return std::move(shown_); }
 
  private:
+  static bool is_one_of(const std::vector<std::size_t>& ascending, std::size_t index) {
+    return std::binary_search(ascending.begin(), ascending.end(), index);
+  }
+
   std::filesystem::path folder_;
   Vec3f background_;
-  std::vector<std::size_t> compared_;  // ascending
-  std::vector<Comparison> comparisons_;
-  struct File {
-    std::filesystem::path path;
-    Image8 picture;
-  };
-  std::vector<File> files_;
+  std::vector<std::size_t> in_report_, compared_;  // ascending
+  ShownViews waiting_, shown_;
 };
+
+// Draws views without measuring them.
+void draw_views(Trainer& trainer, const std::vector<View>& views,
+                const std::function<void(std::size_t, const View&, Image8)>& on_view) {
+  Renderer& renderer = trainer.backend().renderer();
+  const PackedScene model(trainer.model().gaussians.span());
+  const RenderSettings settings = trainer.evaluation_settings();
+  RenderPass pass(renderer.memory());
+  for_each_with_photo(views, views.size(), [&](std::size_t i, const View& view) {
+    renderer.draw(model, view.camera, settings, pass);
+    on_view(i, view, renderer.picture_of(pass));
+  });
+}
 
 }  // namespace
 
-void evaluate_run(Trainer& trainer, const RunFolder& folder, Lpips* lpips, Results& results,
-                  const std::function<void(std::size_t, std::size_t)>& progress) {
-  const Scene& scene = trainer.scene();
-  const RenderSettings settings = trainer.evaluation_settings();
+ShownViews evaluate_run(Trainer& trainer, const RunFolder& folder, Lpips* lpips, Results& results,
+                        const std::function<void(std::size_t, std::size_t)>& progress) {
+  const std::vector<View>& test = trainer.scene().test_views;
   const std::vector<View> some = sample_of_training_views(trainer, kTrainViewsShown);
-  const bool has_test = !scene.test_views.empty();
-  const std::size_t shown =
-      has_test ? scene.test_views.size() : std::min(some.size(), kComparedViews);
+  const bool has_test = !test.empty();
+  const bool is_measured = has_test || lpips || trainer.config().eval.color_corrected;
   PictureKeeper pictures(folder.pictures(has_test ? "test" : "train", trainer.step()),
-                         settings.background, evenly_chosen(shown, kComparedViews));
-  const std::size_t total = scene.test_views.size() + some.size();
+                         trainer.evaluation_settings().background,
+                         has_test ? test.size() : some.size());
+  const std::size_t total = test.size() + some.size();
   std::size_t done = 0;
   const auto evaluate_views = [&](const std::vector<View>& views, bool is_shown) {
-    return evaluate(
-        trainer.backend().renderer(), trainer.model().gaussians.span(), views, settings,
+    Evaluation evaluation = evaluate(
+        trainer.backend().renderer(), trainer.model().gaussians.span(), views,
+        trainer.evaluation_settings(),
         [&](std::size_t index, const View& view, const ImageF& image) {
-          if (is_shown) pictures.keep(index, view, image);
+          if (is_shown) pictures.keep(index, view, to_image8(image));
           progress(++done, total);
         },
         evaluation_options(trainer, is_shown ? MetricSet{true, lpips} : MetricSet::quick));
+    measure_depth(trainer.backend().renderer(), trainer.model().gaussians, views,
+                  trainer.evaluation_settings(), evaluation);
+    return evaluation;
   };
-  results.test = evaluate_views(scene.test_views, true);
-  results.train = evaluate_views(some, !has_test);
-  const auto measure_depths = [&](const std::vector<View>& views, Evaluation& evaluation) {
-    measure_depth(trainer.backend().renderer(), trainer.model().gaussians, views, settings,
-                  evaluation);
-  };
-  measure_depths(scene.test_views, results.test);
-  measure_depths(some, results.train);
-  pictures.write_files();
+  if (is_measured) {
+    results.test = evaluate_views(test, true);
+    results.train = evaluate_views(some, !has_test);
+  } else {
+    draw_views(trainer, some, [&](std::size_t index, const View& view, Image8 render) {
+      pictures.keep(index, view, std::move(render));
+      progress(++done, total);
+    });
+  }
   if (done < total) progress(total, total);  // views that are masked everywhere are left out
-  if (!pictures.comparisons().empty())
-    write_png(folder.comparison(), comparison_picture(pictures.comparisons()));
+  pictures.finish(folder.comparison());
+  return pictures.take_shown();
 }
 
 double forecast_gpu_bytes(Trainer& trainer) {

@@ -4,6 +4,7 @@
 
 #include <functional>
 
+#include "gs_app/pictures/comparison.h"
 #include "gs_app/run/results.h"
 #include "gs_app/run/run_folder.h"
 #include "gs_train/loop/trainer.h"
@@ -13,9 +14,10 @@ namespace gs {
 /// Renders all test views and some training views, and compares them with their photos: the figures
 /// go to `results`, the pictures to test/ours_N/{renders,gt} (train/ours_N where no view is held
 /// out) and comparison.png. FLIP and, where `lpips` is not null, LPIPS are measured of the
-/// views with pictures. `progress` counts views.
-void evaluate_run(Trainer& trainer, const RunFolder& folder, Lpips* lpips, Results& results,
-                  const std::function<void(std::size_t done, std::size_t total)>& progress);
+/// views with pictures. Where no view is held out, and neither LPIPS nor eval.color_corrected is
+/// asked for, nothing is measured. `progress` counts views. Returns the pictures that a report shows.
+ShownViews evaluate_run(Trainer& trainer, const RunFolder& folder, Lpips* lpips, Results& results,
+                        const std::function<void(std::size_t done, std::size_t total)>& progress);
 
 /// The results of a finished run, before its evaluation; the hash of its scene is left empty.
 Results results_of(Trainer& trainer);

@@ -42,7 +42,7 @@ double gain_spread(const Config& config, const Scene& scene) {
   trainer.run();
   const PhotometricState& state = trainer.model().photometric;
   const std::vector<float> values = state.values.download();
-  const std::size_t count = std::size_t(state.shape.photos) * state.shape.photo_size;
+  const std::size_t count = state.size();
   double sum = 0;
   for (std::size_t i = 0; i < count; ++i) sum += double(values[i]) * double(values[i]);
   return std::sqrt(sum / double(count));

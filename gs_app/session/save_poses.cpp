@@ -29,7 +29,7 @@ Scene scene_with(const Scene& scene, const std::vector<Camera>& train_cameras) {
 
 // The model that the run was trained with, near the origin as the run is.
 SceneModel model_of_run(const DatasetConfig& dataset) {
-  SceneModel model = read_model_and_split(dataset, find_scene(dataset), Tracks::read);
+  SceneModel model = read_scene(dataset, find_scene(dataset), Tracks::read);
   move_near_origin(model);
   if (dataset.refine_cameras) refine_cameras(model.model);  // again, for its lenses and points
   return model;

@@ -25,7 +25,9 @@
 #include "gs_core/error.h"
 #include "gs_core/system/log.h"
 #include "gs_core/threads/parallel.h"
+#include "gs_core/threads/start_threads.h"
 #include "gs_model/formats/formats.h"
+#include "gs_model/formats/ply/ply.h"
 
 namespace gs {
 namespace {
@@ -75,7 +77,7 @@ struct TrainSession::Observers {
 };
 
 TrainSession::TrainSession(TrainRequest request, SessionHooks& hooks)
-    : request_(std::move(request)), hooks_(hooks) {
+    : request_(std::move(request)), clock_(request_.begin), hooks_(hooks) {
   std::set<std::string_view> formats;
   for (const std::string& name : request_.exports) {
     format_named(name).require({});
@@ -104,7 +106,9 @@ SessionEnd TrainSession::run() {
   if (is_finished()) request_.place.reset();  // the others have nothing to do
   make_backend();
   log_info("training on {} with {} threads", backend_->name(), thread_count());
+  clock_.end("start");
   get_scene();
+  clock_.end("scene");
   if (is_finished()) return end_finished_run();
 
   if (!resumed_) {  // before the folder: where this throws, none is left behind
@@ -119,8 +123,10 @@ SessionEnd TrainSession::run() {
   if (resumed_ && !goes_on_in_place()) save_resumed_state();
   if (start_) save_start();
   if (resumed_) make_resumed_trainer();
-  trainer_->keep_checkpoints_in(*checkpoints_);
+  last_checkpoint_.emplace(*checkpoints_, trainer_->schedule().steps());
+  trainer_->keep_checkpoints_in(*last_checkpoint_);
   add_observers();
+  clock_.end("preparation");
 
   train();
   save_last_model();
@@ -132,7 +138,7 @@ SessionEnd TrainSession::run() {
 
 // Another process than 0: it takes the same steps of the same run, and writes nothing.
 SessionEnd TrainSession::follow() {
-  choose_run();
+  choose_run(CheckpointPart::whole);
   if (is_finished()) return SessionEnd::nothing_left;
   hooks_.use_threads(config_.train.threads);
   make_backend();
@@ -147,10 +153,10 @@ SessionEnd TrainSession::follow() {
 
 // ---- before the first step ---------------------------------------------------------------------
 
-void TrainSession::choose_run() {
+void TrainSession::choose_run(CheckpointPart part) {
   resumed_.reset();  // one checkpoint in memory at a time
   if (!request_.resume.empty())
-    resumed_ = find_resumed_run(request_.settings, request_.resume, request_.added_steps);
+    resumed_ = find_resumed_run(request_.settings, request_.resume, request_.added_steps, part);
   config_ = resumed_ ? resumed_->config : config_of_new_run();
   if (config_.eval.lpips != "none") config_.eval.lpips = absolute_path(config_.eval.lpips);
 }
@@ -176,12 +182,18 @@ std::vector<fs::path> TrainSession::inputs() const {
   return inputs;
 }
 
+// The settings, which name the folder, follow from the head of a checkpoint. Its arrays are read once
+// no other process changes the folder any more.
 void TrainSession::lock_folder() {
-  choose_run();
+  try {
+    choose_run(CheckpointPart::head);
+  } catch (const Error&) {
+    choose_run(CheckpointPart::whole);  // throws again, unless the head was damaged
+  }
   folder_.emplace(config_.model.output);
   check_is_folder(*folder_);
   lock_.emplace(OutputLock::of_folder(folder_->root()));
-  choose_run();  // again, since no other process changes the folder any more
+  choose_run(CheckpointPart::whole);
 }
 
 void TrainSession::check_output() const {
@@ -309,8 +321,11 @@ void TrainSession::add_observers() {
 void TrainSession::train() {
   std::optional<StopOnSignal> stop_on_signal;
   if (request_.stops_on_signal) stop_on_signal.emplace(*trainer_);
+  const double before = trainer_->train_seconds();
   naming_what_is_kept([&] { trainer_->run(); });
   observers_->progress.clear();
+  clock_.end("training", trainer_->train_seconds() - before);
+  clock_.end("between steps");
 }
 
 void TrainSession::save_last_model() {
@@ -318,24 +333,53 @@ void TrainSession::save_last_model() {
   const bool is_last_step = last == trainer_->schedule().steps();
   save_poses(*folder_, *trainer_);
   if (!is_last_step && fs::exists(folder_->ply(last))) return;  // train.save_steps named the step
-  guarded("saving the model", [&] { save_model(*folder_, last, *trainer_); });
+  if (is_last_step)
+    guarded("saving the model", [&] { write_last_model(); });
+  else
+    guarded("saving the model", [&] { save_model(*folder_, last, *trainer_); });
   if (const auto looks = looks_of(*trainer_)) write_photometric(folder_->photometric(), *looks);
+  clock_.end("copy of the model");
+}
+
+void TrainSession::write_last_model() {
+  if (config_.model.filter_3d)
+    write_gaussian_ply(folder_->raw_ply(trainer_->step()), raw_model(*trainer_));
+  last_model_ = trained_model(*trainer_);
+  model_file_ = in_background(
+      [this, file = folder_->ply(trainer_->step())] { write_gaussian_ply(file, *last_model_); });
+}
+
+void TrainSession::end_part(const char* part) {
+  clock_.end(part);
+  results_.wall_seconds = clock_.parts();
+}
+
+void TrainSession::wait_for_files() {
+  last_checkpoint_->wait();
+  model_file_.get();
 }
 
 void TrainSession::finish() {
   results_ = results_of(*trainer_);
   results_.scene_hash = scene_hash_;
-  log_info("all {} steps are done and the model is saved; now it is evaluated",
+  log_info("all {} steps are done, and the model is being saved; now it is evaluated",
            results_.iterations);
+  ShownViews pictures;
   guarded("the evaluation", [&] {
-    evaluate_run(*trainer_, *folder_, lpips_.get(), results_,
-                 [&](std::size_t done, std::size_t total) { hooks_.show_evaluation(done, total); });
+    pictures = evaluate_run(
+        *trainer_, *folder_, lpips_.get(), results_,
+        [&](std::size_t done, std::size_t total) { hooks_.show_evaluation(done, total); });
   });
   observers_->metrics.finish(results_.iterations, *trainer_, results_.test);
   write_text(folder_->per_view(), per_view_json(results_));
-  const std::string results_text = results_json(results_);
-  if (request_.writes_report) write_final_report(*folder_, results_text);
-  write_text(folder_->results(), results_text);  // last: it says that the run is finished
+  end_part("evaluation");
+  if (request_.writes_report)
+    write_final_report(*folder_,
+                       {results_json(results_), results_.iterations, *last_model_, pictures});
+  end_part("report");
+  naming_what_is_kept([&] { wait_for_files(); });
+  end_part("files");
+  write_text(folder_->results(), results_json(results_));  // last: it says that the run is finished
   checkpoints_->keep_only_newest();
   // From here on the run is saved, and nothing can be lost.
   guarded("the COLMAP model of refined poses", [&] { save_refined_model(*folder_, *trainer_); });
@@ -363,6 +407,8 @@ void TrainSession::naming_what_is_kept(const std::function<void()>& f) {
   try {
     f();
   } catch (const Error& error) {
+    if (last_checkpoint_) last_checkpoint_->wait();  // so that the message can name them
+    if (model_file_.valid()) model_file_.wait();
     observers_->progress.clear();
     observers_->lost.say_again();
     throw Error(error.what() + what_is_kept(error.code()), error.code());

@@ -4,6 +4,7 @@
 #pragma once
 
 #include <functional>
+#include <future>
 #include <memory>
 #include <optional>
 #include <string>
@@ -16,6 +17,8 @@
 #include "gs_app/run/process_place.h"
 #include "gs_app/run/results.h"
 #include "gs_app/run/run_folder.h"
+#include "gs_app/run/wall_clock.h"
+#include "gs_app/session/last_checkpoint.h"
 #include "gs_app/session/session_hooks.h"
 #include "gs_core/error.h"
 #include "gs_core/scene.h"
@@ -42,6 +45,7 @@ struct TrainRequest {
   // One of several processes that run the same session (docs/method/several_gpus.md#processes).
   // Process 0 writes the run's folder, and the others write nothing.
   std::optional<ProcessPlace> place = {};
+  WallClock::Clock::time_point begin = WallClock::Clock::now();  // of the command, for results.json
 };
 
 /// How run() ended.
@@ -58,6 +62,8 @@ enum class SessionEnd {
 ///   find the run to resume, lock the folder, read the network of LPIPS, make the backend,
 ///   reconstruct bare photos, load the scene, make the trainer, write the run's description, train,
 ///   save the model, evaluate, write results and report, export
+/// The last checkpoint and the last model are written in the background meanwhile. Results come
+/// after them.
 class TrainSession {
  public:
   /// Throws UsageError or Error where a format of `exports` cannot be written.
@@ -79,7 +85,7 @@ class TrainSession {
   SessionEnd follow();
 
   // Before the first step.
-  void choose_run();
+  void choose_run(CheckpointPart part);
   Config config_of_new_run() const;
   std::vector<std::filesystem::path> inputs() const;
   void lock_folder();
@@ -101,6 +107,9 @@ class TrainSession {
   // From there on.
   void train();
   void save_last_model();
+  void write_last_model();
+  void wait_for_files();
+  void end_part(const char* part);
   void finish();
   SessionEnd end_finished_run();
   void guarded(const char* what, const std::function<void()>& f);
@@ -109,6 +118,7 @@ class TrainSession {
   void add_what_is_kept(std::string& text, ExitCode code) const;
 
   TrainRequest request_;
+  WallClock clock_;
   SessionHooks& hooks_;
   Config config_;
   std::optional<ResumedRun> resumed_;
@@ -122,10 +132,13 @@ class TrainSession {
   std::string scene_hash_;        // of its files before they were read
   SceneRecord record_;
   std::optional<CheckpointFolder> checkpoints_;
+  std::optional<LastCheckpoint> last_checkpoint_;
   std::optional<RunProgress> start_;  // of a run that starts from a model
   std::optional<Trainer> trainer_;
   std::unique_ptr<Observers> observers_;
   Results results_;
+  std::optional<GaussianModel> last_model_;  // of a finished run
+  std::future<void> model_file_;             // where it is written
 };
 
 }  // namespace gs

@@ -9,7 +9,6 @@
 #include "data_loaders/colmap/world_offset.h"
 #include "data_loaders/photos/photo_names.h"
 #include "data_loaders/scene/load_scene.h"
-#include "gs_app/edit/edit_model.h"
 #include "gs_app/export/cameras.h"
 #include "gs_app/run/photometric_file.h"
 #include "gs_app/view/eye_inside.h"
@@ -17,6 +16,7 @@
 #include "gs_core/error.h"
 #include "gs_core/system/log.h"
 #include "gs_core/system/text/json.h"
+#include "gs_model/edit/edit_model.h"
 #include "gs_model/edit/upright.h"
 
 namespace gs {

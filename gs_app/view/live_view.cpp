@@ -4,14 +4,11 @@
 #include <spdlog/fmt/fmt.h>
 
 #include <algorithm>
-#include <fstream>
-#include <iterator>
 #include <limits>
 #include <new>
 
 #include "gs_app/view/served_model.h"
 #include "gs_core/error.h"
-#include "gs_core/system/files/scratch_folder.h"
 #include "gs_core/system/log.h"
 #include "gs_core/system/text/json.h"
 #include "gs_core/system/text/plain_message.h"
@@ -225,16 +222,10 @@ void LiveView::encode_all() {
 LiveView::Snapshot LiveView::encode(const GaussianModel& model) const {
   const GaussianModel visible = visible_part(model);
   const ModelFormat& format = snapshot_format(model.gaussians.has_time);
-  const ScratchFolder scratch;
-  const std::filesystem::path path = scratch.path() / ("snapshot" + std::string(format.ending));
-  const std::size_t written = write_model(path, visible);
-  std::ifstream file(path, std::ios::binary);
-  auto bytes = std::make_shared<std::string>(std::istreambuf_iterator<char>(file),
-                                             std::istreambuf_iterator<char>());
-  if (bytes->size() != std::filesystem::file_size(path))
-    throw Error("cannot read " + path.string() +
-                " back; free space in the folder for temporary files, or set TMPDIR");
-  return {std::move(bytes), written, model.sh_degree, model.antialiased};
+  MemorySink sink("the snapshot");
+  const std::size_t written = write_model(sink, format, visible);
+  return {std::make_shared<std::string>(std::move(sink.text)), written, model.sh_degree,
+          model.antialiased};
 }
 
 Json LiveView::mode_and_model() {

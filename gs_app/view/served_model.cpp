@@ -8,8 +8,7 @@
 #include "gs_core/system/byte_reader.h"
 #include "gs_core/system/log.h"
 #include "gs_core/system/text/json.h"
-#include "gs_model/formats/lod/streamed_sog.h"
-#include "gs_model/formats/model_transform.h"
+#include "gs_model/edit/model_transform.h"
 #include "gs_model/formats/ply/compressed_ply.h"
 #include "gs_model/formats/ply/mip_filter.h"
 #include "gs_model/formats/ply/ply.h"
@@ -45,12 +44,6 @@ const ModelFormat& format_of(const std::filesystem::path& file) {
   return format_named(is_compressed_ply(PlyFile(file).header()) ? "compressed.ply" : "ply");
 }
 
-// The .rad that export --lod has written beside a streamed SOG, or the file itself.
-std::filesystem::path streamable(const std::filesystem::path& file) {
-  const std::filesystem::path rad = file.parent_path() / kLodRad;
-  return file.filename() == kLodMeta && std::filesystem::exists(rad) ? rad : file;
-}
-
 // Puts a file that was made of the model in the place of its own.
 void make_file(ServedModel& model, const OpenedModel& opened, const char* format) {
   model.scratch = std::make_shared<ScratchFolder>();
@@ -70,7 +63,7 @@ bool is_served_as_it_is(const std::filesystem::path& file) {
 
 ServedModel serve_model(const OpenedModel& opened, std::size_t stream_from) {
   ServedModel model;
-  model.file = opened.lod_level > 0 ? opened.ply : streamable(opened.ply);
+  model.file = opened.ply;
   model.format = &format_of(model.file);
   model.name = model.file.filename().string();
   model.gaussians = opened.model.gaussians.count();

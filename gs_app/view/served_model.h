@@ -32,9 +32,8 @@ bool is_served_as_it_is(const std::filesystem::path& file);
 /// Gaussians: 400 MB and more as a PLY, and the first picture comes after a twentieth of the bytes.
 inline constexpr std::size_t kWorthStreaming = 2'000'000;
 
-/// Makes another file if one is needed; of a folder of export --lod it takes the .rad. A model of
-/// `stream_from` Gaussians or more that stands still becomes a .rad, which the page streams; 0:
-/// none does. Throws Error if a file cannot be written.
+/// Makes another file if one is needed. A model of `stream_from` Gaussians or more that stands still
+/// becomes a .rad, which the page streams; 0: none does. Throws Error if a file cannot be written.
 ServedModel serve_model(const OpenedModel& opened, std::size_t stream_from = kWorthStreaming);
 
 /// "model" of /scene.json: {"format", "gaussians", "bytes", "sh_degree", "antialiased", "name",

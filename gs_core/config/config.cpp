@@ -20,6 +20,7 @@
 #include "gs_core/config/text/setting_lines.h"
 #include "gs_core/density/growth_method.h"
 #include "gs_core/error.h"
+#include "gs_core/system/text/ascii.h"
 #include "gs_core/system/text/foreign_text.h"
 
 namespace gs {
@@ -295,13 +296,9 @@ std::string apply_setting(Config& config, const std::string& assignment) {
   const std::size_t equals = assignment.find('=');
   if (equals == assignment.npos)
     throw UsageError("the setting " + assignment + " has no value; write section.key=value");
-  const auto trimmed = [](const std::string& text) {
-    const std::size_t first = text.find_first_not_of(" \t");
-    if (first == text.npos) return std::string();
-    return text.substr(first, text.find_last_not_of(" \t") - first + 1);
-  };
-  const std::string key = current_key(trimmed(assignment.substr(0, equals)));
-  const std::string text = trimmed(assignment.substr(equals + 1));
+  const std::string_view whole = assignment;
+  const std::string key = current_key(std::string(trimmed(whole.substr(0, equals), " \t")));
+  const std::string text(trimmed(whole.substr(equals + 1), " \t"));
   if (is_read_over(key, *parse_value(text).get("value"), "")) return key;
   if (RemovedRules rules; rules.take(key, *parse_value(text).get("value"), "")) {
     config.density.strategy = rules.resolved(config.density.strategy, "");

@@ -128,8 +128,12 @@ SerialLoops::SerialLoops() : was_inside_(t_inside_loop) { t_inside_loop = true; 
 SerialLoops::~SerialLoops() { t_inside_loop = was_inside_; }
 
 void detail::run_chunks(std::size_t count, std::size_t grain, ChunkBody body, void* context) {
+  if (count <= grain) {  // loops inside of the only chunk may take all threads
+    if (count > 0) body(context, 0, count);
+    return;
+  }
   Loop loop(count, grain, body, context);
-  if (t_inside_loop || count <= grain || thread_count() == 1) {
+  if (t_inside_loop || thread_count() == 1) {
     const bool was_inside = t_inside_loop;
     loop.work();
     t_inside_loop = was_inside;

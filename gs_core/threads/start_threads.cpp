@@ -7,6 +7,7 @@
 #include "gs_core/error.h"
 #include "gs_core/system/log.h"
 #include "gs_core/system/text/plain_message.h"
+#include "gs_core/threads/parallel.h"
 
 namespace gs {
 namespace {
@@ -27,6 +28,20 @@ void start_threads(std::vector<std::thread>& threads, int count,
   } catch (const std::exception& error) {  // no thread, or no memory for one
     log_warning("{} of {} threads could be started ({}): the work goes on, and takes longer",
                 started, count, plain_message(error));
+  }
+}
+
+std::future<void> in_background(std::function<void()> f) {
+  try {
+    if (const ThreadHook hook = thread_hook) hook();
+    return std::async(std::launch::async, [f] {
+      const SerialLoops beside_the_pool;
+      f();
+    });
+  } catch (const std::system_error&) {  // the work is done in any case
+    std::packaged_task<void()> task(std::move(f));
+    task();
+    return task.get_future();
   }
 }
 

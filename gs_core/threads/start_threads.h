@@ -4,6 +4,7 @@
 #pragma once
 
 #include <functional>
+#include <future>
 #include <thread>
 #include <vector>
 
@@ -14,9 +15,13 @@ namespace gs {
 /// also with none.
 void start_threads(std::vector<std::thread>& threads, int count, const std::function<void()>& body);
 
+/// Runs f() on a thread of its own, whose loops take no other one, or right now where the system gives
+/// no thread. The result throws what f() threw, and waits for its end when it goes out of scope.
+std::future<void> in_background(std::function<void()> f);
+
 /// A hook for tests in which threads cannot start. It is called before each start of
-/// start_threads() and may throw std::system_error as std::thread would. There is one for the whole
-/// program; null, the initial value, allows everything.
+/// start_threads() and in_background(), and may throw std::system_error as std::thread would. There
+/// is one for the whole program; null, the initial value, allows everything.
 using ThreadHook = void (*)();
 void set_thread_hook(ThreadHook hook);
 

@@ -97,7 +97,7 @@ bool has_exif(const std::vector<Shot>& shots) {
 std::vector<Shot> shots_of(const PhotometricState& state, const Scene& scene) {
   std::vector<Shot> shots;
   for (std::size_t i = 0; i < scene.train_views.size(); ++i)
-    shots.push_back({&scene.train_views[i], state.photo(i).data});
+    shots.push_back({&scene.train_views[i], state.row(i).data});
   for (const View& view : scene.test_views) shots.push_back({&view, nullptr});
   std::sort(shots.begin(), shots.end(),
             [](const Shot& a, const Shot& b) { return a.view->name < b.view->name; });
@@ -142,7 +142,7 @@ double spread_of(const RuleRow& rule, const std::vector<Question>& questions, st
 
 HeldOutPhotos predict_held_out(const PhotometricState& state, const Scene& scene) {
   const std::vector<Shot> shots = shots_of(state, scene);
-  const std::size_t size = state.shape.photo_size;
+  const std::size_t size = state.numbers;
   std::vector<Question> left_out;
   for (std::size_t i = 0; i < shots.size(); ++i)
     if (shots[i].numbers) left_out.push_back(question_of(shots, i));

@@ -44,7 +44,7 @@ SceneLooks looks_of(const PhotometricConfig& config, const PhotometricState& in_
   looks.config = config;
   for (std::size_t i = 0; i < scene.train_views.size(); ++i) {
     const View& view = scene.train_views[i];
-    looks.photos[view.name] = {view.camera_id, false, copied(state.photo(i))};
+    looks.photos[view.name] = {view.camera_id, false, copied(state.row(i))};
   }
   HeldOutPhotos held_out = predict_held_out(state, scene);
   for (std::size_t i = 0; i < scene.test_views.size(); ++i) {

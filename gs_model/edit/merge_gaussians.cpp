@@ -65,21 +65,21 @@ double merged_opacity(double mass, double area) {
 }
 
 /// Two shapes and their merge as one view along an axis shows them.
-struct Splat {
+struct FlatSplat {
   double xx, xy, yy, det;  // 2x2 covariance
   double x, y;             // mean
 };
 
-Splat splat_along(int axis, const Sym3<double>& s, const Vec3d& mean) {
-  Splat p = axis == 0   ? Splat{s.yy, s.yz, s.zz, 0, mean.y, mean.z}
-            : axis == 1 ? Splat{s.xx, s.xz, s.zz, 0, mean.x, mean.z}
-                        : Splat{s.xx, s.xy, s.yy, 0, mean.x, mean.y};
+FlatSplat splat_along(int axis, const Sym3<double>& s, const Vec3d& mean) {
+  FlatSplat p = axis == 0   ? FlatSplat{s.yy, s.yz, s.zz, 0, mean.y, mean.z}
+                : axis == 1 ? FlatSplat{s.xx, s.xz, s.zz, 0, mean.x, mean.z}
+                            : FlatSplat{s.xx, s.xy, s.yy, 0, mean.x, mean.y};
   p.det = std::max(0.0, p.xx * p.yy - p.xy * p.xy);
   return p;
 }
 
 // integral G_a G_b / (2 pi)
-double overlap(const Splat& a, const Splat& b) {
+double overlap(const FlatSplat& a, const FlatSplat& b) {
   const double xx = a.xx + b.xx, xy = a.xy + b.xy, yy = a.yy + b.yy;
   const double det = xx * yy - xy * xy;
   const double both = a.det * b.det;
@@ -156,8 +156,8 @@ double merge_cost(const MergeShape& a, const MergeShape& b) {
   const Vec3d da = Vec3d(a.mean) - m.mean, db = Vec3d(b.mean) - m.mean;
   double sum = 0;
   for (int axis = 0; axis < 3; ++axis) {
-    const Splat pa = splat_along(axis, sa, da), pb = splat_along(axis, sb, db),
-                pm = splat_along(axis, m.sigma, Vec3d(0.0));
+    const FlatSplat pa = splat_along(axis, sa, da), pb = splat_along(axis, sb, db),
+                    pm = splat_along(axis, m.sigma, Vec3d(0.0));
     sum += 0.5 * (aa * std::sqrt(pa.det) + bb * std::sqrt(pb.det) + mm * std::sqrt(pm.det)) +
            ab * overlap(pa, pb) + am * overlap(pa, pm) + bm * overlap(pb, pm);
   }

@@ -8,6 +8,8 @@
 #include <fstream>
 #include <string_view>
 
+#include "gs_core/system/text/ascii.h"
+
 namespace gs {
 namespace {
 
@@ -21,7 +23,11 @@ struct Foreign {
 };
 
 constexpr Foreign kEndings[] = {
+    {".csv", "a table", "give the columns that numpy.loadtxt reads to gemsplat.Model"},
     {".lcc", "an .lcc scene of XGRIDS", kConvert},
+    {"lod-meta.json", "a streamed SOG",
+     "name a meta.json of its folders, or the model.rad beside it"},
+    {".ksplat", "a .ksplat file of GaussianSplats3D", kConvert},
     {".splatv", "a .splatv file of moving Gaussians", "train one moment and name its .ply"},
     {".pth", "a checkpoint of a PyTorch trainer", "let that trainer export a .ply"},
     {".pt", "a checkpoint of a PyTorch trainer", "let that trainer export a .ply"},
@@ -41,13 +47,6 @@ std::string text_of(const Foreign& foreign) {
   return fmt::format("this is {}, not a PLY; {}", foreign.kind, foreign.remedy);
 }
 
-std::string lowercase_name(const fs::path& path) {
-  std::string name = path.filename().string();
-  std::transform(name.begin(), name.end(), name.begin(),
-                 [](unsigned char c) { return char(std::tolower(c)); });
-  return name;
-}
-
 }  // namespace
 
 std::string foreign_kind(const fs::path& path) {
@@ -59,7 +58,7 @@ std::string foreign_kind(const fs::path& path) {
   file.read(first, sizeof first);
   const std::string_view beginning(first, std::size_t(file.gcount()));
   if (beginning.starts_with("ply")) return "";
-  const std::string name = lowercase_name(path);
+  const std::string name = lowercase(path.filename().string());
   for (const Foreign& foreign : kEndings)
     if (name.ends_with(foreign.mark)) return text_of(foreign);
   for (const Foreign& foreign : kFirstBytes)

@@ -8,9 +8,9 @@
 
 namespace gs {
 
-/// What a file is that no reader takes, and a remedy: "this is a .ksplat file, which
-/// gemsplat does not read; convert it to .ply with SuperSplat". Looks at the ending and the first
-/// bytes. Empty for a PLY, for something unknown, and where there is no such file.
+/// What a file is that no reader takes, and a remedy: "this is an .lcc scene of XGRIDS,
+/// not a PLY; convert it to .ply with SuperSplat or splat-transform". Looks at the ending and the
+/// first bytes. Empty for a PLY, for something unknown, and where there is no such file.
 std::string foreign_kind(const std::filesystem::path& path);
 
 }  // namespace gs

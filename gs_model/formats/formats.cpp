@@ -9,15 +9,14 @@
 #include "gs_core/bake_filter.h"
 #include "gs_core/error.h"
 #include "gs_core/system/byte_reader.h"
+#include "gs_core/system/files/atomic_file.h"
+#include "gs_core/system/text/ascii.h"
 #include "gs_model/formats/coding/compression.h"
 #include "gs_model/formats/coding/finite_rows.h"
-#include "gs_model/formats/csv.h"
 #include "gs_model/formats/foreign_files.h"
 #include "gs_model/formats/glb/glb.h"
 #include "gs_model/formats/gs4d/gs4d.h"
-#include "gs_model/formats/ksplat.h"
 #include "gs_model/formats/lod/rad.h"
-#include "gs_model/formats/lod/streamed_sog.h"
 #include "gs_model/formats/ply/compressed_ply.h"
 #include "gs_model/formats/ply/ply.h"
 #include "gs_model/formats/sog/sog.h"
@@ -38,17 +37,17 @@ const AxisSigns kPlyAxes{1, 1, 1};
 
 // Gives a writer that has no options the signature of the table.
 template <auto writer>
-void without_options(const Path& path, const GaussianModel& model, const ExportOptions&) {
-  writer(path, model);
+void without_options(ByteSink& sink, const GaussianModel& model, const ExportOptions&) {
+  writer(sink, model);
 }
-void write_spz_version(const Path& path, const GaussianModel& model, const ExportOptions& options) {
-  write_spz(path, model, {options.spz_version, options.spz_sh_bits});
+void write_spz_version(ByteSink& sink, const GaussianModel& model, const ExportOptions& options) {
+  write_spz(sink, model, {options.spz_version, options.spz_sh_bits});
 }
-void write_rad_with(const Path& path, const GaussianModel& model, const ExportOptions&) {
-  write_rad(path, model);
+void write_gs4d_with(ByteSink& sink, const GaussianModel& model, const ExportOptions& options) {
+  write_gs4d(sink, model, options.duration);
 }
-void write_gs4d_with(const Path& path, const GaussianModel& model, const ExportOptions& options) {
-  write_gs4d(path, model, options.duration);
+void write_whole_ply(ByteSink& sink, const GaussianModel& model, const ExportOptions&) {
+  write_gaussian_ply(sink, model);
 }
 
 void require_nothing(const ExportOptions&) {}
@@ -58,45 +57,44 @@ void require_for_spz(const ExportOptions& options) {
 void require_for_rad(const ExportOptions&) { require_zlib(); }
 void require_for_sog(const ExportOptions&) { require_webp(); }
 
-// Files that gemsplat only reads, and the names of files that stand for a folder, of which the
-// whole name counts. export --lod writes the first.
-const std::vector<ModelFormat>& read_formats() {
-  static const std::vector<ModelFormat> kFormats = {
-      {"streamed sog", kLodMeta, "levels of detail as SOG", false, false, kPlyAxes, Holds::still,
-       read_streamed_sog, nullptr, require_for_sog},
-      {"sog folder", "meta.json", "SOG, unpacked", false, false, kPlyAxes, Holds::still,
-       read_sog_folder, nullptr, require_for_sog},
-      {"ksplat", ".ksplat", "floats or halves in buckets, SH up to degree 2", false, false,
-       kPlyAxes, Holds::still, read_ksplat, nullptr, require_nothing}};
-  return kFormats;
-}
+// A folder of files that gemsplat only reads. Its ending is the whole name of the file that stands
+// for the folder.
+const ModelFormat kSogFolder = {"sog folder",    "meta.json", "SOG, unpacked",
+                                false,           kPlyAxes,    Holds::still,
+                                read_sog_folder, nullptr,     require_for_sog};
+constexpr std::string_view kLodMeta = "lod-meta.json";  // of a streamed SOG
 
-bool is_of_folder(const ModelFormat& format) { return !format.ending.starts_with('.'); }
+// What takes the place of formats that gemsplat wrote once.
+std::string_view instead_of(std::string_view name) {
+  if (name.ends_with("csv")) return "numpy.savetxt makes a table of the arrays of gemsplat.load()";
+  if (name == kLodMeta)
+    return "a .rad has levels of detail, too, and splat-transform makes a streamed SOG of .ply "
+           "files";
+  return kOtherOutputs;
+}
 
 }  // namespace
 
 const std::vector<ModelFormat>& model_formats() {
-  constexpr bool kLossless = true, kLossy = false, kAddsOffset = true, kNoOffset = false;
+  constexpr bool kLossless = true, kLossy = false;
   static const std::vector<ModelFormat> kFormats = {
-      {"ply", ".ply", "everything, as floats", kLossless, kNoOffset, kPlyAxes, Holds::both,
-       read_gaussian_ply, without_options<write_gaussian_ply>, require_nothing},
-      {"csv", ".csv", "everything, as text", kLossless, kAddsOffset, kPlyAxes, Holds::still,
-       read_csv, without_options<write_csv>, require_nothing},
-      {"glb", ".glb", "everything, as floats after activation", kLossy, kNoOffset, kHalfTurnZ,
-       Holds::still, read_glb, without_options<write_glb>, require_nothing},
+      {"ply", ".ply", "everything, as floats", kLossless, kPlyAxes, Holds::both, read_gaussian_ply,
+       write_whole_ply, require_nothing, true},
+      {"glb", ".glb", "everything, as floats after activation", kLossy, kHalfTurnZ, Holds::still,
+       read_glb, without_options<write_glb>, require_nothing},
       {"compressed.ply", ".compressed.ply", "fractions of the range of 256 neighbors", kLossy,
-       kNoOffset, kPlyAxes, Holds::still, read_gaussian_ply, without_options<write_compressed_ply>,
-       require_nothing},
-      {"spz", ".spz", "bytes, positions in 24 bits, compressed", kLossy, kNoOffset, kHalfTurnX,
-       Holds::still, read_spz, write_spz_version, require_for_spz},
-      {"sog", ".sog", "codebooks and a palette of SH, compressed", kLossy, kNoOffset, kPlyAxes,
-       Holds::still, read_sog, without_options<write_sog>, require_for_sog},
-      {"rad", ".rad", "a tree of levels of detail, floats of 16 bits, compressed", kLossy,
-       kNoOffset, kPlyAxes, Holds::still, read_rad, write_rad_with, require_for_rad},
-      {"splat", ".splat", "bytes, no SH beyond degree 0", kLossy, kNoOffset, kPlyAxes, Holds::still,
+       kPlyAxes, Holds::still, read_gaussian_ply, without_options<write_compressed_ply>,
+       require_nothing, true},
+      {"spz", ".spz", "bytes, positions in 24 bits, compressed", kLossy, kHalfTurnX, Holds::still,
+       read_spz, write_spz_version, require_for_spz, true},
+      {"sog", ".sog", "codebooks and a palette of SH, compressed", kLossy, kPlyAxes, Holds::still,
+       read_sog, without_options<write_sog>, require_for_sog},
+      {"rad", ".rad", "a tree of levels of detail, floats of 16 bits, compressed", kLossy, kPlyAxes,
+       Holds::still, read_rad, without_options<write_rad>, require_for_rad},
+      {"splat", ".splat", "bytes, no SH beyond degree 0", kLossy, kPlyAxes, Holds::still,
        read_splat, without_options<write_splat>, require_nothing},
-      {"gs4d", ".gs4d", "motion in chunks in the order of time, for the web", kLossy, kNoOffset,
-       kPlyAxes, Holds::moving, read_gs4d, write_gs4d_with, require_nothing},
+      {"gs4d", ".gs4d", "motion in chunks in the order of time, for the web", kLossy, kPlyAxes,
+       Holds::moving, read_gs4d, write_gs4d_with, require_nothing, true},
   };
   return kFormats;
 }
@@ -112,16 +110,12 @@ const ModelFormat& format_named(std::string_view name) {
   for (const ModelFormat& format : model_formats())
     if (format.name == name || format.ending == name) return format;
   throw UsageError(fmt::format("gemsplat knows no format {}; it has {}; {}", name, format_names(),
-                               kOtherOutputs));
+                               instead_of(name)));
 }
 
 const ModelFormat* find_format(const Path& path) {
-  std::string name = path.filename().string();
-  std::transform(name.begin(), name.end(), name.begin(),
-                 [](unsigned char c) { return char(std::tolower(c)); });
-  for (const ModelFormat& format : read_formats())
-    if (is_of_folder(format) ? name == format.ending : name.ends_with(format.ending))
-      return &format;
+  const std::string name = lowercase(path.filename().string());
+  if (name == kSogFolder.ending) return &kSogFolder;
   const ModelFormat* longest = nullptr;
   for (const ModelFormat& format : model_formats())
     if (name.ends_with(format.ending) &&
@@ -133,25 +127,22 @@ const ModelFormat* find_format(const Path& path) {
 const ModelFormat& format_to_write(const Path& path) {
   const ModelFormat* const found = find_format(path);
   if (found && found->write) return *found;
-  if (found && is_of_folder(*found))
-    throw UsageError(fmt::format(
-        "{}: a {} is a folder of files; name the folder, and add --lod to write levels of detail "
-        "into it, or choose .sog for one file",
-        path.string(), found->name));
+  if (found)
+    throw UsageError(fmt::format("{}: gemsplat writes no {}; choose .sog, which is one file",
+                                 path.string(), found->name));
   std::string endings;
   for (const ModelFormat& format : model_formats())
     endings += (endings.empty() ? "" : ", ") + std::string(format.ending);
   const std::string ending = path.extension().string();
   throw UsageError(fmt::format("{}: gemsplat does not write {}; it writes {}; {}", path.string(),
                                ending.empty() ? "files without an ending" : ending, endings,
-                               kOtherOutputs));
+                               instead_of(path.filename().string())));
 }
 
 Path model_in_folder(const Path& folder) {
   std::error_code ignored;
-  for (const ModelFormat& format : read_formats())
-    if (is_of_folder(format) && fs::is_regular_file(folder / format.ending, ignored))
-      return folder / format.ending;
+  for (const std::string_view name : {kSogFolder.ending, kLodMeta})
+    if (fs::is_regular_file(folder / name, ignored)) return folder / name;
   return {};
 }
 
@@ -189,16 +180,29 @@ void check_holds(const ModelFormat& format, bool has_time, std::string_view file
                   file, format.ending, others));
 }
 
+std::size_t write_model(ByteSink& sink, const ModelFormat& format, const GaussianModel& model,
+                        const ExportOptions& options) {
+  check_holds(format, model.gaussians.has_time, sink.name());
+  if (format.name == "ply") return model.gaussians.count() - write_gaussian_ply(sink, model);
+  GaussianModel finite = finite_model(model);
+  if (finite.gaussians.count() == 0 && !format.may_be_empty)
+    throw Error(fmt::format(
+        "cannot write {}: there are no Gaussians, and {} cannot hold an empty model; choose .ply",
+        sink.name(), format.ending));
+  bake_filter(finite.gaussians);
+  format.write(sink, finite, options);
+  warn_of_left_out(sink.name(), finite.gaussians.count(), model.gaussians.count());
+  return finite.gaussians.count();
+}
+
 std::size_t write_model(const Path& path, const GaussianModel& model,
                         const ExportOptions& options) {
   const ModelFormat& format = format_to_write(path);
   check_holds(format, model.gaussians.has_time, path.string());
-  if (format.name == "ply") return model.gaussians.count() - write_gaussian_ply(path, model);
-  GaussianModel finite = finite_model(model);
-  bake_filter(finite.gaussians);
-  format.write(path, finite, options);
-  warn_of_left_out(path, finite.gaussians.count(), model.gaussians.count());
-  return finite.gaussians.count();
+  AtomicFile file(path);
+  const std::size_t rows = write_model(file, format, model, options);
+  file.commit();
+  return rows;
 }
 
 }  // namespace gs

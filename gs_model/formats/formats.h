@@ -4,7 +4,7 @@
 // To add a format:
 //   1. Write read_x(), write_x() or both in x.h and x.cpp beside this file; the header says what
 //      each byte means. splat.h is the shortest example.
-//   2. Add a row to the table in formats.cpp, and x.cpp to data_loaders/CMakeLists.txt.
+//   2. Add a row to the table in formats.cpp, and x.cpp to gs_model/CMakeLists.txt.
 //   3. For a reader, add a row to kKinds in tests/model/formats_test.cpp (what may
 //      be lost) and one to kReaders in formats_fuzz_test.cpp (10,000 damaged files).
 //   4. Add a row to the tables of docs/reference/formats.md.
@@ -18,6 +18,7 @@
 #include <vector>
 
 #include "gs_core/gaussians.h"
+#include "gs_core/system/files/byte_sink.h"
 #include "gs_model/formats/coding/frame.h"
 
 namespace gs {
@@ -37,26 +38,26 @@ struct ModelFormat {
   std::string_view ending;  // of file names: ".spz"
   std::string_view holds;   // in a few words
   bool is_lossless;         // reading gives the same bits again, SH degree included
-  bool adds_world_offset;   // positions are mean + world_offset, in double precision
   AxisSigns signs;          // of the file's axes relative to the PLY's
   Holds gaussians;          // with time, without, or both
   GaussianModel (*read)(const std::filesystem::path&);  // null: gemsplat only writes it
   // null: gemsplat only reads it
-  void (*write)(const std::filesystem::path&, const GaussianModel&, const ExportOptions&);
+  void (*write)(ByteSink&, const GaussianModel&, const ExportOptions&);
   void (*require)(const ExportOptions&);  // throws Error where this build lacks a library for it
+  bool may_be_empty = false;  // whether a file without Gaussians can be told from damage
 };
 
 /// All formats that gemsplat writes, in the order in which people see them.
 const std::vector<ModelFormat>& model_formats();
 
-/// The names of all formats: "ply, csv, ..."
+/// The names of all formats: "ply, glb, ..."
 std::string format_names();
 
 /// The format of a name such as "spz". Throws UsageError with a list for an unknown name.
 const ModelFormat& format_named(std::string_view name);
 /// The format that a file name's ending stands for, in upper or lower case; null if there is none.
-/// It may be one that is only read, and that model_formats() lacks: .ksplat, and meta.json and
-/// lod-meta.json, which stand for folders of files.
+/// It may be one that is only read, and that model_formats() lacks: meta.json, which stands for a
+/// folder of SOG files.
 const ModelFormat* find_format(const std::filesystem::path& path);
 /// The same for a file to write. Throws UsageError with a list of the endings.
 const ModelFormat& format_to_write(const std::filesystem::path& path);
@@ -66,7 +67,8 @@ bool holds(const ModelFormat& format, bool has_time);
 /// Throws UsageError where they cannot. The message begins with `file` and names formats that can.
 void check_holds(const ModelFormat& format, bool has_time, std::string_view file);
 
-/// The file that a folder of SOG files is read by, lod-meta.json or meta.json; empty for others.
+/// The file that a folder of SOG files is read by, meta.json (or lod-meta.json, which read_model()
+/// refuses with a remedy); empty for others.
 std::filesystem::path model_in_folder(const std::filesystem::path& folder);
 
 /// Reads trained Gaussians in the format of the file's name, or of the file in a folder that
@@ -75,10 +77,12 @@ std::filesystem::path model_in_folder(const std::filesystem::path& folder);
 /// read (foreign_files.h).
 GaussianModel read_model(const std::filesystem::path& path);
 
-/// Writes a model in the format of the file's name, whole or not at all. A 3D filter is a column of
-/// a PLY; other formats have it in scales and opacities. Rows with NaN or infinity
-/// are left out, with a warning. Returns how many rows were written. Throws Error as the writers
-/// do.
+/// Writes a model in a format. A 3D filter is a column of a PLY; other formats have it in scales and
+/// opacities. Rows with NaN or infinity are left out, with a warning. Returns how many rows were
+/// written. Throws Error as the writers do.
+std::size_t write_model(ByteSink& sink, const ModelFormat& format, const GaussianModel& model,
+                        const ExportOptions& options = {});
+/// The same as a file, whole or not at all, in the format of its name.
 std::size_t write_model(const std::filesystem::path& path, const GaussianModel& model,
                         const ExportOptions& options = {});
 

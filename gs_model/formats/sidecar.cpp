@@ -111,18 +111,14 @@ bool has_plain_axes(const Mat4d& matrix, const AxisSigns& signs) {
 
 FileFrames frames_of(const ModelFormat& format, const GaussianModel& model,
                      const ModelTransform& transform) {
-  const bool adds_offset = format.adds_world_offset && transform.is_identity();
-  const Mat4d file_from_placed =
-      adds_offset ? multiply(diagonal(format.signs), translation(model.world_offset))
-                  : diagonal(format.signs);
-  return {multiply(file_from_placed, matrix_of(transform)), translation(model.world_offset)};
+  return {multiply(diagonal(format.signs), matrix_of(transform)), translation(model.world_offset)};
 }
 
 fs::path sidecar_of(const fs::path& file) { return file.string() + ".transforms.json"; }
 
 void write_sidecar(const ExportedFile& exported) {
   AtomicFile file(sidecar_of(exported.file));
-  file.write(json_of(exported).dump(2, ' ', false, Json::error_handler_t::replace) + "\n");
+  file.write(file_text(json_of(exported)));
   file.commit();
 }
 
@@ -135,11 +131,9 @@ std::optional<Mat4d> take_sidecar(const fs::path& file, GaussianModel& model) {
     const Mat4d& matrix = sidecar.input_from_file;
     model.antialiased = sidecar.antialiased;
     model.is_ours = true;
-    // A format that adds the offset was read without it already.
-    const Vec3d taken_off = format->adds_world_offset ? model.world_offset : Vec3d(0.0);
     if (sidecar.was_moved || !has_plain_axes(matrix, format->signs))
-      return multiply(multiply(matrix, diagonal(format->signs)), translation(taken_off));
-    model.world_offset = taken_off + Vec3d{matrix.m[0][3], matrix.m[1][3], matrix.m[2][3]};
+      return multiply(matrix, diagonal(format->signs));
+    model.world_offset = {matrix.m[0][3], matrix.m[1][3], matrix.m[2][3]};
   } catch (const AccessError&) {  // without it the model would stand elsewhere
     throw;
   } catch (const std::bad_alloc&) {

@@ -9,8 +9,8 @@
 
 #include "gs_core/gaussians.h"
 #include "gs_core/geodesy/georeference.h"
+#include "gs_model/edit/model_transform.h"
 #include "gs_model/formats/formats.h"
-#include "gs_model/formats/model_transform.h"
 
 namespace gs {
 

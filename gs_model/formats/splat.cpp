@@ -8,7 +8,6 @@
 
 #include "gs_core/error.h"
 #include "gs_core/system/byte_reader.h"
-#include "gs_core/system/files/atomic_file.h"
 #include "gs_model/formats/coding/finite_rows.h"
 #include "gs_model/formats/coding/little_endian.h"
 #include "gs_model/formats/coding/quantize.h"
@@ -80,19 +79,12 @@ GaussianModel read_splat(const std::filesystem::path& path) {
   return model;
 }
 
-void write_splat(const std::filesystem::path& path, const GaussianModel& model) {
-  if (model.gaussians.count() == 0)
-    throw Error(fmt::format(
-        "cannot write {}: there are no Gaussians, and an empty .splat looks like one that was cut "
-        "short; choose .ply",
-        path.string()));
+void write_splat(ByteSink& sink, const GaussianModel& model) {
   std::vector<Row> rows;
   rows.reserve(model.gaussians.count());
   for (const std::size_t i : by_importance(model.gaussians))
     rows.push_back(row_of(model.gaussians, i));
-  AtomicFile file(path);
-  file.write(rows.data(), rows.size() * sizeof(Row));
-  file.commit();
+  sink.write(rows.data(), rows.size() * sizeof(Row));
 }
 
 }  // namespace gs

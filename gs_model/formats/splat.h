@@ -10,6 +10,7 @@
 #include <filesystem>
 
 #include "gs_core/gaussians.h"
+#include "gs_core/system/files/byte_sink.h"
 
 namespace gs {
 
@@ -17,7 +18,7 @@ namespace gs {
 GaussianModel read_splat(const std::filesystem::path& path);
 
 /// Writes a model that finite_model() made, in the order of volume times opacity, largest first:
-/// some viewers draw while they download. Throws Error where the file cannot be written.
-void write_splat(const std::filesystem::path& path, const GaussianModel& model);
+/// some viewers draw while they download. Throws Error as the sink does.
+void write_splat(ByteSink& sink, const GaussianModel& model);
 
 }  // namespace gs

@@ -35,7 +35,7 @@ MeanBox box_of(const Gaussians& g, const Rows& order, std::size_t begin, std::si
   return box;
 }
 
-/// Cuts the rows into cells, depth first, so that the leaves of a node follow each other.
+/// Cuts the rows into the leaves of a k-d tree.
 class CellSplit {
  public:
   CellSplit(const Gaussians& g, std::size_t leaf_rows) : g_(g), leaf_rows_(leaf_rows) {
@@ -45,19 +45,16 @@ class CellSplit {
     leaf_begin.push_back(order.size());
   }
 
-  std::vector<LodNode> nodes;
   Rows order;                           // leaf after leaf
   std::vector<std::size_t> leaf_begin;  // in `order`
 
  private:
-  std::uint32_t split(std::size_t begin, std::size_t end) {
-    const auto index = std::uint32_t(nodes.size());
-    nodes.push_back({std::uint32_t(leaf_begin.size())});
+  void split(std::size_t begin, std::size_t end) {
     const MeanBox box = box_of(g_, order, begin, end);
     if (end - begin <= leaf_rows_) {
       sort_along_curve(box, begin, end);
       leaf_begin.push_back(begin);
-      return index;
+      return;
     }
     const std::size_t middle = begin + (end - begin) / 2;
     const int axis = box.longest_axis();
@@ -65,11 +62,8 @@ class CellSplit {
     std::nth_element(at(begin), at(middle), at(end), [&](std::uint32_t a, std::uint32_t b) {
       return g_.mean[a][axis] != g_.mean[b][axis] ? g_.mean[a][axis] < g_.mean[b][axis] : a < b;
     });
-    const std::uint32_t low = split(begin, middle), high = split(middle, end);
-    nodes[index].children[0] = low;
-    nodes[index].children[1] = high;
-    nodes[index].num_leaves = std::uint32_t(leaf_begin.size()) - nodes[index].first_leaf;
-    return index;
+    split(begin, middle);
+    split(middle, end);
   }
 
   void sort_along_curve(const MeanBox& box, std::size_t begin, std::size_t end) {
@@ -108,8 +102,7 @@ std::vector<std::size_t> reduced_leaves(const std::vector<std::size_t>& begin, s
 }
 
 // Makes a level of the one before it, leaf by leaf, and gives that one its `parent`.
-LodLevel coarser(LodLevel& finer, std::size_t ratio,
-                 const std::function<void(std::size_t)>& count) {
+LodLevel coarser(LodLevel& finer, std::size_t ratio) {
   LodLevel level{
       rows_like(finer.gaussians, 0, host_memory()), reduced_leaves(finer.leaf_begin, ratio), {}};
   level.gaussians.resize(level.leaf_begin.back());
@@ -123,7 +116,6 @@ LodLevel coarser(LodLevel& finer, std::size_t ratio,
     GS_CHECK(decimate(rows, level.count(leaf), options) == level.count(leaf));
     copy_rows(rows, 0, rows.count(), level.gaussians, first);
     for (const std::uint32_t row : merged_into) finer.parent.push_back(std::uint32_t(first) + row);
-    count(finer.count(leaf) - level.count(leaf));
   }
   return level;
 }
@@ -141,17 +133,13 @@ LodTree build_lod_tree(Gaussians gaussians, const LodOptions& options) {
   if (rendered.empty()) throw UsageError("a model without Gaussians has no levels of detail");
   if (rendered.size() < gaussians.count()) gaussians = rows_of(gaussians, rendered);
 
-  CellSplit cells(gaussians, options.leaf_rows);
-  LodTree tree{std::move(cells.nodes), {}};
+  const CellSplit cells(gaussians, options.leaf_rows);
+  LodTree tree;
   tree.levels.push_back({rows_of(gaussians, cells.order), cells.leaf_begin, {}});
-  const std::size_t total = gaussians.count(), levels = num_levels(total, options);
+  const std::size_t levels = num_levels(gaussians.count(), options);
   gaussians = Gaussians();
-  std::size_t done = 0;
-  const auto count = [&](std::size_t merges) {
-    if (options.on_progress) options.on_progress(done += merges, total);
-  };
   while (tree.levels.size() < levels)
-    tree.levels.push_back(coarser(tree.levels.back(), options.ratio, count));
+    tree.levels.push_back(coarser(tree.levels.back(), options.ratio));
   return tree;
 }
 

@@ -1,10 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Levels of detail of a model: a k-d tree over the means, and in each of its leaves levels with
-// ever fewer Gaussians, made by merging (decimate.h). A viewer draws each leaf at the level that
-// its distance deserves.
+// ever fewer Gaussians, made by merging (decimate.h).
 #pragma once
-
-#include <functional>
 
 #include "gs_core/gaussians.h"
 
@@ -14,17 +11,6 @@ struct LodOptions {
   std::size_t leaf_rows = 50'000;   // a cell with more Gaussians is split
   std::size_t ratio = 4;            // a level has 1/ratio of the Gaussians of the one before it
   std::size_t coarsest_rows = 250;  // no level has fewer, unless the model has
-  // Called now and then by the calling thread with the Gaussians merged so far, and those of all
-  // leaves; may be empty. What it throws leaves build_lod_tree().
-  std::function<void(std::size_t done, std::size_t total)> on_progress = {};
-};
-
-/// A cell of the k-d tree. Its leaves are first_leaf, ..., first_leaf + num_leaves - 1.
-struct LodNode {
-  std::uint32_t first_leaf = 0, num_leaves = 1;
-  std::uint32_t children[2] = {0, 0};  // indices of nodes; both 0 for a leaf
-
-  bool is_leaf() const { return num_leaves == 1; }
 };
 
 /// A level of the whole model. Its rows lie leaf after leaf, and in a leaf about along the Morton
@@ -39,10 +25,7 @@ struct LodLevel {
 };
 
 struct LodTree {
-  std::vector<LodNode> nodes;    // the root first
   std::vector<LodLevel> levels;  // the model itself first, the coarsest last
-
-  std::size_t num_leaves() const { return nodes.front().num_leaves; }
 };
 
 /// Builds the tree. A cell is split at the median of the longest axis of its means; equal means are

@@ -3,7 +3,6 @@
 // (gs_train/photometric).
 #include "gs_render/stage_clock.h"
 #include "gs_train/photo_terms/photo_term.h"
-#include "gs_train/photometric/photometric_start.h"
 
 namespace gs {
 namespace {
@@ -14,13 +13,13 @@ class GainsTerm final : public PhotoTerm {
       : photometric_(std::move(photometric)) {}
 
   void begin(const TrainingModel& model, const Update&) override {
-    sum_.assign(photometric_ ? model.photometric.shape.size() : 0, 0.0);
+    sum_.assign(photometric_ ? model.photometric.size() : 0, 0.0);
   }
 
   void show(const TrainingModel& model, StepPhoto& photo, RenderPass& pass) override {
     if (!photometric_) return;
     const HostStage stage("photometric");
-    appearance_ = photometric_->appearance(model.photometric.photo(photo.given.photo_row));
+    appearance_ = photometric_->appearance(model.photometric.row(photo.given.photo_row));
     appearance_->show({pass.image.data(), pass.width, pass.height});
     if (photo.view->over_background)
       appearance_->show_background(pass.background, pass.width, pass.height);
@@ -31,16 +30,16 @@ class GainsTerm final : public PhotoTerm {
                     double weight) override {
     if (!photometric_) return;
     const Span<const double> gradient = appearance_->gradient();
-    double* const of_photo =
-        sum_.data() + model.photometric.shape.photo_begin(photo.given.photo_row);
+    double* const of_photo = sum_.data() + model.photometric.begin_of(photo.given.photo_row);
     for (std::size_t i = 0; i < gradient.size; ++i) of_photo[i] += weight * gradient[i];
   }
 
   void update(TrainingModel& model, const Update& update) override {
     if (!photometric_ || !(update.photometric_rate > 0)) return;
     const HostStage stage("photometric");
-    update_photometric(model.photometric, *photometric_, update.photometric_rate, update.photo_rule,
-                       sum_);
+    PhotometricState& state = model.photometric;
+    update_table(state, photometric_->pulls(state), update.photometric_rate, update.photo_rule,
+                 sum_);
   }
 
  private:

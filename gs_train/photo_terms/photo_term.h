@@ -6,7 +6,7 @@
 //   1. The formulas go into gs_core/math, with their gradients. The class (derived from PhotoTerm)
 //      goes into a file of this folder, with the function that makes it.
 //   2. It becomes a row of kPhotoTerms in photo_terms.cpp.
-//   3. What it learns is a state in TrainingModel, as PhotometricState and PoseState are.
+//   3. What it learns is a PhotoTable in TrainingModel, as PhotometricState and PoseState are.
 #pragma once
 
 #include <memory>

@@ -11,7 +11,7 @@ namespace {
 class PoseTerm final : public PhotoTerm {
  public:
   void begin(const TrainingModel& model, const Update& update) override {
-    sum_.assign(update.pose_rate > 0 ? model.poses.values.size() : 0, 0.0);
+    sum_.assign(update.pose_rate > 0 ? model.poses.size() : 0, 0.0);
   }
 
   void prepare(const TrainingModel& model, StepPhoto& photo) override {
@@ -31,7 +31,8 @@ class PoseTerm final : public PhotoTerm {
   }
 
   void update(TrainingModel& model, const Update& update) override {
-    if (!sum_.empty()) update_poses(model.poses, update.pose_rate, update.photo_rule, sum_);
+    if (sum_.empty()) return;
+    update_table(model.poses, pose_pulls(model.poses), update.pose_rate, update.photo_rule, sum_);
   }
 
  private:

@@ -54,17 +54,10 @@ class GainsModel final : public PhotometricModel {
   void start_from_gains(const Vec3f& gains, Span<float> photo) const override {
     for (int c = 0; c < 3; ++c) photo[std::size_t(c)] = std::log(gains[c]);
   }
-  std::vector<double> common_part(const PhotometricState& state) const override {
-    std::vector<double> sum(3, 0.0);
-    for (std::size_t i = 0; i < state.shape.photos; ++i)
-      for (std::size_t c = 0; c < 3; ++c) sum[c] += double(state.photo(i)[c]);
-    for (double& number : sum) number /= double(state.shape.photos);
-    return sum;
-  }
-  void add_penalties(const PhotometricState& state, std::vector<double>& gradient) const override {
-    for (std::size_t i = 0; state.is_solved && i < gradient.size(); ++i)
-      gradient[i] += gain_prior_vjp(double(state.values[i]), double(state.start[i]),
-                                    kGainPriorWeight / state.shape.photos, kGainPriorSpread);
+  PhotoPulls pulls(const PhotometricState& state) const override {
+    PhotoPulls pulls;
+    if (state.is_solved) pulls.fill({kGainPriorWeight / state.rows, kGainPriorSpread});
+    return pulls;
   }
 };
 

@@ -40,13 +40,8 @@ class PhotometricModel {
   /// The numbers of a photo that shows the scene's colors times these gains, as far as the model
   /// can say it.
   virtual void start_from_gains(const Vec3f& gains, Span<float> photo) const = 0;
-  /// How far each number of a photo lies above its neutral value, in the mean over all training photos.
-  /// It is subtracted from all of them after every update: what all photos have in common is the
-  /// scene's.
-  virtual std::vector<double> common_part(const PhotometricState& state) const = 0;
-  /// gradient += that of the model's penalties.
-  virtual void add_penalties(const PhotometricState& state,
-                             std::vector<double>& gradient) const = 0;
+  /// How strongly the numbers of a photo are pulled towards their start.
+  virtual PhotoPulls pulls(const PhotometricState& state) const = 0;
 };
 
 /// The word of photometric.model that means none.

@@ -1,9 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
-// What a photometric model starts from, and one update of it.
+// What a photometric model starts from.
 #pragma once
 
 #include "gs_core/config/config.h"
-#include "gs_core/math/update/adam.h"
 #include "gs_core/scene.h"
 #include "gs_train/photometric/photometric_model.h"
 #include "gs_train/training_model.h"
@@ -23,15 +22,5 @@ void begin_photometric(const Config& config, const Scene& scene, TrainingModel& 
 /// The pixels of photos are display values, which grow with about the square root of the light.
 float stops_gain(float stops);
 inline constexpr float kGainOfStop = 0.5f;
-
-/// One update of all photos, also of those that the step did not show: their moments move them on.
-/// In host memory.
-///
-/// gradient   that of the data, in the order of the state; the model's penalties are added to it
-void update_photometric(PhotometricState& state, const PhotometricModel& model, float rate,
-                        const AdamRule& rule, std::vector<double>& gradient);
-
-/// Subtracts what all photos have in common (PhotometricModel::common_part()). In host memory.
-void center_photos(const PhotometricModel& model, PhotometricState& state);
 
 }  // namespace gs

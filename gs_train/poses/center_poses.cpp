@@ -20,7 +20,7 @@ double product_of(const Numbers& a, const Numbers& b) {
 }
 
 /// Writes a motion of a row, given in the world's axes: its turn, and the shift of its pivot.
-void set_row(const PoseState& state, std::size_t row, const Vec3d& turn, const Vec3d& shift,
+void set_row(const PoseFrames& state, std::size_t row, const Vec3d& turn, const Vec3d& shift,
              Numbers& numbers) {
   const Mat3<double>& axes = state.frames[row].axes;
   const Vec3d w = -multiply(axes, turn), v = multiply(axes, shift) / state.extent;
@@ -32,7 +32,7 @@ void set_row(const PoseState& state, std::size_t row, const Vec3d& turn, const V
 
 /// The motions of all rows under small similarities: turns about three axes, shifts along them, and
 /// the scaling, which moves centers and turns nothing.
-std::vector<Numbers> similarities(const PoseState& state) {
+std::vector<Numbers> similarities(const PoseFrames& state) {
   Vec3d middle(0.0);
   for (const Vec3d& center : state.centers) middle += center / double(state.centers.size());
   std::vector<Numbers> modes(7, Numbers(kPoseNumbers * state.frames.size()));
@@ -52,7 +52,7 @@ std::vector<Numbers> similarities(const PoseState& state) {
 }  // namespace
 
 // Gram and Schmidt. Where all cameras stand at one place, for example, there is no scaling.
-std::vector<Numbers> common_modes(const PoseState& state) {
+std::vector<Numbers> common_modes(const PoseFrames& state) {
   std::vector<Numbers> modes;
   for (Numbers& mode : similarities(state)) {
     const double before = std::sqrt(product_of(mode, mode));
@@ -67,15 +67,6 @@ std::vector<Numbers> common_modes(const PoseState& state) {
     modes.push_back(std::move(mode));
   }
   return modes;
-}
-
-void center_poses(PoseState& state) {
-  for (const Numbers& mode : state.common_modes) {
-    double share = 0;
-    for (std::size_t i = 0; i < mode.size(); ++i) share += mode[i] * double(state.values[i]);
-    for (std::size_t i = 0; i < mode.size(); ++i)
-      state.values[i] = float(double(state.values[i]) - share * mode[i]);
-  }
 }
 
 }  // namespace gs

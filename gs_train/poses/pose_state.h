@@ -6,32 +6,27 @@
 #include <vector>
 
 #include "gs_core/math/pose/pose.h"
-#include "gs_core/math/update/adam_moments.h"
+#include "gs_train/photo_table.h"
 
 namespace gs {
 
 inline constexpr std::size_t kPoseNumbers = 6;  // of a row: three of the turn, three of the shift
 
-/// One row for each rigid frame: the training photos that a rig took at one moment, or one photo.
-/// All arrays are in host memory. A device updates copies of its own during the steps, and
-/// Backend::synchronize() brings them back.
-struct PoseState {
-  // These follow from the scene; checkpoints do not have them.
+/// What moves as one: the training photos that a rig took at one moment, or one photo. It follows
+/// from the scene, and checkpoints do not have it.
+struct PoseFrames {
   std::vector<std::uint32_t> row_of;       // (training photos)
   std::vector<RigidFrame<double>> frames;  // (rows) at the given poses
   std::vector<Vec3d> centers;              // (rows) mean of its cameras' centers, world units
   double extent = 1;                       // of the scene: the unit of shifts
-  // (at most 7) of (rows, 6): orthonormal, what a similarity makes of all motions
-  // (center_poses.cpp)
-  std::vector<std::vector<double>> common_modes;
-  // (rows, 6) turn in radians and shift in extents, in the axes of the frame; 0: as given
-  std::vector<float> values;
-  std::vector<FloatMoments> moments;  // of Adam, of each value
-  int adam_steps = 0;         // updates; fewer than the model's, because poses rest at times
-  bool is_on_device = false;  // values and moments there are newer
+};
 
-  bool empty() const { return values.empty(); }
-  std::size_t rows() const { return values.size() / kPoseNumbers; }
+/// A row for each frame: its turn in radians and its shift in extents, in the axes of the frame; 0:
+/// as given. The modes, at most 7, are what a similarity makes of all motions (center_poses.cpp).
+struct PoseState : PhotoTable, PoseFrames {
+  using PhotoTable::PhotoTable;
+
+  /// In host memory.
   RigidMotion<double> motion(std::size_t row) const {
     const float* const v = values.data() + kPoseNumbers * row;
     return {Vec3d(v[0], v[1], v[2]), extent * Vec3d(v[3], v[4], v[5])};
@@ -43,6 +38,14 @@ template <class F, class First, class... Rest>
 void for_each_pose_array(F&& f, First&& first, Rest&&... rest) {
   f("poses.values", first.values, rest.values...);
   f("poses.moments", first.moments, rest.moments...);
+}
+
+/// A copy in another memory.
+inline PoseState copy_to(Memory& memory, const PoseState& from) {
+  PoseState state(memory);
+  copy_table(from, state);
+  static_cast<PoseFrames&>(state) = from;
+  return state;
 }
 
 }  // namespace gs

@@ -50,7 +50,7 @@ Vec3d focus_of(const PinholeCamera<double>& camera, const std::vector<ScenePoint
 // A frame has the axes of its first camera. It turns about the mean of the points that its cameras
 // look at: there a turn moves pictures as no shift does, so that Adam finds both at their own
 // rates. About a camera's own center, both would move them nearly alike.
-void take_frames(const Scene& scene, PoseState& state) {
+void take_frames(const Scene& scene, PoseFrames& state) {
   const std::vector<View>& views = scene.train_views;
   state.extent = double(scene.extent);
   state.row_of = rows_of(views);
@@ -69,7 +69,6 @@ void take_frames(const Scene& scene, PoseState& state) {
     state.frames[row].pivot /= double(photos[row]);
     state.centers[row] /= double(photos[row]);
   }
-  state.common_modes = common_modes(state);
 }
 
 }  // namespace
@@ -78,14 +77,16 @@ void begin_poses(const Config& config, const Scene& scene, TrainingModel& model)
   if (!config.poses.refine) return;
   PoseState& state = model.poses;
   take_frames(scene, state);
-  const std::size_t size = kPoseNumbers * state.frames.size();
-  if (state.empty())
-    for_each_pose_array([&](const char*, auto& array) { array.assign(size, {}); }, state);
-  if (state.values.size() != size)
+  if (state.empty()) state.begin(state.frames.size(), kPoseNumbers);
+  if (state.rows != state.frames.size())
     throw Error(fmt::format(
         "the state of the run has refined poses of {} photos or rig frames, but {} has {}; train "
         "on the scene of the run, or start a new run in another folder (-o)",
-        state.rows(), scene.source, state.frames.size()));
+        state.rows, scene.source, state.frames.size()));
+  std::vector<double> modes;
+  for (const std::vector<double>& mode : common_modes(state))
+    modes.insert(modes.end(), mode.begin(), mode.end());
+  state.modes.upload(modes);
 }
 
 Camera refined_camera(const PoseState& state, const Camera& given, std::size_t photo) {
@@ -94,7 +95,9 @@ Camera refined_camera(const PoseState& state, const Camera& given, std::size_t p
   return camera_as<float>(moved(camera_as<double>(given), state.frames[row], state.motion(row)));
 }
 
-std::vector<Camera> refined_cameras(const PoseState& state, const std::vector<View>& train_views) {
+std::vector<Camera> refined_cameras(const PoseState& in_any_memory,
+                                    const std::vector<View>& train_views) {
+  const PoseState state = copy_to(host_memory(), in_any_memory);
   std::vector<Camera> cameras;
   for (std::size_t i = 0; i < train_views.size(); ++i)
     cameras.push_back(refined_camera(state, train_views[i].camera, i));
@@ -114,21 +117,15 @@ void add_pose_gradient(const PoseState& state, std::size_t photo, const Camera& 
   }
 }
 
-// The pull is the mean over all rows of |turn|^2 / (2 sigma^2) and of the same of shifts.
-void update_poses(PoseState& state, float rate, const AdamRule& rule,
-                  std::vector<double>& gradient) {
-  GS_CHECK(gradient.size() == state.values.size());
-  const AdamStep step = adam_step(state.adam_steps += rule.steps, rate);
-  const double weight = kPosePull / double(state.rows());
-  for (std::size_t i = 0; i < gradient.size(); ++i) {
-    const double sigma = i % kPoseNumbers < 3 ? kPoseSpreadTurn : kPoseSpreadShift;
-    const double of_pull = weight * double(state.values[i]) / (sigma * sigma);
-    adam_update(state.values[i], state.moments[i], float(gradient[i] + of_pull), step, rule);
-  }
-  center_poses(state);
+PhotoPulls pose_pulls(const PoseState& state) {
+  PhotoPulls pulls;
+  for (std::size_t k = 0; k < kPoseNumbers; ++k)
+    pulls[k] = {kPosePull / double(state.rows), k < 3 ? kPoseSpreadTurn : kPoseSpreadShift};
+  return pulls;
 }
 
-PoseChange pose_change(const PoseState& state, const std::vector<View>& train_views) {
+PoseChange pose_change(const PoseState& in_any_memory, const std::vector<View>& train_views) {
+  const PoseState state = copy_to(host_memory(), in_any_memory);
   double angles = 0, shifts = 0;
   for (std::size_t i = 0; i < train_views.size(); ++i) {
     const std::size_t row = state.row_of[i];

@@ -1,12 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
-// Poses of training photos that are refined while training: their start, the camera of a photo, one
-// update, and what they have in common. docs/method/poses.md explains the method.
+// Poses of training photos that are refined while training: their start, the camera of a photo, the
+// pull, and what they have in common. docs/method/poses.md explains the method.
 #pragma once
 
 #include <vector>
 
 #include "gs_core/config/config.h"
-#include "gs_core/math/update/adam.h"
 #include "gs_core/scene.h"
 #include "gs_train/training_model.h"
 
@@ -18,9 +17,9 @@ namespace gs {
 void begin_poses(const Config& config, const Scene& scene, TrainingModel& model);
 
 /// The camera of a training photo as it is now; `given`, that of its view, where nothing is
-/// learned.
+/// learned. The state is in host memory.
 Camera refined_camera(const PoseState& state, const Camera& given, std::size_t photo);
-/// The cameras of all training photos.
+/// The cameras of all training photos. The state may be in any memory.
 std::vector<Camera> refined_cameras(const PoseState& state, const std::vector<View>& train_views);
 
 /// gradient += weight * dL/d(numbers) of the row of a photo, of which `dL` is the gradient by its
@@ -32,20 +31,15 @@ void add_pose_gradient(const PoseState& state, std::size_t photo, const Camera& 
                        const CameraGradient<double>& dL, double weight,
                        std::vector<double>& gradient);
 
-/// One update of all rows: adds the gradient of the pull to that of the data, and takes a step of
-/// Adam, also for photos that were not shown; their moments move them on. Then what all photos have
-/// in common is taken out of their motions.
-void update_poses(PoseState& state, float rate, const AdamRule& rule,
-                  std::vector<double>& gradient);
+/// The pull of all rows: the mean over them of |turn|^2 / (2 sigma^2), and the same of shifts.
+PhotoPulls pose_pulls(const PoseState& state);
 
-/// Takes out of the motions what a similarity of all cameras explains, by least squares, where
-/// turns in radians and shifts in extents count alike: what all photos have in common is the
-/// scene's.
-void center_poses(PoseState& state);
-/// PoseState::common_modes, of the state's frames.
-std::vector<std::vector<double>> common_modes(const PoseState& state);
+/// What a similarity makes of all motions, as orthonormal modes, at most 7 of (rows, 6), where turns
+/// in radians and shifts in extents count alike.
+std::vector<std::vector<double>> common_modes(const PoseFrames& frames);
 
-/// How far the cameras of training photos were moved, as root mean squares.
+/// How far the cameras of training photos were moved, as root mean squares. The state may be in any
+/// memory.
 struct PoseChange {
   double degrees = 0;
   double shift = 0;  // of the centers, world units

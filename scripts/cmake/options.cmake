@@ -20,7 +20,6 @@ option(GS_WITH_CERES "Check every gradient against ceres::Jet; refine cameras" O
 option(GS_WITH_CUDA "Build the CUDA backend where nvcc is found" ON)
 option(GS_WITH_PYTHON "Build the Python module where pybind11 and NumPy are found" ON)
 option(GS_WITH_WEB "Bundle the pages of reports and of the viewer where npm is found" ON)
-option(GS_WITH_HTTPLIB "Test the viewer's server with the client of cpp-httplib" ON)
 option(GS_REQUIRE_CUDA "Stop when nvcc is not found, instead of building for the CPU alone" OFF)
 option(GS_NATIVE "Compile for the instruction set of this machine; packages are made with OFF" ON)
 option(GS_LINEINFO "Name source lines in CUDA code, for profilers and sanitizers; four times its size" ON)

@@ -8,7 +8,7 @@
 set(GS_HAVE_WEB FALSE)
 set(GS_HAVE_NPM FALSE)
 set(GS_WEB_DIR ${PROJECT_BINARY_DIR}/web)
-set(gs_web_missing "reports are written by `gemsplat report` of another build, on the same folders; there is no viewer")
+set(gs_web_missing "")
 
 # gs_install_web_packages(result): runs npm ci if package-lock.json has changed since the last time.
 function(gs_install_web_packages result)
@@ -61,4 +61,5 @@ if(NOT GS_HAVE_WEB AND GS_DEPS_INCLUDE)
     endif()
   endforeach()
 endif()
-gs_report("npm" GS_WITH_WEB "${GS_HAVE_WEB}" "${gs_web_missing}")
+gs_report("reports" GS_WITH_WEB "${GS_HAVE_WEB}" "reports are written by `gemsplat report` of another build, on the same folders${gs_web_missing}" "writes report.html of runs and experiments" npm)
+gs_report("viewer" GS_WITH_WEB "${GS_HAVE_WEB}" "there is no viewer${gs_web_missing}" "serves models and runs to a browser (`gemsplat view`, `train --viewer`)" npm)

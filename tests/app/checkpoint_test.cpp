@@ -13,10 +13,12 @@
 #include <limits>
 
 #include "gs_app/checkpoints/checkpoint_folder.h"
+#include "gs_app/session/last_checkpoint.h"
 #include "gs_core/error.h"
 #include "gs_core/system/files/access.h"
 #include "gs_core/system/files/atomic_file.h"
 #include "gs_core/system/files/checked_file.h"
+#include "tests/support/captured_log.h"
 #include "tests/support/counted_memory.h"
 #include "tests/support/error_of.h"
 #include "tests/support/models.h"
@@ -62,22 +64,16 @@ void tell(FloatMoments& moments, float& next) {
 /// A photometric model and poses, in whose arrays all numbers differ.
 void add_photos(TrainingModel& model) {
   float next = 0.25f;
-  model.photometric.shape = {3, 3};
+  const auto tell_all = [&](const char*, auto& array) {
+    for (auto& number : array) tell(number, next);
+  };
+  model.photometric.begin(3, 3);
   model.photometric.adam_steps = 9;
   model.photometric.is_solved = true;
-  for_each_photometric_array(
-      [&](const char*, auto& array) {
-        array.resize(model.photometric.shape.size());
-        for (auto& number : array) tell(number, next);
-      },
-      model.photometric);
+  for_each_photometric_array(tell_all, model.photometric);
+  model.poses.begin(3, kPoseNumbers);
   model.poses.adam_steps = 7;
-  for_each_pose_array(
-      [&](const char*, auto& array) {
-        array.resize(3 * kPoseNumbers);
-        for (auto& number : array) tell(number, next);
-      },
-      model.poses);
+  for_each_pose_array(tell_all, model.poses);
 }
 
 /// Three training views and a test view, one with a name that is not UTF-8.
@@ -391,9 +387,7 @@ TEST_F(Checkpoints, WithWhatWasRemovedSayWhatItIs) {
 
 TEST_F(Checkpoints, WithVignettingSayWhatItIs) {
   TrainingState state = telling_state(7, 12);
-  state.model.photometric.shape = {3, 3};
-  for_each_photometric_array([](const char*, auto& array) { array.resize(9), array.fill_zero(); },
-                             state.model.photometric);
+  state.model.photometric.begin(3, 3);
   fs::create_directories(path());
   write_checkpoint(file(12), telling_config(), telling_scene(), state.progress, state.model);
   rewrite(file(12), file(11), state.model, [](const std::string& section, std::string& text) {
@@ -490,6 +484,36 @@ TEST_F(Checkpoints, WithForgedNumbersAreRefusedByName) {
   EXPECT_THAT(error_of(no_loss), HasSubstr("forged: loss is no number"));
 }
 
+// The bytes are those of one that was written at once.
+TEST_F(Checkpoints, TheLastOneOfADeviceIsWrittenInTheBackground) {
+  const TrainingState state = telling_state(40, 20);
+  CountedMemory device;
+  const TrainingModel model = copy_to(device, state.model);
+  CheckpointFolder checkpoints = folder();
+  ASSERT_TRUE(checkpoints.save(state.progress, model));
+  const std::string at_once = read_bytes(file(20));
+  for (const int last_step : {20, 30}) {
+    fs::remove(file(20));
+    LastCheckpoint last(checkpoints, last_step);
+    EXPECT_TRUE(last.save(state.progress, model));
+    EXPECT_TRUE(last.newest());  // waits
+    EXPECT_EQ(read_bytes(file(20)), at_once);
+  }
+}
+
+TEST_F(Checkpoints, TheLastOneWarnsWhereItCannotBeWritten) {
+  const TrainingState state = telling_state(40, 20);
+  CountedMemory device;
+  const TrainingModel model = copy_to(device, state.model);
+  CheckpointFolder checkpoints = folder([](const fs::path&) { return std::uint64_t(10); });
+  LastCheckpoint last(checkpoints, 20);
+  CapturedLog logged;
+  EXPECT_TRUE(last.save(state.progress, model));
+  last.wait();
+  EXPECT_THAT(logged.text(), HasSubstr("no checkpoint of step 20"));
+  EXPECT_FALSE(fs::exists(file(20)));
+}
+
 TEST_F(Checkpoints, OnlyTheLastTwoAreKept) {
   for (const int step : {5, 10, 15, 20}) ASSERT_TRUE(save(folder(), step));
   EXPECT_THAT(steps_in(path()), ElementsAre(20, 15));
@@ -507,6 +531,19 @@ TEST_F(Checkpoints, ADamagedOneIsNamedSetAsideAndTheOlderOneTaken) {
   EXPECT_EQ(found->progress.step, 5);
   EXPECT_TRUE(fs::exists(file(10).string() + ".refused"));
   EXPECT_THAT(steps_in(path()), ElementsAre(5));
+}
+
+TEST_F(Checkpoints, TheHeadIsReadWithoutTheArraysAndNoFileIsRenamed) {
+  ASSERT_TRUE(save(folder(), 10, 1000));
+  const Checkpoint whole = read_checkpoint(file(10));
+  fs::resize_file(file(10), fs::file_size(file(10)) / 2);  // most of it is arrays
+  const Checkpoint head = read_checkpoint(file(10), CheckpointPart::head);
+  EXPECT_EQ(head.state.progress.step, 10);
+  EXPECT_EQ(to_toml(head.config), to_toml(whole.config));
+  EXPECT_EQ(head.state.model.count(), 0u);
+  EXPECT_TRUE(newest_checkpoint(path(), CheckpointPart::head));
+  EXPECT_TRUE(fs::exists(file(10)));
+  EXPECT_FALSE(newest_checkpoint(path()));
 }
 
 TEST_F(Checkpoints, WithoutAnyThereIsNone) {

@@ -8,15 +8,16 @@
 
 #include <cmath>
 
+#include "gs_app/edit/edit_cameras.h"
 #include "gs_app/edit/edit_picture.h"
-#include "gs_app/edit/merge_models.h"
-#include "gs_app/edit/places/polygon_file.h"
 #include "gs_app/export/export_model.h"
 #include "gs_core/bake_filter.h"
 #include "gs_core/error.h"
 #include "gs_core/geometry/vectors.h"
 #include "gs_core/math/render/activations.h"
 #include "gs_core/math/render/rotation.h"
+#include "gs_model/edit/merge_models.h"
+#include "gs_model/edit/places/polygon_file.h"
 #include "tests/support/error_of.h"
 #include "tests/support/models.h"
 #include "tests/support/temp_folder.h"
@@ -37,7 +38,7 @@ class Edit : public ::testing::Test {
   EditSession session(Gaussians gaussians, const Vec3d& world_offset = Vec3d(0.0)) {
     EditSession s;
     s.model.model = {std::move(gaussians), kMaxShDegree, true, false, world_offset};
-    s.model.cameras = {{{"view", camera_}, false}};
+    s.model.cameras = {{"view", camera_}};
     s.tools = {[this]() -> Backend& { return *backend_; }, {}, false};
     return s;
   }
@@ -50,8 +51,7 @@ class Edit : public ::testing::Test {
   }
   std::vector<float> picture(const EditSession& s) {
     RenderPass pass;
-    backend_->renderer().forward(s.model.model.gaussians.span(),
-                                 s.model.cameras.front().named.camera,
+    backend_->renderer().forward(s.model.model.gaussians.span(), s.model.cameras.front().camera,
                                  settings_for(s.model, s.tools), pass);
     return pass.image.download();
   }
@@ -343,7 +343,7 @@ TEST_F(Edit, StraightenMakesTheCamerasUpMinusYAndPutsTheFloorAtZero) {
     Camera camera = camera_;
     camera.cam_from_world_rotation = {Vec3f(right), Vec3f(down), Vec3f(forward)};
     camera.cam_from_world_translation = -multiply(camera.cam_from_world_rotation, Vec3f(center));
-    s.model.cameras.push_back({{"c" + std::to_string(i), camera}, false});
+    s.model.cameras.push_back({"c" + std::to_string(i), camera});
   }
   Gaussians& g = s.model.model.gaussians;
   Draws draws(8);
@@ -356,8 +356,8 @@ TEST_F(Edit, StraightenMakesTheCamerasUpMinusYAndPutsTheFloorAtZero) {
   EXPECT_THAT(report.note, HasSubstr("as the cameras say"));
   for (const Vec3f& mean : g.mean) EXPECT_NEAR(mean.y, 0, 1e-4);
   for (const EditCamera& camera : s.model.cameras) {
-    EXPECT_NEAR(camera.named.camera.cam_from_world_rotation.row1.y, 1, 1e-5);  // down is +y
-    EXPECT_NEAR(camera.named.camera.position().y, -1.5, 1e-4);
+    EXPECT_NEAR(camera.camera.cam_from_world_rotation.row1.y, 1, 1e-5);  // down is +y
+    EXPECT_NEAR(camera.camera.position().y, -1.5, 1e-4);
   }
 }
 
@@ -370,7 +370,7 @@ TEST_F(Edit, StraightenRefusesCamerasThatDoNotSayWhichWayIsUp) {
     camera.cam_from_world_rotation = {
         {std::cos(angle), -std::sin(angle), 0}, {std::sin(angle), std::cos(angle), 0}, {0, 0, 1}};
     camera.cam_from_world_translation = {float(i), 0, 0};
-    s.model.cameras.push_back({{"c" + std::to_string(i), camera}, false});
+    s.model.cameras.push_back({"c" + std::to_string(i), camera});
   }
   const Vec3f before = s.model.model.gaussians.mean[7];
   EXPECT_THAT(error_of([&] { apply(s, "straighten"); }),
@@ -439,7 +439,7 @@ TEST_F(Edit, ALowerShDegreeMakesTheFileSmallerAndAHigherOneIsRefused) {
 
 TEST_F(Edit, TheSidecarLeadsBackThroughSeveralEdits) {
   const TempFolder folder;
-  for (const char* ending : {".ply", ".csv", ".glb"})
+  for (const char* ending : {".ply", ".glb"})
     for (const Vec3d& offset : {Vec3d(0.0), kUtm}) {
       EditSession s = typical(offset);
       s.model.model.antialiased = true;
@@ -454,7 +454,7 @@ TEST_F(Edit, TheSidecarLeadsBackThroughSeveralEdits) {
       export_model(s.model.model, request);
       s.model = model_to_edit(open_model(first, {}));
       EXPECT_NEAR(length(in_photos_frame(s.model, 7) - before), 0, 1e-3) << ending << offset.x;
-      EXPECT_TRUE(s.model.model.antialiased);  // no column of a .csv says so
+      EXPECT_TRUE(s.model.model.antialiased);
       apply(s, "move", "1,2,3");
       request = {second};
       request.input_from_model = s.model.input_from_model;
@@ -518,14 +518,14 @@ TEST_F(Edit, MergedModelsStandInTheFrameOfTheFirst) {
   apply(b, "scale", "3");
   apply(b, "move", "0,1,0");
   EditSession both = session(Gaussians(host_memory()));
-  const Camera camera = a.model.cameras.front().named.camera;
+  const Camera camera = a.model.cameras.front().camera;
   std::vector<NamedModel> models;
   models.push_back({"a.ply", std::move(a.model)});
   models.push_back({"b.ply", std::move(b.model)});
   both.model = merge_models(std::move(models));
   EXPECT_EQ(both.model.model.gaussians.count(), 500u);
   EXPECT_EQ(both.model.cameras.size(), 2u);
-  both.model.cameras.front().named.camera = camera;
+  both.model.cameras.front().camera = camera;
   EXPECT_LT(share_that_differs(picture(both), together), 1e-3);
 }
 
@@ -575,7 +575,7 @@ TEST_F(Edit, ModelsThatCannotBeOneAreRefusedWithARemedy) {
   EXPECT_THAT(refusal({in_spacetime(plain(), 3), 3}),
               AllOf(HasSubstr("b.ply holds Gaussians in space and time, and a.ply 3D Gaussians"),
                     HasSubstr("gemsplat edit b.ply --time 0.5")));
-  EXPECT_THAT(refusal({with_filters(plain(), 3), 3}), HasSubstr("gemsplat export b.ply plain.csv"));
+  EXPECT_THAT(refusal({with_filters(plain(), 3), 3}), HasSubstr("gemsplat export b.ply plain.glb"));
   EXPECT_THAT(refusal({plain(), 3, true, true}), HasSubstr("--antialiased yes"));
 }
 
@@ -609,7 +609,7 @@ TEST_F(Edit, WhatHasNoMeaningInSpaceAndTimeIsRefused) {
 
 TEST_F(Edit, AMomentIsA3dModelThatLooksTheSameThen) {
   EditSession s = session(in_spacetime(random_gaussians(kTypical, 300, camera_, 2), 4));
-  s.model.cameras.front().named.camera.time = 0.4f;
+  s.model.cameras.front().camera.time = 0.4f;
   const std::vector<float> before = picture(s);
   apply(s, "time", "0.4");
   EXPECT_FALSE(s.model.model.gaussians.has_time);

@@ -8,8 +8,8 @@
 #include <cmath>
 
 #include "gs_app/experiment/experiment_status.h"
-#include "gs_app/experiment/tables/table_latex.h"
-#include "gs_app/experiment/tables/table_provenance.h"
+#include "gs_app/experiment/tables/experiment_json.h"
+#include "gs_app/experiment/tables/experiment_views.h"
 #include "gs_core/error.h"
 #include "gs_core/system/text/json.h"
 #include "tests/support/temp_folder.h"
@@ -201,35 +201,6 @@ TEST_F(ExperimentTables, ABaselineIsTheNameOfAConfig) {
   }
 }
 
-TEST_F(ExperimentTables, AreWrittenForLatexToo) {
-  experiment_.baseline = "plain";
-  finish_with({20, 22, 23, 23, 30, 34, 35, 41});
-  for (ExperimentRun& run : runs_)
-    if (run.config == "flat") run.config = "f_l&t";  // as in names that a program may give
-  const std::vector<RunRow> rows = rows_of(runs_, {});
-  written();
-  const std::string tex = read_bytes(path("out/results.tex"));
-  EXPECT_THAT(tex, AllOf(HasSubstr("\\begin{tabular}{llrr}"), HasSubstr("PSNR / dB"),
-                         HasSubstr("a & plain & $2/2$ & $21.00 \\pm 1.41$ \\\\\n"),
-                         HasSubstr("f\\_l\\&t & all & $4/4$ & $+4.00 \\pm 1.29$ \\\\\n")));
-  const auto count = [&](const std::string& part) {
-    std::size_t found = 0;
-    for (std::size_t at = 0; (at = tex.find(part, at)) != tex.npos; ++at) ++found;
-    return found;
-  };
-  EXPECT_EQ(count("\\begin{table}"), 3u);
-  EXPECT_EQ(count("\\end{table}"), 3u);
-}
-
-TEST(TableLatex, EscapesNamesAndGroupsDigits) {
-  PaperTables tables;
-  tables.means = {{"config", "Gaussians"}, {{"100%_#1 \\ ~x^2 {y} $", "1,234 ± 5"}, {"b", "-"}}, 1};
-  const std::string tex = experiment_latex("file\nname", tables);
-  EXPECT_THAT(tex, AllOf(HasSubstr("100\\%\\_\\#1 \\textbackslash{} \\~{}x\\^{}2 \\{y\\} \\$ & "
-                                   "$1{,}234 \\pm 5$ \\\\\n"),
-                         HasSubstr("b & -- \\\\\n"), HasSubstr("% file name\n")));
-}
-
 TEST_F(ExperimentTables, SayWhatTheyWereMadeWith) {
   finish_all();
   const SortedJson provenance = written().at("provenance");
@@ -241,54 +212,19 @@ TEST_F(ExperimentTables, SayWhatTheyWereMadeWith) {
 }
 
 // git's output, shortened. The hash is that of Python's FNV-1a of these bytes.
-TEST(UncommittedChanges, AreNamedByFileAndHash) {
+TEST_F(ExperimentTables, NameUncommittedChangesByFileAndHash) {
   const UncommittedChanges changes = changes_of(
       "diff --git a/cuda/blend.cu b/cuda/blend.cu\n--- a/cuda/blend.cu\n+++ b/cuda/blend.cu\n"
       "@@ -1 +1 @@\n-one\n+diff --git a/no b/no\ndiff --git a/new b/new\nnew file mode 100644\n");
   EXPECT_EQ(changes.files, (std::vector<std::string>{"cuda/blend.cu", "new"}));
   EXPECT_EQ(changes.hash, "f1c393555f274a6a");
-  EXPECT_EQ(diff_file_name(changes), "uncommitted-f1c393555f274a6a.diff");
-  const std::string text = provenance_markdown({{"gemsplat", "a b"}, "/tmp", changes});
-  EXPECT_THAT(text, AllOf(HasSubstr("`gemsplat 'a b'`"), HasSubstr("`cuda/blend.cu`, `new`")));
-  const SortedJson json = provenance_json({{}, "", changes});
-  EXPECT_EQ(json.at("uncommitted").at("diff"), diff_file_name(changes));
-  EXPECT_EQ(json.at("uncommitted").at("files").size(), 2u);
-}
-
-constexpr const char* kHeader =
-    "step,loss,num_gaussians,seconds,steps_per_second,sh_degree,test_psnr,test_ssim\n";
-
-TEST_F(ExperimentTables, DrawQualityOverTime) {
-  finish_all();
-  written();
-  EXPECT_FALSE(fs::exists(path("out/quality.svg")));  // no run has metrics
-  write_text(runs_[0].folder.metrics(), std::string(kHeader) +
-                                            "5,.1,9,1,5,0,,\n10,.1,9,2,5,0,20,.5\n"
-                                            "20,.1,9,4,5,0,24,.75\n");
-  write_text(runs_[1].folder.metrics(), std::string(kHeader) +
-                                            "10,.1,9,6,5,0,22,.5\n"
-                                            "20,.1,9,8,5,0,24,.75\n");
-  write_text(runs_[2].folder.metrics(), "damaged\n1\n");
-  written();
-  const std::string svg = read_bytes(path("out/quality.svg"));
-  EXPECT_THAT(svg, AllOf(HasSubstr("a: PSNR / dB"), HasSubstr("a: SSIM"), HasSubstr(">plain<"),
-                         HasSubstr(">flat<"), Not(HasSubstr("b: PSNR")), Not(HasSubstr("nan"))));
-  // Two charts with two runs and their mean, each with two points. The axes end at 8 s and 24 dB,
-  // so the mean, 6 s and 24 dB, lies at three quarters of the width and at the top.
-  std::size_t lines = 0;
-  for (std::size_t at = 0; (at = svg.find("<polyline", at)) != svg.npos; ++at) ++lines;
-  EXPECT_EQ(lines, 6u);
-  EXPECT_THAT(svg,
-              HasSubstr("stroke-width='2'><polyline fill='none' points='274.0,229.0 379.0,34.0 '"));
-}
-
-TEST_F(ExperimentTables, DrawQualityOfAnyValues) {
-  finish_all();
-  write_text(runs_[0].folder.metrics(), std::string(kHeader) +
-                                            "10,.1,9,1e300,5,0,1e300,0\n"
-                                            "20,.1,9,1.0000000000000002e300,5,0,-1e300,0\n");
-  written();
-  EXPECT_LT(fs::file_size(path("out/quality.svg")), 100'000u);
+  Json tables = experiment_json(experiment_, runs_, {});
+  tables["provenance"] = provenance_json(changes);
+  const Json& json = tables.at("provenance").at("uncommitted");
+  EXPECT_EQ(json.at("diff"), "uncommitted-f1c393555f274a6a.diff");
+  EXPECT_EQ(json.at("files").size(), 2u);
+  EXPECT_THAT(experiment_markdown(tables),
+              HasSubstr("f1c393555f274a6a.diff: `cuda/blend.cu`, `new`"));
 }
 
 }  // namespace

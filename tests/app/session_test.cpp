@@ -6,6 +6,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <chrono>
 #include <functional>
 
 #include "gs_app/export/export_model.h"
@@ -14,6 +15,7 @@
 #include "gs_core/memory.h"
 #include "gs_core/system/files/atomic_file.h"
 #include "gs_core/system/log.h"
+#include "gs_core/system/text/json.h"
 #include "gs_eval/metrics.h"
 #include "gs_model/formats/formats.h"
 #include "gs_model/formats/model_info.h"
@@ -124,12 +126,31 @@ TEST_F(Session, AFinishedRunHasItsFilesAndResults) {
   TrainSession session(request("out"), hooks);
   ASSERT_EQ(session.run(), SessionEnd::finished);
   EXPECT_EQ(session.results().iterations, 20);
-  EXPECT_EQ(session.results().train.views.size(), 8u);
+  EXPECT_TRUE(session.results().train.views.empty());  // nobody asked for figures
   for (const char* name : {"config.toml", "metrics.csv", "results.json", "comparison.png",
-                           "train/ours_20/renders/00000.png", "checkpoints/step_20.ckpt"})
+                           "train/ours_20/renders/00007.png", "checkpoints/step_20.ckpt"})
     EXPECT_TRUE(fs::exists(path("out") / name)) << name;
   EXPECT_TRUE(fs::exists(ply("out")));
   EXPECT_FALSE(fs::exists(path("out/report.html")));
+}
+
+TEST_F(Session, ResultsSayWhereAllTimeWent) {
+  TestHooks hooks;
+  TrainRequest asked = request("out");
+  const auto begin = WallClock::Clock::now();
+  asked.begin = begin - std::chrono::seconds(100);
+  ASSERT_EQ(TrainSession(asked, hooks).run(), SessionEnd::finished);
+  const double wall = std::chrono::duration<double>(WallClock::Clock::now() - begin).count();
+  const auto results = SortedJson::parse(read_bytes(path("out/results.json")));
+  double sum = 0;
+  for (const auto& [part, seconds] : results.at("wall_seconds").items()) {
+    EXPECT_GE(seconds.get<double>(), 0) << part;
+    sum += seconds.get<double>();
+  }
+  EXPECT_GT(results.at("wall_seconds").at("start"), 100);
+  EXPECT_EQ(results.at("wall_seconds").at("training"), results.at("train_seconds"));
+  EXPECT_GT(sum, 100 + 0.5 * wall);
+  EXPECT_LE(sum, 100 + wall);
 }
 
 TEST_F(Session, ARunWithDepthMapsSaysHowFarDepthIsOff) {
@@ -283,6 +304,13 @@ class FullDisk : public WriteHook {
  private:
   std::string part_;
 };
+
+TEST_F(Session, AModelThatCannotBeWrittenIsNamedWithTheCheckpointToGoOnFrom) {
+  const FullDisk full("iteration_20");
+  EXPECT_THAT(error_of_run(request("out")),
+              AllOf(HasSubstr("iteration_20"), HasSubstr("step_20.ckpt"), HasSubstr("--resume")));
+  EXPECT_FALSE(fs::exists(path("out/results.json")));
+}
 
 TEST_F(Session, AFullDiskAtASaveStepCostsThatModelAndIsSaidAgainAtTheEnd) {
   TrainRequest asked = request("out");

@@ -3,7 +3,6 @@
 // the verbs that start it.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
-#include <httplib.h>
 #include <spdlog/fmt/fmt.h>
 
 #include <chrono>
@@ -14,8 +13,8 @@
 #include "gs_core/error.h"
 #include "gs_core/system/host_name.h"
 #include "gs_core/system/text/json.h"
-#include "gs_model/formats/lod/streamed_sog.h"
 #include "gs_model/formats/ply/ply.h"
+#include "tests/support/http_client.h"
 #include "tests/support/program.h"
 #include "tests/support/random_model.h"
 
@@ -37,25 +36,17 @@ class Served {
       : view_(std::move(view)), server_({"127.0.0.1", 0}, [this](const HttpRequest& request) {
           return view_answer(*view_, request);
         }) {}
-  httplib::Client client() const { return httplib::Client("127.0.0.1", server_.port()); }
-  httplib::Result get(const std::string& path, const httplib::Headers& headers = {}) const {
-    return client().Get(path, headers);
+  std::optional<HttpGot> get(const std::string& path, const HttpHeaders& headers = {}) const {
+    return ask(server_.port(), "GET " + path, headers);
+  }
+  std::optional<HttpGot> post(const std::string& path) const {
+    return ask(server_.port(), "POST " + path);
   }
   /// Sends these bytes and returns what the server answers until it ends the connection.
   std::string say(const std::string& bytes) const {
-    const int socket = ::socket(AF_INET, SOCK_STREAM, 0);
-    sockaddr_in address{};
-    address.sin_family = AF_INET;
-    address.sin_port = htons(std::uint16_t(server_.port()));
-    address.sin_addr.s_addr = htonl(INADDR_LOOPBACK);
-    EXPECT_EQ(::connect(socket, reinterpret_cast<sockaddr*>(&address), sizeof address), 0);
-    EXPECT_EQ(::send(socket, bytes.data(), bytes.size(), MSG_NOSIGNAL), ssize_t(bytes.size()));
-    std::string answers;
-    char piece[4096];
-    for (ssize_t got = 0; (got = ::recv(socket, piece, sizeof piece, 0)) > 0;)
-      answers.append(piece, std::size_t(got));
-    ::close(socket);
-    return answers;
+    const RawConnection connection(server_.port());
+    connection.say(bytes);
+    return connection.answer();
   }
   SortedJson json(const std::string& path) const { return SortedJson::parse(get(path)->body); }
 
@@ -126,7 +117,7 @@ TEST(Http, APortThatIsTakenIsNamed) {
 TEST(Http, WhatAHandlerThrowsIsAnAnswer) {
   const HttpServer server(
       {"127.0.0.1", 0}, [](const HttpRequest&) -> HttpAnswer { throw Error("no such\x1bthing"); });
-  const auto answer = httplib::Client("127.0.0.1", server.port()).Get("/");
+  const auto answer = ask(server.port(), "GET /");
   EXPECT_EQ(answer->status, 500);
   EXPECT_THAT(answer->body, Not(HasSubstr("thing")));  // the terminal learns it
 }
@@ -158,7 +149,7 @@ TEST_F(View, OfARunHasItsCamerasWithSplitsAndPhotos) {
   EXPECT_EQ(served.get("/state.json?after=1x")->status, 400);
 
   const auto photo = served.get("/" + camera.at("photo").get<std::string>());
-  EXPECT_EQ(photo->get_header_value("Content-Type"), "image/jpeg");
+  EXPECT_EQ(photo->header("Content-Type"), "image/jpeg");
   EXPECT_LT(mean_difference(decoded(photo->body), read_photo(path("scene/images/view_3.png"))), 4);
 }
 
@@ -179,22 +170,19 @@ TEST_F(View, TheModelHasTheBytesOfItsFile) {
 TEST_F(View, LevelsOfDetailAreStreamed) {
   const GaussianModel model = random_model(300, 1);
   try {
-    write_model(path("lod/model.rad"), model);
-    write_streamed_sog(path("lod"), build_lod_tree(copy_of(model.gaussians)), {1});
+    write_model(path("model.rad"), model);
   } catch (const Error& missing) {
-    GTEST_SKIP() << missing.what();  // zlib or libwebp
+    GTEST_SKIP() << missing.what();  // zlib
   }
-  const std::string bytes = read_bytes(path("lod/model.rad"));
-  for (const char* name : {"lod", "lod/lod-meta.json", "lod/model.rad"}) {
-    const Served served = serve(name);
-    const SortedJson said = served.json("/scene.json").at("model");
-    EXPECT_EQ(said.at("format"), "rad");
-    EXPECT_EQ(said.at("gaussians"), 300);
-    const auto part = served.get("/model?v=0", {{"Range", "bytes=8-107"}});
-    EXPECT_EQ(part->status, 206);
-    EXPECT_EQ(part->body, bytes.substr(8, 100));
-    EXPECT_EQ(part->get_header_value("Content-Range"), fmt::format("bytes 8-107/{}", bytes.size()));
-  }
+  const std::string bytes = read_bytes(path("model.rad"));
+  const Served served = serve("model.rad");
+  const SortedJson said = served.json("/scene.json").at("model");
+  EXPECT_EQ(said.at("format"), "rad");
+  EXPECT_EQ(said.at("gaussians"), 300);
+  const auto part = served.get("/model?v=0", {{"Range", "bytes=8-107"}});
+  EXPECT_EQ(part->status, 206);
+  EXPECT_EQ(part->body, bytes.substr(8, 100));
+  EXPECT_EQ(part->header("Content-Range"), fmt::format("bytes 8-107/{}", bytes.size()));
 }
 
 TEST_F(View, ThePageHasTheBytesOfItsFileAndIsNeverKept) {
@@ -202,13 +190,13 @@ TEST_F(View, ThePageHasTheBytesOfItsFileAndIsNeverKept) {
   ASSERT_EQ(train("out").code, 0);
   const auto page = serve("out").get("/", {{"Accept-Encoding", "gzip, br"}});
   EXPECT_EQ(page->body, read_bytes(GS_VIEW_PAGE));
-  EXPECT_EQ(page->get_header_value("Cache-Control"), "no-store");
-  EXPECT_THAT(page->get_header_value("Content-Type"), HasSubstr("text/html"));
+  EXPECT_EQ(page->header("Cache-Control"), "no-store");
+  EXPECT_THAT(page->header("Content-Type"), HasSubstr("text/html"));
 }
 
 TEST_F(View, OtherFormatsAreServedAsTheyAreOrAsAPly) {
   ASSERT_EQ(train("out").code, 0);
-  ASSERT_EQ(run("export " + text("out") + " " + text("a.spz") + " " + text("b.csv") + " " +
+  ASSERT_EQ(run("export " + text("out") + " " + text("a.spz") + " " + text("b.glb") + " " +
                 text("c.compressed.ply"))
                 .code,
             0);
@@ -220,13 +208,13 @@ TEST_F(View, OtherFormatsAreServedAsTheyAreOrAsAPly) {
             SortedJson({1, 0, 0, 0, 0, -1, 0, 0, 0, 0, -1, 0, 0, 0, 0, 1}));
   EXPECT_EQ(serve("c.compressed.ply").get("/model")->body, read_bytes(path("c.compressed.ply")));
 
-  const Served csv = serve("b.csv");
-  EXPECT_EQ(csv.json("/scene.json").at("model").at("format"), "ply");
-  EXPECT_EQ(csv.json("/scene.json").at("model").at("name"), "b.csv");
-  write_bytes(path("d.ply"), csv.get("/model")->body);
+  const Served glb = serve("b.glb");
+  EXPECT_EQ(glb.json("/scene.json").at("model").at("format"), "ply");
+  EXPECT_EQ(glb.json("/scene.json").at("model").at("name"), "b.glb");
+  write_bytes(path("d.ply"), glb.get("/model")->body);
   EXPECT_EQ(read_gaussian_ply(path("d.ply")).gaussians.count(),
             read_gaussian_ply(ply()).gaussians.count());
-  EXPECT_THAT(csv.json("/scene.json").at("cameras"), IsEmpty());
+  EXPECT_THAT(glb.json("/scene.json").at("cameras"), IsEmpty());
 }
 
 TEST_F(View, AnAsciiPlyIsMadeBinary) {
@@ -281,7 +269,7 @@ TEST_F(View, WhatHasNoAddressIsNotFound) {
   for (const char* address : {"/photo/6", "/photo/-1", "/photo/1x", "/photo/", "/etc/passwd",
                               "/../../../../etc/passwd", "/model/", "/index.html", "/frame?w=1"})
     EXPECT_EQ(served.get(address)->status, 404) << address;
-  EXPECT_EQ(served.client().Post("/model")->status, 404);
+  EXPECT_EQ(served.post("/model")->status, 404);
 }
 
 TEST_F(View, RequestsOfOtherNamesAndPagesAreRefused) {
@@ -421,7 +409,7 @@ TEST_F(Remote, AFrameIsThePictureThatRenderMakes) {
   EXPECT_EQ(scene.at("cameras").at(0).at("name"), "view_0.png");
   const auto frame = served.get(kFrame);
   ASSERT_EQ(frame->status, 200) << frame->body;
-  EXPECT_GT(std::stod(frame->get_header_value("X-Render-Ms")), 0);
+  EXPECT_GT(std::stod(frame->header("X-Render-Ms")), 0);
   // A JPEG of quality 100 differs by about one level, and by more where color is averaged over 2 x
   // 2 pixels.
   EXPECT_LT(mean_difference(decoded(frame->body), read_photo(path("pictures/view_0.png"))), 3);
@@ -490,9 +478,7 @@ TEST_F(Remote, ANewerRequestOfTheSameClientOvertakesOneThatWaits) {
   std::vector<std::thread> askers;
   const auto ask = [&](const std::string& address) {
     askers.emplace_back([&, address] {
-      httplib::Client client = served.client();
-      client.set_read_timeout(60);
-      const int status = client.Get(address)->status;
+      const int status = served.get(address)->status;
       const std::lock_guard lock(mutex);
       ++statuses[status];
     });

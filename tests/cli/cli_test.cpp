@@ -199,6 +199,9 @@ TEST_F(Program, TrainingWritesTheWholeFolder) {
   EXPECT_EQ(results.at("iterations"), 20);
   EXPECT_GT(results.at("num_gaussians"), 0);
   EXPECT_GT(results.at("train_seconds"), 0.0);
+  double seconds = 0;
+  for (const auto& [part, took] : results.at("wall_seconds").items()) seconds += took.get<double>();
+  EXPECT_GT(seconds, results.at("train_seconds").get<double>());
   EXPECT_EQ(results.at("test").at("num_views"), 2);
   EXPECT_GT(results.at("test").at("psnr"), 5.0);
   EXPECT_EQ(results.at("train").at("num_views"), 4);
@@ -208,7 +211,7 @@ TEST_F(Program, TrainingWritesTheWholeFolder) {
   EXPECT_GT(results.at("peak_host_bytes"), 1 << 20);
   for (const char* key : {"version", "commit", "compiler", "cpu", "date"})
     EXPECT_FALSE(results.at(key).get<std::string>().empty()) << key;
-  EXPECT_EQ(results.size(), 15u + results.contains("cuda") + results.contains("uncommitted"));
+  EXPECT_EQ(results.size(), 16u + results.contains("cuda") + results.contains("uncommitted"));
 
   const SortedJson split = json("out/split.json");
   EXPECT_EQ(split.at("test"), SortedJson({"view_0.png", "view_3.png"}));
@@ -253,8 +256,11 @@ TEST_F(Program, TrainingWithoutHeldOutViewsHasNoTestFigures) {
   const Outcome outcome =
       run("train " + text("scene") + " -o " + text("out") + " -i 3 --device cpu");
   ASSERT_EQ(outcome.code, 0) << outcome.err;
-  EXPECT_TRUE(json("out/results.json").at("test").is_null());
+  EXPECT_THAT(outcome.out, HasSubstr("not measured; --eval"));
+  for (const char* split : {"test", "train"})
+    EXPECT_TRUE(json("out/results.json").at(split).is_null()) << split;
   EXPECT_TRUE(fs::exists(path("out/comparison.png")));
+  EXPECT_TRUE(fs::exists(path("out/train/ours_3/renders/00000.png")));
   EXPECT_FALSE(fs::exists(path("out/test")));
 }
 

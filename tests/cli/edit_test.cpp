@@ -79,15 +79,15 @@ TEST_F(EditVerb, ASceneOrAFileGivesTheCamerasOfAFileOfGaussians) {
 
 TEST_F(EditVerb, SeveralModelsAreMergedWhereTheyWereTrained) {
   ASSERT_EQ(edit("--turn 0,90,0 --keep x=4.. -o " + text("a.ply")).code, 0);
-  ASSERT_EQ(edit("--keep z=..4 -o " + text("b.csv")).code, 0);
+  ASSERT_EQ(edit("--keep z=..4 -o " + text("b.splat")).code, 0);
   const Outcome outcome =
-      run("edit " + text("b.csv") + " " + text("a.ply") + " -o " + text("c.ply"));
+      run("edit " + text("b.splat") + " " + text("a.ply") + " -o " + text("c.ply"));
   ASSERT_EQ(outcome.code, 0) << outcome.err;
   EXPECT_THAT(outcome.out, HasSubstr("2 models merged"));
-  EXPECT_EQ(count("c.ply"), count("a.ply") + count("b.csv"));
+  EXPECT_EQ(count("c.ply"), count("a.ply") + count("b.splat"));
   for (const Vec3f& mean : read_model(path("c.ply")).gaussians.mean) EXPECT_GT(mean.z, 2);
   const Outcome stored =
-      run("edit " + text("b.csv") + " " + text("a.ply") + " --as-stored -o " + text("d.ply"));
+      run("edit " + text("b.splat") + " " + text("a.ply") + " --as-stored -o " + text("d.ply"));
   ASSERT_EQ(stored.code, 0) << stored.err;
   std::size_t far = 0;  // where the turn left them
   for (const Vec3f& mean : read_model(path("d.ply")).gaussians.mean) far += mean.x >= 4;
@@ -111,12 +111,12 @@ TEST_F(EditVerb, ModelsOfTwoScenesAreMergedWithAWarning) {
 TEST_F(EditVerb, AMovedFileSaysSoAndExportKeepsTheWayBack) {
   ASSERT_EQ(edit("--move 5,0,0 -o " + text("a.ply")).code, 0);
   EXPECT_EQ(json("a.ply.transforms.json")["was_moved"], true);
-  ASSERT_EQ(run("export " + text("a.ply") + " " + text("b.csv")).code, 0);
-  EXPECT_EQ(read_model(path("b.csv")).gaussians.mean[3],
+  ASSERT_EQ(run("export " + text("a.ply") + " " + text("b.glb")).code, 0);
+  EXPECT_EQ(read_model(path("b.glb")).gaussians.mean[3],
             read_model(path("a.ply")).gaussians.mean[3]);
-  EXPECT_NEAR(json("b.csv.transforms.json")["input_from_file"][0][3].get<double>(), -5, 1e-9);
+  EXPECT_NEAR(json("b.glb.transforms.json")["input_from_file"][0][3].get<double>(), -5, 1e-9);
   const std::string compared = " --data " + text("scene") + " --device cpu";
-  EXPECT_THAT(run("eval " + text("b.csv") + compared).err,
+  EXPECT_THAT(run("eval " + text("b.glb") + compared).err,
               HasSubstr("was turned, scaled or moved"));
   ASSERT_EQ(edit("--keep z=..4 -o " + text("c.ply")).code, 0);
   EXPECT_THAT(run("eval " + text("c.ply") + compared).err, Not(HasSubstr("was turned")));

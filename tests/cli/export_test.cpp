@@ -158,8 +158,8 @@ TEST_F(Export, NamesWithoutAFormatAreUsageErrorsThatListThem) {
   EXPECT_EQ(outcome.code, 2);
   EXPECT_THAT(
       outcome.err,
-      HasSubstr("gemsplat does not write .obj; it writes .ply, .csv, .glb, .compressed.ply, "
-                ".spz, .sog, .rad, .splat"));
+      HasSubstr("gemsplat does not write .obj; it writes .ply, .glb, .compressed.ply, .spz, "
+                ".sog, .rad, .splat"));
   EXPECT_THAT(outcome.err, HasSubstr("a page (.html)"));
   EXPECT_EQ(run("train " + text("scene") + " -o " + text("b") + kTrain + " --export obj").code, 2);
   EXPECT_FALSE(fs::exists(path("b")));
@@ -205,32 +205,16 @@ TEST_F(Export, ALowerShDegreeIsInTheFileAndItsLossIsMeasured) {
   EXPECT_FALSE(json("full.ply.transforms.json").contains("fidelity"));
 }
 
-TEST_F(Export, AFarSceneIsShiftedBackInCsvAndItsOffsetIsNamedElsewhere) {
+TEST_F(Export, TheOffsetOfAFarSceneIsNamed) {
   write_far_scene();
   ASSERT_EQ(train("run").code, 0);
-  const Outcome outcome = export_run(text("a.csv") + " " + text("a.splat") + " --no-measure");
+  const Outcome outcome = export_run(text("a.splat") + " --no-measure");
   ASSERT_EQ(outcome.code, 0) << outcome.err;
   EXPECT_THAT(outcome.err, AllOf(HasSubstr("a.splat lies near the origin"),
                                  HasSubstr("a.splat.transforms.json has the matrix")));
-  EXPECT_THAT(outcome.err, Not(HasSubstr("a.csv lies")));
-  const std::string csv = read_bytes(path("a.csv"));
-  const std::string row = csv.substr(csv.find('\n') + 1);
-  EXPECT_NEAR(std::stod(row), 500000, 100);
-  EXPECT_NEAR(std::stod(row.substr(row.find(',') + 1)), 5400000, 100);
-  EXPECT_EQ(json("a.csv.transforms.json")["input_from_file"][0][3], 0);
   const auto offset = json("run/world_offset.json")["world_offset"];
+  EXPECT_NEAR(offset[1].get<double>(), 5400000, 100);
   EXPECT_EQ(json("a.splat.transforms.json")["input_from_file"][1][3], offset[1]);
-  const auto psnr_of = [&](const std::string& model) {
-    return SortedJson::parse(run("eval " + text(model) + " --data " + text("scene") +
-                                 " --test-every 3 --json --device cpu")
-                                 .out)["psnr"]
-        .get<double>();
-  };
-  EXPECT_NEAR(psnr_of("a.csv"), psnr_of("run/point_cloud/iteration_20/point_cloud.ply"), 0.02);
-  ASSERT_EQ(export_run(text("b.csv") + " --recenter").code, 0);
-  EXPECT_LT(std::abs(std::stod(
-                read_bytes(path("b.csv")).substr(read_bytes(path("b.csv")).find('\n') + 1))),
-            100);  // --recenter moved it to the origin
 }
 
 /// A 4x4 matrix of a sidecar, by rows, times (x y z 1).
@@ -242,28 +226,23 @@ Vec3d times(const SortedJson& matrix, const Vec3d& x) {
   return result;
 }
 
-// a.csv has UTM coordinates, and the other files have frames of their own.
 TEST_F(Export, SidecarsOfAFarSceneLeadToTheEarth) {
   write_far_scene();
   ASSERT_EQ(train("run").code, 0);
   ASSERT_EQ(run("georef " + text("scene") + " --crs EPSG:32633").code, 0);
-  ASSERT_EQ(export_run(text("a.csv") + " " + text("a.spz") + " --no-measure").code, 0);
+  ASSERT_EQ(export_run(text("a.ply") + " " + text("a.spz") + " --no-measure").code, 0);
   ASSERT_EQ(export_run(text("b.ply") + " --recenter --up 1,2,3 --scale 0.5").code, 0);
-  std::istringstream csv(read_bytes(path("a.csv")));
-  std::string line;
-  std::getline(csv, line);
-  const GaussianModel turned = read_model(path("b.ply")), packed = read_spz(path("a.spz"));
-  for (std::size_t i = 0; std::getline(csv, line); ++i) {
-    const std::size_t comma = line.find(',');
-    const Vec3d utm(std::stod(line), std::stod(line.substr(comma + 1)),
-                    std::stod(line.substr(line.find(',', comma + 1) + 1)));
+  const GaussianModel plain = read_model(path("a.ply")), turned = read_model(path("b.ply")),
+                      packed = read_spz(path("a.spz"));
+  for (std::size_t i = 0; i < plain.gaussians.count(); ++i) {
+    const Vec3d utm = Vec3d(plain.gaussians.mean[i]) + plain.world_offset;
     const auto off = [&](const std::string& file, const Vec3d& at) {
       const Vec3d there =
           times(json(file + ".transforms.json")["georeference"]["ecef_from_file"], at);
       return length(there - ecef_of(geodetic_of_utm({33, false}, utm)));
     };
     // The scene is some meters deep, so a height differs by 2 mm between UTM and its similarity.
-    EXPECT_LT(off("a.csv", utm), 0.005);
+    EXPECT_LT(off("a.ply", Vec3d(plain.gaussians.mean[i])), 0.005);
     EXPECT_LT(off("b.ply", Vec3d(turned.gaussians.mean[i])), 0.005);
     // read_spz() turns the file's axes to the PLY's: half a turn about x.
     EXPECT_LT(off("a.spz", Vec3d(packed.gaussians.mean[i] * Vec3f(1, -1, -1))), 0.005);
@@ -303,7 +282,6 @@ TEST_F(Export, AFolderThatHoldsWhatIsReadIsNotMoved) {
     EXPECT_FALSE(fs::exists(path("scene.bak-1")) || fs::exists(path("tx.bak-1"))) << more;
   };
   is_refused(text("scene/"));  // the run's scene, which says where it stands
-  is_refused(text("scene") + " --lod");
   fs::create_directories(path("tx"));
   fs::copy(path("scene/georef.json"), path("tx/georef.json"));
   is_refused(text("tx/") + " --georef " + text("tx/georef.json"));

@@ -40,6 +40,12 @@ TEST_F(Flags, OfOtherTrainersWithAnotherMeaningAreAnsweredWithTheFlagHere) {
   }
 }
 
+TEST_F(Flags, OfEarlierVersionsAreAnsweredWithWhatTookTheirPlace) {
+  const Outcome outcome = run("export model.ply out --lod");
+  EXPECT_EQ(outcome.code, 2);
+  EXPECT_THAT(outcome.err, HasSubstr("an output that ends in .rad"));
+}
+
 TEST_F(Flags, TheModelOfEvalAndRenderMayBeNamedByItsFlag) {
   for (const std::string flags : {"eval --json -m ", "eval --model_path=", "render -o x -m ",
                                   "render -o x --write color --model-path "}) {

@@ -3,12 +3,10 @@
 // the model of a watched run.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
-#include <httplib.h>
 #include <signal.h>
 #include <sys/wait.h>
 
 #include <chrono>
-#include <deque>
 #include <functional>
 #include <thread>
 
@@ -19,8 +17,8 @@
 #include "gs_core/system/text/json.h"
 #include "gs_model/formats/formats.h"
 #include "gs_model/formats/ply/ply.h"
+#include "tests/support/http_client.h"
 #include "tests/support/program.h"
-#include "tests/support/raw_connection.h"
 
 namespace gs {
 namespace {
@@ -45,12 +43,8 @@ class Started {
   ~Started() {
     if (process_ > 0) end(SIGKILL);
   }
-  /// Waits for two minutes: the server's threads have the lowest priority, so that on a busy machine
-  /// an answer takes longer than the five seconds that httplib waits.
-  httplib::Result get(const std::string& path) const {
-    httplib::Client client("127.0.0.1", port_);
-    client.set_read_timeout(std::chrono::minutes(2));
-    return client.Get(path);
+  std::optional<HttpGot> get(const std::string& path) const {
+    return gs::ask(port_, "GET " + path);
   }
   int port() const { return port_; }
   int end(int signal) {
@@ -178,8 +172,7 @@ class ControlledTrain : public Started {
     const std::string log = said(), mark = "#control=";
     const std::size_t at = log.find(mark);
     const std::string token = at == log.npos ? "" : log.substr(at + mark.size(), 32);
-    const auto answer = httplib::Client("127.0.0.1", port())
-                            .Post("/control?do=" + what, {{"X-Control-Token", token}}, "", "");
+    const auto answer = gs::ask(port(), "POST /control?do=" + what, {{"X-Control-Token", token}});
     return answer ? answer->status : 0;
   }
   /// The state once `is_so`.
@@ -236,30 +229,6 @@ TEST_F(Verbs, APausedRunIsStoppedByItsPageOrByASignalWithItsModelSaved) {
     EXPECT_FALSE(fs::is_empty(path(name + "/checkpoints")));
     EXPECT_FALSE(fs::is_empty(path(name + "/point_cloud")));
   }
-}
-
-TEST_F(Verbs, AFloodOfConnectionsNeitherEndsARunNorKeepsAPageOut) {
-  ASSERT_EQ(train("out").code, 0);  // makes the scene
-  const std::string command = "ulimit -n 128; exec " + std::string(GS_PROGRAM) + " train " +
-                              text("scene") + " -o " + text("flooded") + kTrain +
-                              " --iterations 1000 --viewer --viewer-port 0 --viewer-wait";
-  Started train({"/bin/sh", "-c", command}, path("train.log"));
-  std::deque<RawConnection> flood;
-  for (int i = 0; i < 300; ++i) {
-    flood.emplace_back(train.port());
-    if (i % 3 == 1) flood.back().say("GET /state.json HTTP/1.1\r\nX: ");
-    if (i % 3 == 2) flood.back().say(get_request("/"));
-  }
-  const auto state = train.get("/state.json");
-  ASSERT_TRUE(state) << to_string(state.error()) << train.said();
-  EXPECT_EQ(state->status, 200);
-  // While the flood holds on to its connections, the run comes to its end, however long the answer
-  // has taken, and then the program to its own.
-  const char* const kEnd = "shows the final model";
-  for (int i = 0; i < 6000 && train.said().find(kEnd) == std::string::npos; ++i)
-    std::this_thread::sleep_for(std::chrono::milliseconds(20));
-  EXPECT_TRUE(fs::exists(path("flooded/results.json"))) << train.said();
-  EXPECT_EQ(train.end(SIGINT), 0) << train.said();
 }
 
 TEST_F(Verbs, AnUnwatchedRunEndsByItself) {

@@ -18,6 +18,17 @@ expect_equal("The summary" "${summary}" "  found: yes
   packed: yes
 ")
 
+# What the program can do is told with what to install.
+set(GS_WITH_THING ON)
+gs_report("there" GS_WITH_THING TRUE "nothing works" "everything works" libthing-dev)
+gs_report("lacking" GS_WITH_THING FALSE "nothing works" "everything works" libthing-dev)
+gs_write_features(${CMAKE_CURRENT_BINARY_DIR}/features.h)
+file(READ ${CMAKE_CURRENT_BINARY_DIR}/features.h features)
+file(REMOVE ${CMAKE_CURRENT_BINARY_DIR}/features.h)
+expect_in("The features" "${features}" [[{"there", true, "everything works"},
+    {"lacking", false, "nothing works; install libthing-dev and build again"},
+]])
+
 # Every library is reported with an option that there is.
 file(STRINGS ${SCRIPTS}/options.cmake options REGEX "^option")
 file(GLOB scripts ${SCRIPTS}/*.cmake)

@@ -1,8 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What of a folder may be removed: only what we put there, and only as we put it there. And the lock
-// of a folder, which every path to the folder leads to.
-#include "gs_core/system/files/owned_files.h"
-
+// What may be moved aside, and the lock of a folder, which every path to the folder leads to.
 #include <sys/wait.h>
 #include <unistd.h>
 
@@ -26,72 +23,10 @@ class Owned : public ::testing::Test {
     fs::create_directories(path("scene"));
   }
   fs::path path(const std::string& name) const { return folder_.path() / name; }
-  OwnedFiles files(const OwnedFiles::Stamps& names = {}) {
-    return {path("scene"), names, [this](const OwnedFiles::Stamps& now) { saved_ = now; }};
-  }
-  void place(OwnedFiles& files) {
-    files.place({{"images/a.jpg", path("photos/a.jpg")}, {"images/b.jpg", path("photos/b.jpg")}},
-                [this] { return path("scene"); });
-  }
-
-  OwnedFiles::Stamps saved_;
 
  private:
   TempFolder folder_;
 };
-
-TEST_F(Owned, WhatWasPlacedIsRemovedAndTheUsersFileBesideItStays) {
-  OwnedFiles ours = files();
-  place(ours);
-  write_bytes(path("scene/images/mine.jpg"), "dear");
-  OwnedFiles(files(saved_)).remove_all();
-  EXPECT_FALSE(fs::exists(path("scene/images/a.jpg")));
-  EXPECT_EQ(read_bytes(path("scene/images/mine.jpg")), "dear");
-  EXPECT_EQ(read_bytes(path("photos/a.jpg")), "photo a");
-  EXPECT_TRUE(saved_.empty());
-}
-
-TEST_F(Owned, AFileThatTheUserPutInPlaceOfOursStays) {
-  OwnedFiles ours = files();
-  place(ours);
-  fs::remove(path("scene/images/a.jpg"));
-  write_bytes(path("scene/images/a.jpg"), "a better photo");
-  ours.remove_all();
-  EXPECT_EQ(read_bytes(path("scene/images/a.jpg")), "a better photo");
-  EXPECT_FALSE(fs::exists(path("scene/images/b.jpg")));
-}
-
-TEST_F(Owned, ALinkInPlaceOfOurFolderIsNotFollowed) {
-  OwnedFiles ours = files();
-  place(ours);
-  fs::remove_all(path("scene/images"));
-  fs::create_directory_symlink(path("photos"), path("scene/images"));
-  ours.remove_all();
-  EXPECT_EQ(read_bytes(path("photos/a.jpg")), "photo a");
-}
-
-TEST_F(Owned, NamesThatLeadOutOfTheFolderAreDropped) {
-  const std::string outside = path("photos/a.jpg").string();
-  OwnedFiles ours =
-      files({{"../photos/a.jpg", ""}, {outside, ""}, {"images/../../photos/b.jpg", ""}, {"", ""}});
-  EXPECT_TRUE(ours.names().empty());
-  ours.remove_all();
-  EXPECT_TRUE(fs::exists(path("photos/a.jpg")));
-  EXPECT_FALSE(is_work_folder("../photos"));
-  EXPECT_FALSE(is_work_folder(".gemsplat-ab/../"));
-  EXPECT_TRUE(is_work_folder(make_work_folder(path("scene")).filename().string()));
-}
-
-TEST_F(Owned, WhatIsThereAndNotOursIsNeitherClaimedNorReplaced) {
-  write_bytes(path("scene/database.db"), "the user's");
-  write_bytes(path("scene/images/a.jpg"), "another a");
-  OwnedFiles ours = files();
-  EXPECT_THROW(ours.claim({{"colmap.log", ""}, {"database.db", ""}}), UsageError);
-  EXPECT_THROW(place(ours), UsageError);
-  EXPECT_TRUE(saved_.empty());
-  EXPECT_EQ(read_bytes(path("scene/images/a.jpg")), "another a");
-  EXPECT_FALSE(fs::exists(path("scene/images/b.jpg")));  // nothing was begun
-}
 
 // ---- moving aside -------------------------------------------------------------------------------
 

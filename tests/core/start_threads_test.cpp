@@ -3,6 +3,7 @@
 #include "gs_core/threads/start_threads.h"
 
 #include <atomic>
+#include <stdexcept>
 #include <system_error>
 
 #include "tests/support/test.h"
@@ -46,6 +47,18 @@ TEST(StartThreads, LoopsRunWithFewerThreadsAndWithNone) {
     std::vector<int> visits(10'000);
     parallel_for(visits.size(), 16, [&](std::size_t i) { ++visits[i]; });
     EXPECT_EQ(visits, std::vector<int>(visits.size(), 1)) << count;
+  }
+}
+
+TEST(InBackground, TheWorkIsDoneWithAThreadAndWithNone) {
+  for (const int count : {1, 0}) {
+    const ThreadsLeft left(count);
+    std::thread::id worker;
+    in_background([&] { worker = std::this_thread::get_id(); }).get();
+    EXPECT_NE(worker, std::thread::id());
+    EXPECT_EQ(worker == std::this_thread::get_id(), count == 0);
+    std::future<void> failed = in_background([] { throw std::runtime_error("on purpose"); });
+    EXPECT_THROW(failed.get(), std::runtime_error);
   }
 }
 

@@ -191,8 +191,9 @@ TEST_F(CudaPhotometric, KeepsAMeanOfZero) {
     gpu().step(model, {{&all[step % 10 == 9 ? step / 10 % 3 : 0], 1}, {0.2f}, update_of(), {}});
   gpu().synchronize(model);
   const TrainingModel learned = on_host(model);
-  const std::vector<double> common =
-      make_photometric_model(config)->common_part(learned.photometric);
+  double common[3] = {0, 0, 0};
+  for (std::size_t photo = 0; photo < 3; ++photo)
+    for (std::size_t c = 0; c < 3; ++c) common[c] += learned.photometric.row(photo)[c] / 3.0;
   // Numbers grow to some units, where a float has steps of 5e-7.
   for (const double number : common) EXPECT_NEAR(number, 0, 2e-6);
 }

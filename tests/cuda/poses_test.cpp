@@ -57,7 +57,7 @@ class CudaPoses : public CudaTest {
   void expect_same_poses(const PoseState& actual, const PoseState& expected, double tolerance) {
     EXPECT_LT(norm_difference(first_moments(actual), first_moments(expected)), tolerance);
     EXPECT_LT(norm_difference(second_moments(actual), second_moments(expected)), 2 * tolerance);
-    EXPECT_LT(norm_difference(actual.values, expected.values), tolerance);
+    EXPECT_LT(norm_difference(downloaded(actual.values), downloaded(expected.values)), tolerance);
     EXPECT_EQ(actual.adam_steps, expected.adam_steps);
   }
   void expect_scalar_step(const Gaussians& gaussians, const RenderSettings& settings) {
@@ -147,7 +147,7 @@ TEST_F(CudaPoses, ThePictureIsThatOfTheRefinedCamera) {
   disturb(start.poses, 0.1, 0.2, 5);
   const auto loss_of = [&](Backend& backend, bool is_refined) {
     TrainingModel model = copy_to(backend.memory(), start);
-    if (!is_refined) model.poses = {};
+    if (!is_refined) model.poses = PoseState();
     step(backend, model, {1}, {}, 0);
     backend.synchronize(model);
     return backend.loss().value();

@@ -247,13 +247,13 @@ TEST_F(CudaStep, DeterministicStepsGiveTheSameBytesEachTime) {
   const Recipe large{
       .sigma_low = 30, .sigma_high = 60, .opacity_low = 0.02f, .opacity_high = 0.05f};
   RenderSettings settings;
-  for (const auto& [recipe, count] : {std::pair{kTypical, 5000}, std::pair{large, 20000}}) {
-    const TrainingModel start = model_of(random_gaussians(recipe, count, views[0].camera, 3));
+  for (const Recipe& recipe : {kTypical, large}) {  // large ones fill several segments of a list
+    const TrainingModel start = model_of(random_gaussians(recipe, 5000, views[0].camera, 3));
     const auto after_steps = [&](bool deterministic, bool meets_views_anew) {
       TrainingModel model = on_gpu(start);
       settings.deterministic = deterministic;
       if (meets_views_anew) gpu().device().upload_views(views, 1 << 30);
-      for (int step = 0; step < 30; ++step)
+      for (int step = 0; step < 12; ++step)  // few, so that racecheck comes to the end
         gpu().step(model, views[step % 3], settings, {0.2f}, kRates, {true});
       gpu().synchronize(model);
       return on_host(model);

@@ -103,8 +103,8 @@ OF_THE_USER = "a file of the user's"
 # ---- bytes that have to be the same --------------------------------------------------------------
 
 # Values that no two runs share: times, and memory.
-TIMES = {"train_seconds", "date", "peak_host_bytes", "seconds", "steps_per_second", "training / s",
-         "memory / MiB"}
+TIMES = {"train_seconds", "wall_seconds", "date", "peak_host_bytes", "seconds", "steps_per_second",
+         "training / s", "memory / MiB"}
 # Files of which only the name counts: they hold times throughout, or grow with every attempt.
 LOGS = {"profile.csv", "report.html", "train.log", "colmap.log"}
 
@@ -231,9 +231,6 @@ VERBS = {verb.name: verb for verb in [
                    "100", "--device", "cpu", "--force"),
          ("scene", "run"), ("out/tiles/tileset.json", "out/tiles/notes.txt", "out/notes.txt"),
          before=((*PLACE, "-o", "place.json"),)),
-    Verb("levels", ("export", "run", "out/lod", "--lod", "--lod-leaf", "100", "--device", "cpu",
-                    "--force"),
-         ("scene", "run"), ("out/lod/lod-meta.json", "out/lod/notes.txt", "out/notes.txt")),
     Verb("undistort", ("undistort", "scene", "-o", "flat"), ("scene", "lens"), ("notes.txt",),
          again=("--force",)),
     Verb("view", ("view", "run", "--port", "0", "--no-open", "--stream-from", "1"),

@@ -3,9 +3,9 @@
 // stand one behind the other in an input.
 #include "gs_app/run/run_folder.h"
 
-#include "gs_app/experiment/tables/quality_curves.h"
-#include "gs_app/experiment/tables/table_cells.h"
-#include "gs_app/experiment/tables/table_scenes.h"
+#include "gs_app/experiment/tables/experiment_json.h"
+#include "gs_app/experiment/tables/experiment_tables.h"
+#include "gs_app/experiment/tables/experiment_views.h"
 #include "gs_app/report/report_folder.h"
 #include "gs_app/run/csv.h"
 #include "gs_core/system/text/json.h"
@@ -32,13 +32,9 @@ ExperimentRun make_run() {
 void make_tables(const std::vector<ExperimentRun>& runs) {
   Experiment experiment;
   experiment.scenes.push_back({"scene", folder(), {}});
-  const std::vector<RunRow> rows = rows_of(runs, {});
-  scenes_of(experiment, rows);
-  for (const Group& group : groups_of(rows))
-    for (const Metric& metric : metrics_in(rows)) spread_of(group, metric);
-  table_of_scene_means(scene_means_of(rows), metrics_in(rows));
-  table_of_runs(rows, metrics_in(rows));
-  quality_curves(rows);
+  const Json tables = experiment_json(experiment, runs, {});
+  experiment_markdown(tables);
+  experiment_csv(tables);
   summary_of(runs[0]);
 }
 

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Trained Gaussians as .sog. An input is a file, or # and then meta.json and the pixels of the
-// pictures, which the target packs as WebP and zip, so that no checksum refuses them. Bytes of WebP
-// themselves are libwebp's to read.
+// pictures, which the target packs as WebP and zip, so that no checksum refuses them; or, from { on,
+// the meta.json of a folder of pictures. Bytes of WebP themselves are libwebp's to read.
 #include "gs_model/formats/sog/sog.h"
 
 #include <algorithm>
@@ -9,6 +9,7 @@
 #include "gs_model/formats/sog/webp.h"
 #include "gs_model/formats/sog/zip_file.h"
 #include "tests/fuzz/fuzz_target.h"
+#include "tests/support/random_model.h"
 
 namespace gs::fuzz {
 namespace {
@@ -37,7 +38,22 @@ std::string packed(std::string_view parts) {
   return zip_of(entries);
 }
 
+/// A folder with the pictures of ten Gaussians; empty in a build without libwebp.
+void make_folder() {
+  std::filesystem::create_directories(folder() / "sog");
+  MemorySink archive("ten Gaussians");
+  if (!takes([&] { write_sog(archive, random_model(10, 1)); })) return;
+  for (const auto& [name, content] : zip_entries("", archive.text))
+    file_of("sog/" + std::string(name), content);
+}
+
 void read(std::string_view bytes) {
+  if (bytes.starts_with('{')) {
+    static const bool is_made = (make_folder(), true);
+    static_cast<void>(is_made);
+    takes([&] { read_sog_folder(file_of("sog/meta.json", bytes)); });
+    return;
+  }
   const bool is_unpacked = bytes.starts_with('#');
   takes([&] {
     read_sog(is_unpacked ? file_of("model.sog", packed(bytes.substr(1)))

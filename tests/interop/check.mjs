@@ -1,10 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 // Compares our exports with the readers of other programs. node check.mjs PROGRAM FOLDER
-//   1. A random model is exported to every format. splat-transform reads each file but .glb and .csv;
+//   1. A random model is exported to every format. splat-transform reads each file but .glb;
 //      the result is compared with the model, and with what gemsplat reads from the file.
 //   2. gemsplat reads the files that splat-transform writes of the same model.
-//   3. gemsplat and splat-transform read .ksplat files of GaussianSplats3D, at each level.
-//   4. The .glb is parsed as glTF 2.0 and KHR_gaussian_splatting specify, compared with the model and
+//   3. The .glb is parsed as glTF 2.0 and KHR_gaussian_splatting specify, compared with the model and
 //      with the .glb of splat-transform, and given to gltf-validator.
 import {execFileSync} from 'node:child_process';
 import {createRequire} from 'node:module';
@@ -52,6 +51,14 @@ function writePly(path, rows) {
   const header = `ply\nformat binary_little_endian 1.0\nelement vertex ${rows.length}\n` +
       names.map(name => `property float ${name}\n`).join('') + 'end_header\n';
   writeFileSync(path, Buffer.concat([Buffer.from(header), Buffer.from(Float32Array.from(rows.flat()).buffer)]));
+}
+
+// Of the columns of writePly(), in the same order.
+function readPly(path) {
+  const bytes = readFileSync(path), end = bytes.indexOf('end_header\n') + 11;
+  const properties = [...bytes.toString('latin1', 0, end).matchAll(/^property float (\w+)$/gm)].map(([, name]) => name);
+  const values = new Float32Array(Uint8Array.prototype.slice.call(bytes, end).buffer), columns = names.map(name => properties.indexOf(name));
+  return Array.from({length: values.length / properties.length}, (_, i) => columns.map(c => c < 0 ? undefined : values[i * properties.length + c]));
 }
 
 function readCsv(path) {
@@ -118,18 +125,16 @@ mkdirSync(folder, {recursive: true});
 const rows = Array.from({length: kCount}, (_, i) => randomRow(i));
 const reference = byCell(rows);
 writePly(file('model.ply'), rows);
-ours(file('model.ply'), file('ours.csv'));
-report('our .csv', readCsv(file('ours.csv')), reference, exact);
 
 for (const [ending, tolerance] of Object.entries(tolerances)) {
   const version = ending === '.4.spz' ? ['--spz-version', '4'] : [];
   const written = file(`ours${ending}`);
   ours(file('model.ply'), written, ...version);
   theirs(written, `${written}.theirs.csv`);
-  ours(written, `${written}.ours.csv`);
+  ours(written, `${written}.ours.ply`);
   const seen = readCsv(`${written}.theirs.csv`);
   report(`our ${ending}, read by splat-transform`, seen, reference, tolerance, ending !== '.splat');
-  report(`our ${ending}, read by us and by splat-transform`, readCsv(`${written}.ours.csv`), byCell(seen),
+  report(`our ${ending}, read by us and by splat-transform`, readPly(`${written}.ours.ply`), byCell(seen),
          ending === '.splat' ? {...agreement, angle: 0.02} : agreement, ending !== '.splat');
 }
 
@@ -137,41 +142,9 @@ for (const ending of ['.ply', '.compressed.ply', '.spz', '.4.spz', '.sog']) {
   const written = file(`theirs${ending}`);
   theirs(...(ending === '.spz' ? ['--spz-version', '3'] : []), file('model.ply'), written);
   theirs(written, `${written}.theirs.csv`);
-  ours(written, `${written}.ours.csv`);
-  report(`splat-transform's ${ending}, read by us and by itself`, readCsv(`${written}.ours.csv`),
+  ours(written, `${written}.ours.ply`);
+  report(`splat-transform's ${ending}, read by us and by itself`, readPly(`${written}.ours.ply`),
          byCell(readCsv(`${written}.theirs.csv`)), agreement);
-}
-
-// --- .ksplat, which has SH of degree 2 at most
-
-// A .csv with 8 coefficients a channel, in the columns of one with 15.
-function readCsvOfDegree2(path) {
-  const text = readFileSync(path, 'utf8').trim().split('\n').map(line => line.split(',')), [head] = text;
-  head.forEach((name, i) => {
-    const k = Number(name.match(/^f_rest_(\d+)$/)?.[1] ?? -1);
-    if (k >= 0) head[i] = `f_rest_${kRestPerChannel * Math.floor(k / 8) + k % 8}`;
-  });
-  writeFileSync(path, text.join('\n'));
-  return readCsv(path);
-}
-
-async function checkKsplat() {
-  const {PlyParser, SplatBufferGenerator} = await import(join(packages, '@mkkellogg/gaussian-splats-3d/build/gaussian-splats-3d.module.js'));
-  const ply = readFileSync(file('model.ply'));
-  const splats = PlyParser.parseToUncompressedSplatArray(ply.buffer.slice(ply.byteOffset, ply.byteOffset + ply.length), 2);
-  for (const level of [0, 1, 2]) {
-    const written = file(`theirs.${level}.ksplat`);
-    writeFileSync(written, Buffer.from(SplatBufferGenerator.getStandardGenerator(1, level).generateFromUncompressedSplatArray(splats).bufferData));
-    ours(written, `${written}.ours.csv`);
-    theirs(written, `${written}.theirs.csv`);
-    const read = readCsvOfDegree2(`${written}.ours.csv`);
-    // It rounds bytes downwards. A position has 65535 steps in 5 units, and SH of level 2 have 255 in their range.
-    report(`GaussianSplats3D's .ksplat of level ${level}`, read, reference, {position: level ? 1e-4 : 0, sh0: 0.0145, shRest: [0, 3e-4, 0.005][level], opacity: 0.004,
-                                                                            scale: level ? 1e-3 : 1e-6, angle: 3e-3}, false);
-    // splat-transform reads small halves otherwise; our rotations are those of the model to 0.0009, as the line before says.
-    report(`GaussianSplats3D's .ksplat of level ${level}, read by us and by splat-transform`, read, byCell(readCsvOfDegree2(`${written}.theirs.csv`)),
-           {...agreement, angle: level ? 0.08 : agreement.angle}, false);
-  }
 }
 
 // --- .glb
@@ -233,8 +206,8 @@ function checkGlb() {
       check(Math.fround(value) === Math[bound](...column), `glb: POSITION.${bound}`);
     });
   theirs(file('model.ply'), file('theirs.glb'));
-  ours(file('theirs.glb'), file('theirs.glb.ours.csv'));
-  report('splat-transform\'s .glb, read by us', readCsv(file('theirs.glb.ours.csv')), reference, {...exact, opacity: 1e-6, scale: 1e-5});
+  ours(file('theirs.glb'), file('theirs.glb.ours.ply'));
+  report('splat-transform\'s .glb, read by us', readPly(file('theirs.glb.ours.ply')), reference, {...exact, opacity: 1e-6, scale: 1e-5});
   const other = parseGlb(file('theirs.glb')).attributes;
   let differing = 0, largest = 0;
   for (const [name, {values}] of Object.entries(attributes)) {
@@ -262,7 +235,6 @@ async function validateGlb() {
   for (const issue of others) check(false, `gltf-validator: ${issue.code} ${issue.message} ${issue.pointer}`);
 }
 
-await checkKsplat();
 checkGlb();
 await validateGlb();
 console.log(failures ? `${failures} checks failed` : 'all formats agree');

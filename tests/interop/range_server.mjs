@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Serves folders of this machine to a page, whole files and ranges of them, and counts the bytes.
+// Serves folders of this machine to a page, whole files and ranges of them.
 import {createServer} from 'node:http';
 import {readFile} from 'node:fs/promises';
 import {extname, join, normalize} from 'node:path';
@@ -10,10 +10,9 @@ const TYPES = {
 
 export class RangeServer {
   // roots: {name: folder}: /name/FILE is FILE of the folder; pages: {name: text}: HTML.
-  // isHeld(name, range): answers that wait until release() is called.
   static async start({roots, pages}) {
     const server = new RangeServer();
-    Object.assign(server, {roots, pages, sent: [], isHeld: () => false, waiting: []});
+    Object.assign(server, {roots, pages});
     server.http = createServer((request, response) => server.answer(request, response).catch(() => response.writeHead(404).end()));
     await new Promise(done => server.http.listen(0, '127.0.0.1', done));
     server.url = `http://127.0.0.1:${server.http.address().port}/`;
@@ -27,22 +26,12 @@ export class RangeServer {
     const name = normalize(rest.join('/')), all = await readFile(join(this.roots[root], name));
     const [, from, to] = request.headers.range?.match(/^bytes=(\d+)-(\d*)$/) ?? [];
     const begin = Number(from ?? 0), end = to ? Math.min(Number(to) + 1, all.length) : all.length;
-    if (this.isHeld(name, begin)) await new Promise(done => this.waiting.push(done));
-    this.sent.push({root, name, begin, bytes: end - begin});
     response.writeHead(from === undefined ? 200 : 206, {
       'Content-Type': TYPES[extname(name)] ?? 'application/octet-stream', 'Content-Length': end - begin, 'Accept-Ranges': 'bytes',
       ...(from === undefined ? {} : {'Content-Range': `bytes ${begin}-${end - 1}/${all.length}`})}).end(all.subarray(begin, end));
   }
 
-  // Answers what was held, and holds nothing from here on.
-  release() {
-    this.isHeld = () => false;
-    for (const done of this.waiting.splice(0)) done();
-  }
-  bytesOf(root) { return this.sent.filter(each => each.root === root).reduce((sum, each) => sum + each.bytes, 0); }
-
   close() {
-    this.release();
     this.http.closeAllConnections();
     return new Promise(done => this.http.close(done));
   }

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "gs_core/math/loss/photometric.h"
+#include "gs_core/math/loss/pull.h"
 
 #include "tests/support/jet_oracle.h"
 
@@ -21,14 +22,14 @@ TEST(Gained, GradientMatchesJet) {
   EXPECT_LT(worst_gradient_error(forward, vjp, draw), kJetTolerance);
 }
 
-TEST(GainPrior, GradientMatchesJet) {
+TEST(PhotoPull, GradientMatchesJet) {
   const auto forward = [](const auto& x) {
     using T = std::decay_t<decltype(x[0])>;
     const T off = (x[0] - T(0.3)) / T(0.5);
     return std::array<T, 1>{T(0.5) * T(0.01) * off * off};
   };
   const auto vjp = [](const std::array<double, 1>& x, const std::array<double, 1>& G) {
-    return std::array<double, 1>{G[0] * gain_prior_vjp(x[0], 0.3, 0.01, 0.5)};
+    return std::array<double, 1>{G[0] * pull_vjp(x[0], 0.3, 0.01, 0.5)};
   };
   const auto draw = [](TestRandom& random) { return std::array<double, 1>{random.uniform(-1, 1)}; };
   EXPECT_LT(worst_gradient_error(forward, vjp, draw), kJetTolerance);

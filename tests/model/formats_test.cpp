@@ -158,7 +158,7 @@ TEST_F(Formats, OneGaussianIsEnough) {
 }
 
 TEST_F(Formats, NoGaussiansAreHeldOrRefusedWithAdvice) {
-  for (const char* ending : {".ply", ".csv", ".compressed.ply", ".spz"}) {
+  for (const char* ending : {".ply", ".compressed.ply", ".spz"}) {
     SCOPED_TRACE(ending);
     EXPECT_EQ(there_and_back(random_model(0, 2), ending).gaussians.count(), 0u);
   }
@@ -343,51 +343,48 @@ TEST_F(Formats, SogKeepsShThatFewKindsOfGaussiansShare) {
   EXPECT_EQ(near, 2000u);
 }
 
-TEST_F(Formats, CsvTakesColumnsInAnyOrderAndNamesTheLineThatIsWrong) {
-  const GaussianModel model = random_model(2, 0);
-  write_model(file("a.csv"), model);
-  const std::string text = read_bytes(file("a.csv"));
-  write_bytes(
-      file("b.csv"),
-      "\xEF\xBB\xBF"
-      "label,y,x,z,rot_3,rot_2,rot_1,rot_0,opacity,scale_0,scale_1,scale_2,\"f_dc_0\",f_dc_1,"
-      "f_dc_2\r\nn1,2,1,3,0,0,0,+1,1e99,4,5,6,7,8,9\r\n\r\n");
-  const GaussianModel back = read_model(file("b.csv"));
-  ASSERT_EQ(back.gaussians.count(), 1u);
-  EXPECT_EQ(back.gaussians.mean[0], Vec3f(1, 2, 3));
-  EXPECT_EQ(back.gaussians.rotation[0].w, 1);
-  EXPECT_EQ(back.gaussians.logit_opacity[0], INFINITY);
-  write_bytes(file("c.csv"), text + "1,2,3\n");
-  EXPECT_THAT(error_of([&] { read_model(file("c.csv")); }),
-              AllOf(HasSubstr("line 4"), HasSubstr("3 values")));
-  write_bytes(file("c.csv"), text.substr(0, text.find("rot_3")) + "foot\n");
-  EXPECT_THAT(error_of([&] { read_model(file("c.csv")); }), HasSubstr("lacks the columns rot_3"));
-}
-
-TEST_F(Formats, CsvHoldsPositionsFarFromTheOriginAsDoubles) {
-  GaussianModel model = random_model(300, 0);
-  model.world_offset = {500'000, 5'400'000, 300};
-  write_model(file("a.csv"), model);
-  EXPECT_THAT(read_bytes(file("a.csv")),
-              HasSubstr("\n" + fmt::format("{}", model.gaussians.mean[0].x + 500'000.0) + ","));
-  const GaussianModel back = read_model(file("a.csv"));
-  for (std::size_t i = 0; i < 300; ++i) {
-    const Vec3d before = Vec3d(model.gaussians.mean[i]) + model.world_offset;
-    const Vec3d after = Vec3d(back.gaussians.mean[i]) + back.world_offset;
-    for (int axis = 0; axis < 3; ++axis) EXPECT_NEAR(after[axis], before[axis], 1e-6) << i;
-  }
-  EXPECT_EQ(back.gaussians.sh0.download(), model.gaussians.sh0.download());
-}
-
 TEST_F(Formats, EndingsSayTheFormatInAnyCase) {
   EXPECT_EQ(find_format("a.compressed.ply")->name, "compressed.ply");
   EXPECT_EQ(find_format("dir.spz/A.PLY")->name, "ply");
   EXPECT_EQ(find_format("a.obj"), nullptr);
   EXPECT_THAT(error_of([] { format_to_write("a.ksplat"); }),
-              HasSubstr("a.ksplat: gemsplat does not write .ksplat; it writes .ply, .csv, .glb"));
+              HasSubstr("a.ksplat: gemsplat does not write .ksplat; it writes .ply, .glb"));
+  EXPECT_THAT(error_of([] { format_to_write("a.csv"); }), HasSubstr("numpy.savetxt"));
+  EXPECT_THAT(error_of([] { format_named("csv"); }), HasSubstr("numpy.savetxt"));
   EXPECT_THAT(error_of([] { format_to_write("a"); }), HasSubstr("files without an ending"));
   EXPECT_EQ(format_named("glb").ending, ".glb");
-  EXPECT_THAT(error_of([] { format_named("obj"); }), HasSubstr("it has ply, csv"));
+  EXPECT_THAT(error_of([] { format_named("obj"); }), HasSubstr("it has ply, glb"));
+}
+
+/// The files of a .sog in the folder that its pictures and meta.json may also lie in.
+void unpack_sog(const std::filesystem::path& archive, const std::filesystem::path& folder) {
+  const std::string bytes = read_bytes(archive);
+  for (const auto& [name, content] : zip_entries(archive, bytes))
+    write_bytes(folder / name, std::string(content));
+}
+
+TEST_F(Formats, AFolderOfSogFilesIsAModelAndNamesNoFileOfOthers) {
+  write_model(file("a.sog"), moderate_model(50, 1));
+  unpack_sog(file("a.sog"), file("sog"));
+  for (const char* name : {"sog", "sog/meta.json"})
+    EXPECT_TRUE(same_bits(read_model(file(name)).gaussians, read_model(file("a.sog")).gaussians))
+        << name;
+  EXPECT_EQ(find_format("a/META.json")->name, "sog folder");
+  EXPECT_THAT(error_of([] { format_to_write("a/meta.json"); }), HasSubstr("choose .sog"));
+  unpack_sog(file("a.sog"), file("other"));
+  std::string meta = read_bytes(file("sog/meta.json"));
+  meta.replace(meta.find("quats.webp"), 10, "../other/quats.webp");
+  write_bytes(file("sog/meta.json"), meta);
+  EXPECT_THAT(error_of([&] { read_model(file("sog")); }), HasSubstr("lacks ../other/quats.webp"));
+}
+
+TEST_F(Formats, AStreamedSogIsNamedWithARemedy) {
+  write_bytes(file("lod/lod-meta.json"), "{}");
+  for (const char* name : {"lod", "lod/lod-meta.json"})
+    EXPECT_THAT(error_of([&] { read_model(file(name)); }),
+                AllOf(HasSubstr("a streamed SOG"), HasSubstr("name a meta.json of its folders")));
+  EXPECT_THAT(error_of([] { format_to_write("lod/lod-meta.json"); }),
+              HasSubstr("a .rad has levels"));
 }
 
 TEST_F(Formats, FilesOfOtherProgramsAreNamedWithARemedy) {
@@ -397,6 +394,10 @@ TEST_F(Formats, FilesOfOtherProgramsAreNamedWithARemedy) {
   };
   EXPECT_THAT(error_reading("a.lcc", "any bytes"),
               AllOf(HasSubstr("an .lcc scene"), HasSubstr("convert it to .ply")));
+  EXPECT_THAT(error_reading("a.ksplat", std::string("\0\1", 2)),
+              AllOf(HasSubstr("a .ksplat file"), HasSubstr("splat-transform")));
+  EXPECT_THAT(error_reading("a.csv", "x,y,z\n1,2,3\n"),
+              AllOf(HasSubstr("a table"), HasSubstr("gemsplat.Model")));
   EXPECT_THAT(error_reading("point_cloud.ply", std::string("PK\x03\x04 a zip")),
               AllOf(HasSubstr("a zip file, as .sog files are"), HasSubstr("ends in .sog")));
   EXPECT_THAT(error_reading("a.model", "NGSP"), HasSubstr("ends in .spz"));

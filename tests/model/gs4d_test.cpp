@@ -101,7 +101,9 @@ TEST_F(Gs4d, HasWhatIsSeenFirstInTheFirstChunk) {
 TEST_F(Gs4d, DoesNotDrawADegenerateGaussian) {
   GaussianModel model = random_moving_model(3, 0);
   model.gaussians.rotation[1] = {0, 0, 0, 0};
-  write_gs4d(file("a.gs4d"), model, 0);
+  MemorySink sink("a.gs4d");
+  write_gs4d(sink, model, 0);
+  write_bytes(file("a.gs4d"), sink.text);
   int faint = 0;
   for (const float logit : read_model(file("a.gs4d")).gaussians.logit_opacity)
     faint += sigmoid(logit) < kMinAlpha;

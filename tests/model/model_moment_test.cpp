@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // A moment of Gaussians in space and time as 3D Gaussians: the same pictures at that time, and
 // through the file of the whole model.
-#include "gs_model/formats/model_moment.h"
+#include "gs_model/edit/model_moment.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -11,8 +11,8 @@
 #include "gs_core/geometry/vectors.h"
 #include "gs_core/math/render/covariance.h"
 #include "gs_core/math/render/rotation.h"
+#include "gs_model/edit/model_transform.h"
 #include "gs_model/formats/formats.h"
-#include "gs_model/formats/model_transform.h"
 #include "gs_render/renderer.h"
 #include "tests/support/models.h"
 #include "tests/support/scenes.h"

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Turning, moving and scaling whole models: a camera that moves along sees no change.
-#include "gs_model/formats/model_transform.h"
+#include "gs_model/edit/model_transform.h"
 
 #include <gtest/gtest.h>
 

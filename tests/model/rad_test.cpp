@@ -18,6 +18,7 @@
 #include "gs_model/formats/formats.h"
 #include "gs_model/formats/lod/rad_layout.h"
 #include "gs_model/formats/lod/rad_values.h"
+#include "gs_model/lod/splat_tree.h"
 #include "tests/support/error_of.h"
 #include "tests/support/random_model.h"
 #include "tests/support/temp_folder.h"

@@ -115,16 +115,14 @@ class Refusals(TestCase):
 
 
 class Files(TestCase):
-    def test_lossless_formats_give_the_same_bits(self):
+    def test_a_ply_gives_the_same_bits(self):
         model = gemsplat.Model(**random_arrays(sh_degree=2), antialiased=True)
-        for ending in ["ply", "csv"]:
-            path = self.folder / f"model.{ending}"
-            self.assertEqual(model.save(path), 50)
-            again = gemsplat.load(path)
-            self.assertEqual(again.sh_degree, 2)
-            for name in ["means", "log_scales", "logit_opacities", "sh0", "sh_rest"]:
-                np.testing.assert_array_equal(getattr(again, name), getattr(model, name), name)
-            np.testing.assert_allclose(again.rotations, model.unit_rotations, atol=1e-7)
+        self.assertEqual(model.save(self.folder / "model.ply"), 50)
+        again = gemsplat.load(self.folder / "model.ply")
+        self.assertEqual(again.sh_degree, 2)
+        for name in ["means", "log_scales", "logit_opacities", "sh0", "sh_rest"]:
+            np.testing.assert_array_equal(getattr(again, name), getattr(model, name), name)
+        np.testing.assert_allclose(again.rotations, model.unit_rotations, atol=1e-7)
 
     def test_lossy_formats_come_near(self):
         model = gemsplat.Model(**random_arrays(sh_degree=3))

@@ -89,8 +89,8 @@ class Runs(TestCase):
         self.assert_refused("ksplat", self.train, "out", export=["ksplat"])
 
     def test_exports_stand_beside_the_model(self):
-        result = self.train("out", export=["csv"])
-        file = self.folder / "out" / "point_cloud" / f"iteration_{STEPS}" / "point_cloud.csv"
+        result = self.train("out", export=["glb"])
+        file = self.folder / "out" / "point_cloud" / f"iteration_{STEPS}" / "point_cloud.glb"
         self.assertEqual(len(gemsplat.load(file)), len(result.model))
 
 

@@ -3,22 +3,19 @@
 #include <gtest/gtest.h>
 
 #include "tests/support/random_model.h"
-#include "tests/support/temp_folder.h"
 
 // [recipe]
 #include <spdlog/fmt/fmt.h>
 
-#include "gs_core/system/files/atomic_file.h"
+#include "gs_core/system/files/byte_sink.h"
 #include "gs_model/formats/formats.h"
 
 namespace gs {
 
-/// Writes the means alone, one a line: "x y z", world units. Throws Error.
-void write_xyz(const std::filesystem::path& path, const GaussianModel& model) {
-  AtomicFile file(path);  // the file is there whole or not at all
+/// Writes the means alone, one a line: "x y z", world units. Throws Error as the sink does.
+void write_xyz(ByteSink& sink, const GaussianModel& model) {
   for (const Vec3f& mean : model.gaussians.mean)
-    file.write(fmt::format("{} {} {}\n", mean.x, mean.y, mean.z));
-  file.commit();
+    sink.write(fmt::format("{} {} {}\n", mean.x, mean.y, mean.z));
 }
 
 }  // namespace gs
@@ -28,10 +25,9 @@ namespace gs {
 namespace {
 
 TEST(RecipeFileFormat, WritesALineForEachGaussian) {
-  const TempFolder folder;
-  write_xyz(folder.path() / "model.xyz", random_model(5, 0));
-  const std::string text = read_bytes(folder.path() / "model.xyz");
-  EXPECT_EQ(std::count(text.begin(), text.end(), '\n'), 5);
+  MemorySink sink("model.xyz");
+  write_xyz(sink, random_model(5, 0));
+  EXPECT_EQ(std::count(sink.text.begin(), sink.text.end(), '\n'), 5);
 }
 
 }  // namespace

@@ -18,8 +18,8 @@ inline void begin_with_gains(const PhotometricConfig& photometric, const std::ve
   begin_photometric(config, scene, model);
   PhotometricState& state = model.photometric;
   Draws draws(21);
-  for (std::size_t i = 0; i < state.shape.size(); ++i) state.values[i] = draws.uniform(-0.2f, 0.2f);
-  center_photos(*make_photometric_model(photometric), state);
+  for (std::size_t i = 0; i < state.size(); ++i) state.values[i] = draws.uniform(-0.2f, 0.2f);
+  take_out_modes(state);
 }
 
 }  // namespace gs

@@ -22,38 +22,11 @@ inline GlbParts glb_parts(const std::string& file) {
 
 /// A .glb with this text as its JSON, whatever it is.
 inline std::string glb_file_of(std::string json, std::string binary) {
-  json.resize((json.size() + 3) / 4 * 4, ' ');
   binary.resize((binary.size() + 3) / 4 * 4, '\0');
-  std::string file;
-  for (const std::size_t word :
-       {std::size_t(kGlbMagic), std::size_t(kGlbVersion), 28 + json.size() + binary.size(),
-        json.size(), std::size_t(kGlbJson)})
-    append_little(file, std::uint32_t(word));
-  file += json;
-  append_little(file, std::uint32_t(binary.size()));
-  append_little(file, kGlbBinary);
-  return file + binary;
+  return glb_head(std::move(json), binary.size()) + binary;
 }
 inline std::string glb_file_of(const GlbParts& parts) {
   return glb_file_of(parts.json.dump(), parts.binary);
-}
-
-/// A .glb whose one primitive holds an .spz under the name `extension`: inside of
-/// KHR_gaussian_splatting as the draft has it (`is_draft`), or as older writers put it.
-inline GlbParts glb_with_spz(const std::string& spz, const std::string& extension, bool is_draft) {
-  const Json entry = {{extension, {{"bufferView", 0}}}};
-  const Json draft = {
-      {kGlbGaussians,
-       {{"kernel", "ellipse"}, {"colorSpace", "srgb_rec709_display"}, {"extensions", entry}}}};
-  return {
-      {{"asset", {{"version", "2.0"}}},
-       {"scene", 0},
-       {"scenes", {{{"nodes", {0}}}}},
-       {"nodes", {{{"mesh", 0}}}},
-       {"meshes", {{{"primitives", {{{"mode", 0}, {"extensions", is_draft ? draft : entry}}}}}}},
-       {"bufferViews", {{{"buffer", 0}, {"byteLength", spz.size()}}}},
-       {"buffers", {{{"byteLength", spz.size()}}}}},
-      spz};
 }
 
 }  // namespace gs

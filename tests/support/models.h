@@ -12,14 +12,16 @@
 namespace gs {
 
 inline bool same_bits(const PhotometricState& a, const PhotometricState& b) {
-  bool same = a.shape == b.shape && a.adam_steps == b.adam_steps && a.is_solved == b.is_solved;
+  bool same = a.rows == b.rows && a.numbers == b.numbers && a.adam_steps == b.adam_steps &&
+              a.is_solved == b.is_solved;
   for_each_photometric_array(
       [&](const char*, const auto& x, const auto& y) { same &= same_bits(x, y); }, a, b);
   return same;
 }
 inline bool same_bits(const PoseState& a, const PoseState& b) {
   bool same = a.adam_steps == b.adam_steps;
-  for_each_pose_array([&](const char*, const auto& x, const auto& y) { same &= x == y; }, a, b);
+  for_each_pose_array([&](const char*, const auto& x, const auto& y) { same &= same_bits(x, y); },
+                      a, b);
   return same;
 }
 inline bool same_bits(const StoredMoments& a, const StoredMoments& b) {
@@ -151,19 +153,11 @@ inline std::vector<float> each_of(const std::vector<FloatMoments>& pairs,
   for (const FloatMoments& pair : pairs) values.push_back(pair.*moment);
   return values;
 }
-inline const std::vector<FloatMoments>& moments_on_host(const PoseState& state) {
-  return state.moments;
+inline std::vector<float> first_moments(const PhotoTable& table) {
+  return each_of(table.moments.download(), &FloatMoments::first);
 }
-inline std::vector<FloatMoments> moments_on_host(const PhotometricState& state) {
-  return state.moments.download();
-}
-template <class State>
-std::vector<float> first_moments(const State& state) {
-  return each_of(moments_on_host(state), &FloatMoments::first);
-}
-template <class State>
-std::vector<float> second_moments(const State& state) {
-  return each_of(moments_on_host(state), &FloatMoments::second);
+inline std::vector<float> second_moments(const PhotoTable& table) {
+  return each_of(table.moments.download(), &FloatMoments::second);
 }
 /// The moments of a model that has FloatMoments.
 inline AdamMoments<FloatMoments>& float_moments(TrainingModel& model) {

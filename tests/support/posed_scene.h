@@ -63,7 +63,7 @@ inline PosedScene posed_scene() {
   TrainingModel model;
   begin_poses(config, given, model);
   disturb(model.poses, kDisturbedTurn, kDisturbedShift);
-  center_poses(model.poses);
+  take_out_modes(model.poses);
   scenes.disturbed = given;
   for (std::size_t i = 0; i < scenes.truth.size(); ++i)
     scenes.disturbed.train_views[i].camera =

@@ -26,7 +26,7 @@ inline void disturb(PoseState& state, double turn, double shift, std::uint64_t s
     const Vec3d v(draws.normal(), draws.normal(), draws.normal());
     return v / std::sqrt(inner(v, v));
   };
-  for (std::size_t row = 0; row < state.rows(); ++row) {
+  for (std::size_t row = 0; row < state.rows; ++row) {
     const Vec3d by_turn = turn * direction();
     add_motion(state, row, by_turn, shift * state.extent * direction());
   }
@@ -36,8 +36,8 @@ inline void disturb(PoseState& state, double turn, double shift, std::uint64_t s
 inline void add_similarity(PoseState& state, const Vec3d& turn, const Vec3d& shift,
                            double scaling) {
   Vec3d mean(0.0);
-  for (const Vec3d& center : state.centers) mean += center / double(state.rows());
-  for (std::size_t row = 0; row < state.rows(); ++row) {
+  for (const Vec3d& center : state.centers) mean += center / double(state.rows);
+  for (std::size_t row = 0; row < state.rows; ++row) {
     const Vec3d lever = state.centers[row] - mean;
     add_motion(state, row, turn, shift + cross(turn, lever) + scaling * lever);
   }

@@ -16,13 +16,9 @@ namespace gs {
 
 class RawConnection {
  public:
-  /// From any address of the loopback; all of 127.* is this machine.
-  explicit RawConnection(int port, const char* from = "127.0.0.1")
-      : socket_(::socket(AF_INET, SOCK_STREAM | SOCK_CLOEXEC, 0)) {
+  explicit RawConnection(int port) : socket_(::socket(AF_INET, SOCK_STREAM | SOCK_CLOEXEC, 0)) {
     sockaddr_in address{};
     address.sin_family = AF_INET;
-    EXPECT_EQ(::inet_pton(AF_INET, from, &address.sin_addr), 1);
-    EXPECT_EQ(::bind(socket_, reinterpret_cast<sockaddr*>(&address), sizeof address), 0);
     address.sin_port = htons(std::uint16_t(port));
     address.sin_addr.s_addr = htonl(INADDR_LOOPBACK);
     EXPECT_EQ(::connect(socket_, reinterpret_cast<sockaddr*>(&address), sizeof address), 0);
@@ -39,11 +35,6 @@ class RawConnection {
     for (ssize_t got = 0; (got = ::recv(socket_, piece, sizeof piece, 0)) > 0;)
       answer.append(piece, std::size_t(got));
     return answer;
-  }
-  /// Whether bytes of an answer are there.
-  bool has_answer() const {
-    pollfd one{socket_, POLLIN, 0};
-    return ::poll(&one, 1, 0) > 0 && (one.revents & POLLIN) != 0;
   }
   char first_byte() const {
     char byte = 0;

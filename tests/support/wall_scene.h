@@ -83,7 +83,7 @@ inline double gain_error(const PhotometricState& state) {
   double worst = 0;
   for (std::size_t k = 0; k < kWallViews; ++k)
     for (std::size_t c = 0; c < 3; ++c)
-      worst = std::max(worst, std::abs(double(state.photo(k)[c] - true_log_gain(k)[int(c)])));
+      worst = std::max(worst, std::abs(double(state.row(k)[c] - true_log_gain(k)[int(c)])));
   return worst;
 }
 

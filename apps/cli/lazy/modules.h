@@ -34,8 +34,7 @@ struct PhotoModule {
   std::optional<Geodetic> (*decode_photo_place)(const std::filesystem::path&);
   ExposureTags (*decode_exposure_tags)(const std::filesystem::path&);
   std::string (*codec_name)();
-  std::vector<std::uint8_t> (*encode_png)(const Image8&);
-  std::vector<std::uint8_t> (*encode_jpeg)(const Image8&, int quality);
+  std::vector<std::uint8_t> (*encode_jpeg_alone)(const Image8&, int quality);
   std::vector<std::uint8_t> (*encode_jpeg_copy)(const std::filesystem::path&, const Image8&);
   void (*write_exr)(const std::filesystem::path&, const ImageF&, const std::vector<std::string>&);
   ImageF (*read_exr)(const std::filesystem::path&, std::vector<std::string>*);

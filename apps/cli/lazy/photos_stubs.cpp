@@ -29,9 +29,8 @@ ExposureTags decode_exposure_tags(const std::filesystem::path& path) {
   return module().decode_exposure_tags(path);
 }
 std::string codec_name() { return module().codec_name(); }
-std::vector<std::uint8_t> encode_png(const Image8& image) { return module().encode_png(image); }
-std::vector<std::uint8_t> encode_jpeg(const Image8& image, int quality) {
-  return module().encode_jpeg(image, quality);
+std::vector<std::uint8_t> encode_jpeg_alone(const Image8& image, int quality) {
+  return module().encode_jpeg_alone(image, quality);
 }
 std::vector<std::uint8_t> encode_jpeg_copy(const std::filesystem::path& photo,
                                            const Image8& image) {

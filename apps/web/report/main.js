@@ -11,7 +11,12 @@ try {
   document.title = `${data.title} · gemsplat`;
   page.replaceChildren(...(data.kind === 'experiment' ? showExperiment(data) : showRun(data)));
 } catch (error) {
-  page.replaceChildren(el('p.card.failure', {role: 'alert'},
-                          `This report cannot be shown: ${error.message}. "gemsplat report FOLDER" writes it again.`));
+  page.replaceChildren(
+    el(
+      'p.card.failure',
+      {role: 'alert'},
+      `This report cannot be shown: ${error.message}. "gemsplat report FOLDER" writes it again.`,
+    ),
+  );
   throw error;
 }

@@ -32,32 +32,77 @@ export function svg(tag, attributes = {}, ...children) {
 // A row of buttons of which one is pressed. choices: [[value, label], ...]. press(value) shows
 // another one as pressed without calling choose().
 export function segmented(label, choices, chosen, choose) {
-  const buttons = choices.map(([value, text]) => el('button', {
-    type: 'button',
-    'data-value': value,
-    onclick: () => { press(value); choose(value); },
-  }, text));
-  const press = value => buttons.forEach(
-      button => button.setAttribute('aria-pressed', String(button.dataset.value === value)));
+  const buttons = choices.map(([value, text]) =>
+    el(
+      'button',
+      {
+        type: 'button',
+        'data-value': value,
+        onclick: () => {
+          press(value);
+          choose(value);
+        },
+      },
+      text,
+    ),
+  );
+  const press = value =>
+    buttons.forEach(button =>
+      button.setAttribute('aria-pressed', String(button.dataset.value === value)),
+    );
   press(chosen);
   return Object.assign(el('div.segmented', {role: 'group', 'aria-label': label}, buttons), {press});
 }
 
 export function section(id, title, aside, ...children) {
-  return el('section', {id, 'aria-labelledby': `${id}-title`},
-            el('div.section-head', {}, el('h2', {id: `${id}-title`}, title), aside), children);
+  return el(
+    'section',
+    {id, 'aria-labelledby': `${id}-title`},
+    el('div.section-head', {}, el('h2', {id: `${id}-title`}, title), aside),
+    children,
+  );
 }
 
 // rows: lists of cells, each a text, a node, or {text, align: 'number', title, className}.
 export function table(head, rows, options = {}) {
   const cell = (tag, value) => {
-    const given = value && typeof value === 'object' && !(value instanceof Node) ? value : {text: value};
+    const given =
+      value && typeof value === 'object' && !(value instanceof Node) ? value : {text: value};
     const classes = [given.align === 'number' && 'number', given.className].filter(Boolean);
-    return el([tag, ...classes].join('.'), {title: given.title, scope: tag === 'th' ? 'col' : null}, given.text);
+    return el(
+      [tag, ...classes].join('.'),
+      {title: given.title, scope: tag === 'th' ? 'col' : null},
+      given.text,
+    );
   };
-  return el('div.scroll', {tabindex: '0', role: 'region', 'aria-label': options.label ?? 'table'},
-            el('table', {}, el('thead', {}, el('tr', {}, head.map(value => cell('th', value)))),
-               el('tbody', {}, rows.map(row => el('tr', {}, row.map(value => cell('td', value)))))));
+  return el(
+    'div.scroll',
+    {tabindex: '0', role: 'region', 'aria-label': options.label ?? 'table'},
+    el(
+      'table',
+      {},
+      el(
+        'thead',
+        {},
+        el(
+          'tr',
+          {},
+          head.map(value => cell('th', value)),
+        ),
+      ),
+      el(
+        'tbody',
+        {},
+        rows.map(row =>
+          el(
+            'tr',
+            {},
+            row.map(value => cell('td', value)),
+          ),
+        ),
+      ),
+    ),
+  );
 }
 
 export function cssColor(name) {

@@ -9,19 +9,35 @@ import {tmpdir} from 'node:os';
 import {delimiter, join, resolve} from 'node:path';
 import {pathToFileURL} from 'node:url';
 
-const FLAGS = ['--headless', '--no-sandbox', '--disable-quic', '--no-first-run', '--disable-background-networking',
-               '--disable-component-update', '--disable-sync'];
+const FLAGS = [
+  '--headless',
+  '--no-sandbox',
+  '--disable-quic',
+  '--no-first-run',
+  '--disable-background-networking',
+  '--disable-component-update',
+  '--disable-sync',
+];
 const WITHOUT_3D = ['--disable-gpu'];
-const WITH_3D = ['--use-angle=swiftshader', '--enable-unsafe-swiftshader', '--ignore-gpu-blocklist'];  // drawn by the CPU
-const THIS_MACHINE_ONLY = ['--host-resolver-rules=MAP * ~NOTFOUND, EXCLUDE 127.0.0.1', '--proxy-server=direct://'];
+const WITH_3D = [
+  '--use-angle=swiftshader',
+  '--enable-unsafe-swiftshader',
+  '--ignore-gpu-blocklist',
+]; // drawn by the CPU
+const THIS_MACHINE_ONLY = [
+  '--host-resolver-rules=MAP * ~NOTFOUND, EXCLUDE 127.0.0.1',
+  '--proxy-server=direct://',
+];
 
-const SKIPPED = 77;  // as CTest is told
+const SKIPPED = 77; // as CTest is told
 
 // The file of that name, or the first Chromium on the PATH where none is named. Without one the test
 // is skipped, and says so.
 export function findChromium(named) {
   const programs = ['chromium', 'chromium-browser', 'google-chrome'];
-  const found = named ? [named] : process.env.PATH.split(delimiter).flatMap(folder => programs.map(name => join(folder, name)));
+  const found = named
+    ? [named]
+    : process.env.PATH.split(delimiter).flatMap(folder => programs.map(name => join(folder, name)));
   const chromium = found.find(file => existsSync(file));
   if (chromium) return chromium;
   console.log('skipped: no Chromium was found; install the package chromium');
@@ -29,7 +45,8 @@ export function findChromium(named) {
 }
 
 // Tests read pixels, for which the driver waits; on a busy machine it says so.
-const isAboutReading = text => text.includes('GL Driver Message (OpenGL, Performance') && text.includes('ReadPixels');
+const isAboutReading = text =>
+  text.includes('GL Driver Message (OpenGL, Performance') && text.includes('ReadPixels');
 
 export class Browser {
   // modules: the folder that holds node_modules; executable: Chromium's; for pages of a server,
@@ -38,7 +55,11 @@ export class Browser {
     const {chromium} = createRequire(join(resolve(modules), 'package.json'))('playwright-core');
     const profile = await mkdtemp(join(tmpdir(), 'gemsplat-browser-'));
     const args = [...FLAGS, ...(server ? [...WITH_3D, ...THIS_MACHINE_ONLY] : WITHOUT_3D)];
-    const context = await chromium.launchPersistentContext(profile, {executablePath: executable, args, offline: !server});
+    const context = await chromium.launchPersistentContext(profile, {
+      executablePath: executable,
+      args,
+      offline: !server,
+    });
     return new Browser(context, profile);
   }
   constructor(context, profile) {
@@ -50,23 +71,44 @@ export class Browser {
   // Opens a page; `before` runs in it before its own script. With `bytesPerSecond` everything comes
   // that slowly. Any request for which `isAllowed(url)`
   // is false, and anything that the page complains about, is a failure.
-  async visit(url, isAllowed, {width = 1280, height = 900, colorScheme = 'light', reducedMotion = 'reduce', before, bytesPerSecond} = {}) {
+  async visit(
+    url,
+    isAllowed,
+    {
+      width = 1280,
+      height = 900,
+      colorScheme = 'light',
+      reducedMotion = 'reduce',
+      before,
+      bytesPerSecond,
+    } = {},
+  ) {
     const page = await this.context.newPage();
     if (before) await page.addInitScript(before);
     if (bytesPerSecond) {
       const session = await this.context.newCDPSession(page);
-      await session.send('Network.emulateNetworkConditions', {offline: false, latency: 0, downloadThroughput: bytesPerSecond, uploadThroughput: -1});
+      await session.send('Network.emulateNetworkConditions', {
+        offline: false,
+        latency: 0,
+        downloadThroughput: bytesPerSecond,
+        uploadThroughput: -1,
+      });
     }
     await page.setViewportSize({width, height});
     await page.emulateMedia({colorScheme, reducedMotion});
     const fail = text => this.failures.push(`${url}: ${text}`);
     page.on('console', message => {
-      if (['error', 'warning'].includes(message.type()) && !isAboutReading(message.text())) fail(`console: ${message.text()}`);
+      if (['error', 'warning'].includes(message.type()) && !isAboutReading(message.text()))
+        fail(`console: ${message.text()}`);
     });
     page.on('pageerror', error => fail(`error: ${error.message}`));
-    page.on('dialog', dialog => { fail(`dialog: ${dialog.message()}`); dialog.dismiss(); });
+    page.on('dialog', dialog => {
+      fail(`dialog: ${dialog.message()}`);
+      dialog.dismiss();
+    });
     page.on('request', request => {
-      if (!request.url().startsWith('data:') && !isAllowed(request.url())) fail(`request: ${request.url()}`);
+      if (!request.url().startsWith('data:') && !isAllowed(request.url()))
+        fail(`request: ${request.url()}`);
     });
     await page.goto(url);
     return page;
@@ -76,8 +118,10 @@ export class Browser {
   async open(file, options) {
     const url = pathToFileURL(resolve(file)).href;
     const page = await this.visit(url, address => address.split('#')[0] === url, options);
-    await page.waitForFunction(() => document.querySelector('h1') || document.querySelector('.failure'));
-    await page.waitForTimeout(300);  // charts are drawn when their places are known
+    await page.waitForFunction(
+      () => document.querySelector('h1') || document.querySelector('.failure'),
+    );
+    await page.waitForTimeout(300); // charts are drawn when their places are known
     return page;
   }
 
@@ -91,9 +135,14 @@ export class Browser {
   // Runs each test as test(browser, ...args) and says which failed. `check` looks at what pages have
   // complained about; `before` and `after` are called around each test. ONLY=WORDS in the
   // environment: those tests alone whose names contain it. Closes the browser. Returns how many failed.
-  async runTests(tests, {args = [], before, check = () => assert.deepEqual(this.failures, []), after} = {}) {
+  async runTests(
+    tests,
+    {args = [], before, check = () => assert.deepEqual(this.failures, []), after} = {},
+  ) {
     let failed = 0;
-    for (const [name, test] of Object.entries(tests).filter(([name]) => name.includes(process.env.ONLY ?? ''))) {
+    for (const [name, test] of Object.entries(tests).filter(([name]) =>
+      name.includes(process.env.ONLY ?? ''),
+    )) {
       await before?.();
       try {
         await test(this, ...args);

@@ -19,5 +19,13 @@ export async function serveProgram(program, ...words) {
     child.stderr.on('data', hear);
     ended.then(code => fail(new Error(`the program ended with ${code}: ${said}`)));
   });
-  return {url, child, ended, end: () => { child.kill('SIGINT'); return ended; }};
+  return {
+    url,
+    child,
+    ended,
+    end: () => {
+      child.kill('SIGINT');
+      return ended;
+    },
+  };
 }

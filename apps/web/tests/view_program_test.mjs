@@ -10,16 +10,42 @@ import {Browser, findChromium, finish} from './browser.mjs';
 import {colorsAt, psnr} from './pictures.mjs';
 import {serveProgram} from './serve_program.mjs';
 
-const STOPPED = 5;   // the program's exit code after a signal
-const [modules, program, scene, out] = process.argv.slice(2, 6).map(path => resolve(path)), chromium = findChromium(process.argv[6]);
+const STOPPED = 5; // the program's exit code after a signal
+const [modules, program, scene, out] = process.argv.slice(2, 6).map(path => resolve(path)),
+  chromium = findChromium(process.argv[6]);
 
-const SETTINGS = ['--device', 'cpu', '-q', '-r', '4', '--eval', '--set', 'density.max_gaussians=5000'];
-const run = join(out, 'run'), renders = join(out, 'renders');
-const gemsplat = (...words) => execFileSync(program, words, {stdio: ['ignore', 'pipe', 'inherit']}).toString();
+const SETTINGS = [
+  '--device',
+  'cpu',
+  '-q',
+  '-r',
+  '4',
+  '--eval',
+  '--set',
+  'density.max_gaussians=5000',
+];
+const run = join(out, 'run'),
+  renders = join(out, 'renders');
+const gemsplat = (...words) =>
+  execFileSync(program, words, {stdio: ['ignore', 'pipe', 'inherit']}).toString();
 
 const serve = (...words) => serveProgram(program, ...words);
-const serveRun = (name, ...words) => serve('train', scene, '-o', join(out, name), '--viewer', '--viewer-port', '0', ...words, ...SETTINGS.filter(word => word !== '-q'));
-const ready = page => page.waitForFunction(() => gemsplatViewer.ready.then(() => gemsplatViewer.settled()).then(() => true));
+const serveRun = (name, ...words) =>
+  serve(
+    'train',
+    scene,
+    '-o',
+    join(out, name),
+    '--viewer',
+    '--viewer-port',
+    '0',
+    ...words,
+    ...SETTINGS.filter(word => word !== '-q'),
+  );
+const ready = page =>
+  page.waitForFunction(() =>
+    gemsplatViewer.ready.then(() => gemsplatViewer.settled()).then(() => true),
+  );
 const settled = page => page.waitForFunction(() => gemsplatViewer.settled().then(() => true));
 const state = page => page.evaluate(() => gemsplatViewer.state());
 const shot = (page, name) => page.screenshot({path: join(out, `${name}.png`)});
@@ -27,10 +53,15 @@ const shot = (page, name) => page.screenshot({path: join(out, `${name}.png`)});
 // The page at the size of camera `index`, without interface, against the program's own picture of
 // it.
 async function agreement(browser, url, index) {
-  const {cameras} = await (await fetch(`${url}scene.json`)).json(), {name, width, height} = cameras[index];
+  const {cameras} = await (await fetch(`${url}scene.json`)).json(),
+    {name, width, height} = cameras[index];
   const page = await browser.openServer(url, {at: `c=${index}&ui=0`, width, height});
   await ready(page);
-  const dB = await psnr(page, await page.screenshot(), await readFile(join(renders, name.replace(/\.[^.]*$/, '.png'))));
+  const dB = await psnr(
+    page,
+    await page.screenshot(),
+    await readFile(join(renders, name.replace(/\.[^.]*$/, '.png'))),
+  );
   await page.close();
   return dB;
 }
@@ -56,9 +87,18 @@ const tests = {
   },
 
   async 'pictures from the server are those of render'(browser) {
-    const server = await serve('view', run, '--remote', '--device', 'cpu', '--no-open', '--port', '0');
+    const server = await serve(
+      'view',
+      run,
+      '--remote',
+      '--device',
+      'cpu',
+      '--no-open',
+      '--port',
+      '0',
+    );
     const dB = await agreement(browser, server.url, 1);
-    assert.ok(dB > 32, `${dB} dB`);  // less than of the other: JPEG
+    assert.ok(dB > 32, `${dB} dB`); // less than of the other: JPEG
     const page = await browser.openServer(server.url, {at: 'camera=0'});
     await ready(page);
     await page.keyboard.press('2');
@@ -69,13 +109,16 @@ const tests = {
   },
 
   async 'a run that trains is shown while it does, ever newer'(browser) {
-    const server = await serveRun('live', '-i', '30000');  // longer than anybody looks
+    const server = await serveRun('live', '-i', '30000'); // longer than anybody looks
     const page = await browser.openServer(server.url, {at: 'camera=0'});
     await page.waitForFunction(() => window.gemsplatViewer?.state()?.version >= 1);
     const {version} = await state(page);
-    await page.waitForFunction(() => /Step\s*[1-9]/.test(document.querySelector('.training-body').innerText));
+    await page.waitForFunction(() =>
+      /Step\s*[1-9]/.test(document.querySelector('.training-body').innerText),
+    );
     let brightest = 0;
-    for (let i = 0; i < 100 && brightest <= 40; ++i) {  // by and by: drawn by the CPU, it does not settle between snapshots
+    for (let i = 0; i < 100 && brightest <= 40; ++i) {
+      // by and by: drawn by the CPU, it does not settle between snapshots
       await page.waitForTimeout(200);
       const [middle] = await colorsAt(page, await shot(page, 'program-live'), [[640, 450]]);
       brightest = Math.max(...middle);
@@ -95,7 +138,10 @@ const tests = {
       told = await (await fetch(`${server.url}state.json`)).json();
     } while (!told.done);
     assert.equal(told.step, 60);
-    await page.waitForFunction(newest => window.gemsplatViewer?.state()?.version === newest, told.version);
+    await page.waitForFunction(
+      newest => window.gemsplatViewer?.state()?.version === newest,
+      told.version,
+    );
     assert.match(await page.locator('.training-body').innerText(), /Training is done/);
     await page.close();
     assert.equal(await server.end(), 0);

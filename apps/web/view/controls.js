@@ -1,16 +1,22 @@
 // SPDX-License-Identifier: Apache-2.0
 // Turns mouse, touch, wheel and keys into movements of the rig.
-const TURN = Math.PI;            // radians for a drag across the window's shorter side
-const WHEEL = 0.0011;            // of the distance per pixel of the wheel, as a power of e
-const CLICK = 5;                 // CSS pixels: a press that moves less is a click
-const DOUBLE = 350;              // milliseconds between the clicks of a double click
-const FLY = 0.35;                // scene radii a second, at speed 1
+const TURN = Math.PI; // radians for a drag across the window's shorter side
+const WHEEL = 0.0011; // of the distance per pixel of the wheel, as a power of e
+const CLICK = 5; // CSS pixels: a press that moves less is a click
+const DOUBLE = 350; // milliseconds between the clicks of a double click
+const FLY = 0.35; // scene radii a second, at speed 1
 // Scene radii: least distance from the viewer to the center of orbits.
 const NEAREST = 0.02;
-const RAMP = 0.25;               // seconds until a held key has its full speed
+const RAMP = 0.25; // seconds until a held key has its full speed
 
-const MOVES = {  // key, by its place on the keyboard -> right, down, forward
-  KeyW: [0, 0, 1], KeyS: [0, 0, -1], KeyA: [-1, 0, 0], KeyD: [1, 0, 0], KeyQ: [0, 1, 0], KeyE: [0, -1, 0],
+const MOVES = {
+  // key, by its place on the keyboard -> right, down, forward
+  KeyW: [0, 0, 1],
+  KeyS: [0, 0, -1],
+  KeyA: [-1, 0, 0],
+  KeyD: [1, 0, 0],
+  KeyQ: [0, 1, 0],
+  KeyE: [0, -1, 0],
 };
 // With Alt; without it they step through cameras.
 const TURNS = {ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, -1], ArrowDown: [0, 1]};
@@ -22,8 +28,8 @@ export class Controls {
     Object.assign(this, {element, rig, radius, on});
     this.mode = 'orbit';
     this.speed = 1;
-    this.keys = new Map();      // held: code -> since when, seconds
-    this.pointers = new Map();  // down: id -> {x, y}
+    this.keys = new Map(); // held: code -> since when, seconds
+    this.pointers = new Map(); // down: id -> {x, y}
     this.travel = 0;
     this.lastClick = null;
     const listen = (type, act, options) => element.addEventListener(type, act, options);
@@ -37,10 +43,16 @@ export class Controls {
     addEventListener('blur', () => this.keys.clear());
   }
 
-  get nearest() { return NEAREST * this.radius; }
-  get perPixel() { return TURN / Math.min(this.element.clientWidth, this.element.clientHeight); }
+  get nearest() {
+    return NEAREST * this.radius;
+  }
+  get perPixel() {
+    return TURN / Math.min(this.element.clientWidth, this.element.clientHeight);
+  }
   // World units of one CSS pixel at the target's distance.
-  get worldPerPixel() { return this.rig.distance / this.on.focal(); }
+  get worldPerPixel() {
+    return this.rig.distance / this.on.focal();
+  }
 
   down(event) {
     event.preventDefault();
@@ -48,7 +60,7 @@ export class Controls {
     this.element.setPointerCapture(event.pointerId);
     this.pointers.set(event.pointerId, {x: event.clientX, y: event.clientY});
     if (this.pointers.size === 1) this.travel = 0;
-    else this.travel = Infinity;  // two fingers are no click
+    else this.travel = Infinity; // two fingers are no click
   }
 
   move(event) {
@@ -57,7 +69,9 @@ export class Controls {
       if (event.pointerType === 'mouse') this.on.hover(event.clientX, event.clientY);
       return;
     }
-    const now = {x: event.clientX, y: event.clientY}, dx = now.x - last.x, dy = now.y - last.y;
+    const now = {x: event.clientX, y: event.clientY},
+      dx = now.x - last.x,
+      dy = now.y - last.y;
     this.travel += Math.hypot(dx, dy);
     if (this.travel < CLICK && event.pointerType !== 'mouse') return;
     if (this.pointers.size > 1) this.pinch(event.pointerId, last, now);
@@ -67,7 +81,8 @@ export class Controls {
 
   drag(event, dx, dy) {
     if (this.travel < CLICK) return;
-    const shifts = event.buttons & 4 || event.shiftKey || (event.buttons & 2 && this.mode === 'fly');
+    const shifts =
+      event.buttons & 4 || event.shiftKey || (event.buttons & 2 && this.mode === 'fly');
     const looks = !shifts && (this.mode === 'fly' || event.buttons & 2);
     if (shifts) this.rig.shift(-dx * this.worldPerPixel, -dy * this.worldPerPixel, 0);
     else if (looks) this.rig.look(-dx * this.perPixel * 0.5, -dy * this.perPixel * 0.5);
@@ -78,17 +93,26 @@ export class Controls {
   // rolls.
   pinch(id, last, now) {
     const other = [...this.pointers].find(([each]) => each !== id)[1];
-    const before = {x: last.x - other.x, y: last.y - other.y}, after = {x: now.x - other.x, y: now.y - other.y};
+    const before = {x: last.x - other.x, y: last.y - other.y},
+      after = {x: now.x - other.x, y: now.y - other.y};
     const grown = Math.hypot(after.x, after.y) / Math.max(1, Math.hypot(before.x, before.y));
-    this.rig.shift(-(now.x - last.x) / 2 * this.worldPerPixel, -(now.y - last.y) / 2 * this.worldPerPixel, 0);
+    this.rig.shift(
+      (-(now.x - last.x) / 2) * this.worldPerPixel,
+      (-(now.y - last.y) / 2) * this.worldPerPixel,
+      0,
+    );
     if (this.mode === 'fly') this.rig.shift(0, 0, Math.log(grown) * this.radius);
     else this.rig.approach(1 / grown, this.nearest);
-    this.rig.roll(Math.atan2(before.x * after.y - before.y * after.x, before.x * after.x + before.y * after.y));
+    this.rig.roll(
+      Math.atan2(before.x * after.y - before.y * after.x, before.x * after.x + before.y * after.y),
+    );
   }
 
   lift(event) {
     if (!this.pointers.delete(event.pointerId) || this.travel >= CLICK || event.button > 0) return;
-    const {clientX: x, clientY: y} = event, now = performance.now(), last = this.lastClick;
+    const {clientX: x, clientY: y} = event,
+      now = performance.now(),
+      last = this.lastClick;
     if (last && now - last.at < DOUBLE && Math.hypot(x - last.x, y - last.y) < 4 * CLICK) {
       this.lastClick = null;
       return this.on.double(x, y);
@@ -118,12 +142,15 @@ export class Controls {
     this.fast = event.shiftKey;
   }
 
-  get isHeld() { return this.keys.size > 0; }
+  get isHeld() {
+    return this.keys.size > 0;
+  }
 
   // Moves by the keys that are held; `seconds` since the last call.
   step(seconds) {
     for (const [code, held] of this.keys) {
-      const since = held + seconds, share = Math.min(1, since / RAMP);
+      const since = held + seconds,
+        share = Math.min(1, since / RAMP);
       this.keys.set(code, since);
       const by = seconds * share * this.speed * (this.fast ? 4 : 1);
       if (MOVES[code]) {

@@ -2,7 +2,7 @@
 // The page's requests to its server (docs/reference/viewer_http.md). Every failure becomes an Error
 // whose message is a sentence.
 
-const OVERTAKEN = 409;  // the status of a frame that a newer request of this page has replaced
+const OVERTAKEN = 409; // the status of a frame that a newer request of this page has replaced
 
 async function ask(address, options = {}) {
   let response;
@@ -13,7 +13,11 @@ async function ask(address, options = {}) {
   }
   if (response.ok || response.status === OVERTAKEN) return response;
   const words = (await response.text().catch(() => '')).trim();
-  throw new Error(words && words.length < 600 && !words.startsWith('<') ? words : `The server answered ${address} with ${response.status}.`);
+  throw new Error(
+    words && words.length < 600 && !words.startsWith('<')
+      ? words
+      : `The server answered ${address} with ${response.status}.`,
+  );
 }
 
 async function json(address) {
@@ -30,7 +34,8 @@ export const askForScene = () => json('scene.json');
 export const askForState = afterStep => json(`state.json?after=${afterStep}`);
 
 /// Asks a run to pause, resume, save or stop.
-export const askToControl = (what, token) => ask(`control?do=${what}`, {method: 'POST', headers: {'X-Control-Token': token}});
+export const askToControl = (what, token) =>
+  ask(`control?do=${what}`, {method: 'POST', headers: {'X-Control-Token': token}});
 
 /// The model's bytes as they arrive: {stream, length}. progress(share) is called as they come, with
 /// 0 to 1.

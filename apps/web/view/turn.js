@@ -4,14 +4,19 @@
 import {Quaternion, Vector3} from 'three';
 import {viewOf} from './address.js';
 
-const SPEED = 6 * Math.PI / 180;      // radians a second
-const NARROWEST = 20 * Math.PI / 180;  // radians: an arc to and fro where all cameras are near
+const SPEED = (6 * Math.PI) / 180; // radians a second
+const NARROWEST = (20 * Math.PI) / 180; // radians: an arc to and fro where all cameras are near
 
 export class Turn {
   // The scene asks for it, the address names no place, and the user does not want little motion.
   static isWanted(scene, options) {
     const isCalm = matchMedia('(prefers-reduced-motion: reduce)').matches;
-    return Boolean(scene.turn) && options.get('turn') !== '0' && !isCalm && !viewOf(options, scene.cameras);
+    return (
+      Boolean(scene.turn) &&
+      options.get('turn') !== '0' &&
+      !isCalm &&
+      !viewOf(options, scene.cameras)
+    );
   }
 
   // scene.turn: {middle, width}: a place on the circle, and radians of the arc about it; a whole turn
@@ -26,13 +31,14 @@ export class Turn {
     this.width = Math.max(width, NARROWEST);
     this.seconds = 0;
     this.isOn = true;
-    for (const touch of ['pointerdown', 'wheel', 'keydown']) addEventListener(touch, () => this.stop(), {capture: true, once: true});
+    for (const touch of ['pointerdown', 'wheel', 'keydown'])
+      addEventListener(touch, () => this.stop(), {capture: true, once: true});
     this.step(0);
   }
 
   get angle() {
     if (this.width >= 2 * Math.PI - 1e-6) return SPEED * this.seconds;
-    return this.width / 2 * Math.sin(2 * SPEED / this.width * this.seconds);  // SPEED at its middle
+    return (this.width / 2) * Math.sin(((2 * SPEED) / this.width) * this.seconds); // SPEED at its middle
   }
 
   step(seconds) {
@@ -40,11 +46,16 @@ export class Turn {
     this.seconds += seconds;
     const turn = new Quaternion().setFromAxisAngle(this.axis, this.angle);
     const position = this.start.clone().applyQuaternion(turn).add(this.center);
-    this.rig.arrive({position, quaternion: this.rig.facing(this.center.clone().sub(position)), target: this.center.clone(), lens: this.rig.lens});
+    this.rig.arrive({
+      position,
+      quaternion: this.rig.facing(this.center.clone().sub(position)),
+      target: this.center.clone(),
+      lens: this.rig.lens,
+    });
   }
 
   stop() {
     this.isOn = false;
-    this.stage.request();  // the picture of the place where it stops
+    this.stage.request(); // the picture of the place where it stops
   }
 }

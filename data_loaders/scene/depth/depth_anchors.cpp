@@ -24,31 +24,36 @@ std::vector<DepthAnchor> anchors_of(const ColmapModel& model, const ColmapImage&
   for (const ColmapObservation& observation : image.observations) {
     const ColmapPoint* const point = find_point(model, observation.point_id);
     if (!point) continue;
-    const Vec3f p = to_camera(camera, Vec3f(point->position));
-    if (!(p.z > 0)) continue;
-    const float x = camera.fx * p.x / p.z + camera.cx, y = camera.fy * p.y / p.z + camera.cy;
-    if (x >= 0 && x < float(camera.width) && y >= 0 && y < float(camera.height))
-      anchors.push_back({x, y, p.z});
+    if (const auto anchor = anchor_of(camera, Vec3f(point->position))) anchors.push_back(*anchor);
   }
   return anchors;
 }
 
 }  // namespace
 
-void add_depth_anchors(const ColmapModel& model, std::vector<ViewPlan>& plans) {
-  for (std::size_t i = 0; i < plans.size(); ++i)
-    if (!plans[i].depth_file.empty())
-      plans[i].depth_anchors = anchors_of(model, model.images[i], plans[i].camera);
+std::optional<DepthAnchor> anchor_of(const Camera& camera, const Vec3f& point) {
+  const Vec3f p = to_camera(camera, point);
+  if (!(p.z > 0)) return std::nullopt;
+  const float x = camera.fx * p.x / p.z + camera.cx, y = camera.fy * p.y / p.z + camera.cy;
+  if (!(x >= 0 && x < float(camera.width) && y >= 0 && y < float(camera.height)))
+    return std::nullopt;
+  return DepthAnchor{x, y, p.z};
 }
 
-bool is_anchored(const ViewPlan& plan) { return plan.depth_anchors.size() >= kLeastAnchors; }
+void add_depth_anchors(const ColmapModel& model, std::vector<Photo>& photos) {
+  for (std::size_t i = 0; i < photos.size(); ++i)
+    if (!photos[i].depth_file.empty())
+      photos[i].depth_anchors = anchors_of(model, model.images[i], photos[i].camera);
+}
 
-std::optional<DepthFit> anchored_fit(const ImageF& map, const ViewPlan& plan) {
-  const DepthKind kind = plan.depth_kind;
+bool is_anchored(const Photo& photo) { return photo.depth_anchors.size() >= kLeastAnchors; }
+
+std::optional<DepthFit> anchored_fit(const ImageF& map, const Photo& photo) {
+  const DepthKind kind = photo.depth_kind;
   double known = 0;  // anchors
   const DepthTarget target = fitted_depth_target(kind, 1, [&](const DepthTarget* before) {
     DepthSums sums;
-    for (const DepthAnchor& anchor : plan.depth_anchors) {
+    for (const DepthAnchor& anchor : photo.depth_anchors) {
       const float value = depth_at(map, double(anchor.x) - 0.5, double(anchor.y) - 0.5);
       if (is_known_depth(value))
         add_to(sums, depth_sums_of_pixel(kind, double(value), 1, double(anchor.depth), 1, before));

@@ -8,7 +8,6 @@
 #include "data_loaders/scene/depth/depth_anchors.h"
 #include "data_loaders/scene/depth/depth_map.h"
 #include "gs_core/math/loss/depth_loss.h"
-#include "gs_core/math/render/projection.h"
 
 namespace gs {
 namespace {
@@ -28,14 +27,12 @@ Pairs pairs_of(const ImageF& map, const Camera& camera, const std::vector<SceneP
   Pairs pairs;
   const std::size_t step = 1 + points.size() / kMostPoints;
   for (std::size_t i = 0; i < points.size(); i += step) {
-    const Vec3f p = to_camera(camera, points[i].position);
-    if (!(p.z > 0)) continue;
-    const float x = camera.fx * p.x / p.z + camera.cx, y = camera.fy * p.y / p.z + camera.cy;
-    if (!(x >= 0 && x < float(camera.width) && y >= 0 && y < float(camera.height))) continue;
-    const float value = map.at(int(x), int(y), 0);
+    const auto seen = anchor_of(camera, points[i].position);
+    if (!seen) continue;
+    const float value = map.at(int(seen->x), int(seen->y), 0);
     if (!is_known_depth(value)) continue;
     pairs.values.push_back(double(value));
-    pairs.depths.push_back(double(p.z));
+    pairs.depths.push_back(double(seen->depth));
   }
   return pairs;
 }
@@ -86,10 +83,10 @@ double median(std::vector<double> numbers) {
   return *middle;
 }
 
-std::vector<std::size_t> chosen(const std::vector<ViewPlan>& plans) {
+std::vector<std::size_t> chosen(const std::vector<Photo>& photos) {
   std::vector<std::size_t> with_map, result;
-  for (std::size_t i = 0; i < plans.size(); ++i)
-    if (!plans[i].depth_file.empty()) with_map.push_back(i);
+  for (std::size_t i = 0; i < photos.size(); ++i)
+    if (!photos[i].depth_file.empty()) with_map.push_back(i);
   const std::size_t count = std::min(with_map.size(), kMapsLookedAt);
   for (std::size_t k = 0; k < count; ++k) result.push_back(with_map[k * with_map.size() / count]);
   return result;
@@ -97,16 +94,16 @@ std::vector<std::size_t> chosen(const std::vector<ViewPlan>& plans) {
 
 }  // namespace
 
-DepthAgreement depth_agreement(const std::vector<ViewPlan>& plans,
+DepthAgreement depth_agreement(const std::vector<Photo>& photos,
                                const std::vector<ScenePoint>& points) {
   DepthAgreement agreement;
   std::vector<double> logs, deviations;
-  for (const std::size_t i : chosen(plans)) {
-    ViewPlan plan = plans[i];
-    plan.depth_kind = DepthKind::metric;  // so that integers have their unit
-    const ImageF map = make_depth(plan);
-    const Pairs pairs = is_anchored(plan) ? anchored_pairs(map, plan.depth_anchors)
-                                          : pairs_of(map, plan.camera, points);
+  for (const std::size_t i : chosen(photos)) {
+    Photo photo = photos[i];
+    photo.depth_kind = DepthKind::metric;  // so that integers have their unit
+    const ImageF map = make_depth(photo);
+    const Pairs pairs = is_anchored(photo) ? anchored_pairs(map, photo.depth_anchors)
+                                           : pairs_of(map, photo.camera, points);
     if (pairs.values.size() < kLeastPoints) continue;
     ++agreement.maps;
     agreement.correlation += correlation(ranks_of(pairs.values), ranks_of(pairs.depths));

@@ -21,23 +21,23 @@ constexpr float kOneSurface = 1.1f;  // the largest ratio of neighbors that are 
 /// + 0.5.
 class MapPositions {
  public:
-  explicit MapPositions(const ViewPlan& plan) : plan_(plan) {}
+  explicit MapPositions(const Photo& photo) : photo_(photo) {}
 
   Vec2d at(double x, double y) const {
-    const PinholeCamera<double>&target = plan_.target, &whole = plan_.undistorted;
-    Vec2d photo(x * whole.width / target.width, y * whole.height / target.height);
-    if (plan_.has_lens()) {
-      const PinholeCamera<double>& lens = plan_.lens.pinhole;
+    const PinholeCamera<double>&target = photo_.target, &whole = photo_.undistorted;
+    Vec2d at(x * whole.width / target.width, y * whole.height / target.height);
+    if (photo_.has_lens()) {
+      const PinholeCamera<double>& lens = photo_.lens.pinhole;
       const Vec2d landed =
-          distorted(plan_.lens, {(photo.x - whole.cx) / whole.fx, (photo.y - whole.cy) / whole.fy});
-      photo = {lens.fx * landed.x + lens.cx, lens.fy * landed.y + lens.cy};
+          distorted(photo_.lens, {(at.x - whole.cx) / whole.fx, (at.y - whole.cy) / whole.fy});
+      at = {lens.fx * landed.x + lens.cx, lens.fy * landed.y + lens.cy};
     }
-    return {photo.x * plan_.depth_size.width / plan_.photo_size.width,
-            photo.y * plan_.depth_size.height / plan_.photo_size.height};
+    return {at.x * photo_.depth_size.width / photo_.size.width,
+            at.y * photo_.depth_size.height / photo_.size.height};
   }
 
  private:
-  const ViewPlan& plan_;
+  const Photo& photo_;
 };
 
 }  // namespace
@@ -59,15 +59,15 @@ float depth_at(const ImageF& map, double x, double y) {
   return is_known_depth(nearest) ? nearest : 0;
 }
 
-ImageF make_depth(const ViewPlan& plan) {
-  const DepthFile file = read_depth_file(plan.depth_file);
-  if (file.values.width != plan.depth_size.width || file.values.height != plan.depth_size.height)
+ImageF make_depth(const Photo& photo) {
+  const DepthFile file = read_depth_file(photo.depth_file);
+  if (file.values.width != photo.depth_size.width || file.values.height != photo.depth_size.height)
     throw Error(fmt::format("{} has changed since the scene was loaded; start again",
-                            plan.depth_file.string()));
-  const bool has_unit = file.has_steps && plan.depth_kind == DepthKind::metric;
-  const float unit = has_unit ? plan.depth_unit : 1.0f;
-  const MapPositions positions(plan);
-  ImageF depth(plan.target.width, plan.target.height, 1);
+                            photo.depth_file.string()));
+  const bool has_unit = file.has_steps && photo.depth_kind == DepthKind::metric;
+  const float unit = has_unit ? photo.depth_unit : 1.0f;
+  const MapPositions positions(photo);
+  ImageF depth(photo.target.width, photo.target.height, 1);
   parallel_for(std::size_t(depth.height), 16, [&](std::size_t y) {
     for (int x = 0; x < depth.width; ++x) {
       const Vec2d at = positions.at(x + 0.5, double(y) + 0.5);
@@ -77,10 +77,10 @@ ImageF make_depth(const ViewPlan& plan) {
   return depth;
 }
 
-DepthMap make_depth_map(const ViewPlan& plan) {
-  DepthMap map{make_depth(plan), plan.depth_kind};
+DepthMap make_depth_map(const Photo& photo) {
+  DepthMap map{make_depth(photo), photo.depth_kind};
   if (map.kind == DepthKind::metric) return map;
-  if (const std::optional<DepthFit> fit = anchored_fit(map.values, plan)) {
+  if (const std::optional<DepthFit> fit = anchored_fit(map.values, photo)) {
     make_metric(map.values, map.kind, *fit);
     map.kind = DepthKind::metric;
   }

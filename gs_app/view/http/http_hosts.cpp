@@ -2,20 +2,12 @@
 // The parts of http_server.h that need no library: names of hosts, and answers.
 #include <arpa/inet.h>
 
-#include <algorithm>
-#include <cctype>
-
 #include "gs_app/view/http/http_server.h"
 #include "gs_core/system/host_name.h"
+#include "gs_core/system/text/ascii.h"
 
 namespace gs {
 namespace {
-
-std::string lowercase(std::string text) {
-  std::transform(text.begin(), text.end(), text.begin(),
-                 [](unsigned char c) { return char(std::tolower(c)); });
-  return text;
-}
 
 // "[::1]:7070" -> "::1", "localhost:7070" -> "localhost", "::1" as it is
 std::string without_port(const std::string& host) {

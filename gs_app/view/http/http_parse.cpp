@@ -4,6 +4,8 @@
 #include <algorithm>
 #include <charconv>
 
+#include "gs_core/system/text/ascii.h"
+
 namespace gs {
 namespace {
 
@@ -21,19 +23,6 @@ bool is_name(std::string_view text) {
 }
 
 bool is_control(char c) { return (static_cast<unsigned char>(c) < 0x20 && c != '\t') || c == 0x7f; }
-
-std::string lowercase(std::string_view text) {
-  std::string result(text);
-  for (char& c : result)
-    if (c >= 'A' && c <= 'Z') c = char(c - 'A' + 'a');
-  return result;
-}
-
-std::string_view trimmed(std::string_view text) {
-  const std::size_t begin = text.find_first_not_of(" \t");
-  if (begin == text.npos) return {};
-  return text.substr(begin, text.find_last_not_of(" \t") - begin + 1);
-}
 
 // The part before `mark`; the rest stays in `text`, without the mark.
 std::string_view take_until(std::string_view& text, std::string_view mark) {
@@ -81,7 +70,8 @@ bool parse_first_line(std::string_view line, HttpHead& head) {
 bool parse_header(std::string_view line, HttpHead& head) {
   const std::size_t colon = line.find(':');
   if (colon == line.npos || !is_name(line.substr(0, colon))) return false;
-  head.headers.emplace_back(lowercase(line.substr(0, colon)), trimmed(line.substr(colon + 1)));
+  head.headers.emplace_back(lowercase(std::string(line.substr(0, colon))),
+                            trimmed(line.substr(colon + 1)));
   return true;
 }
 

@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 // A small HTTP server in which one function answers every request. It is meant for people who
 // look at their own files: unless told otherwise it listens only to this machine, and it refuses
-// requests that another web page makes a browser send (DNS rebinding). A slow connection never
-// blocks others: at most 32 connections of one address are served, and the rest wait. There is one request on each connection. A POST is taken of this server's own page alone,
-// or of a program that is no browser, and only without a body.
+// requests that another web page makes a browser send (DNS rebinding). Connections are few, each
+// brings one request, and slow ones end in time. A POST is taken of this server's own page alone, or
+// of a program that is no browser, and only without a body.
 #pragma once
 
 #include <cstdint>
@@ -50,19 +50,15 @@ struct HttpPlace {
   int port = -1;  // 0: any free port; -1: the first free one from kFirstPort on
 };
 
-/// What connections may cost. Tests set lower limits.
+/// What connections may cost. Tests set other limits.
 struct HttpLimits {
-  /// Connections at a time. When all are taken, a new one replaces an idle one of the address that
-  /// has the most. 0: default_connections().
-  int connections = 0;
+  /// Connections at a time; a browser opens 6. When all are taken, the one that would end first by
+  /// itself makes way for a new one.
+  int connections = 32;
   std::size_t head_bytes = std::size_t(1) << 15;  // of a request: cookies may have some kilobytes
   double head_seconds = 5;    // from the start of a connection to the end of its request's head
   double piece_seconds = 30;  // in which a reader has to take 64 KiB
 };
-
-/// A quarter of the files that this process may open, at two files a connection; at most 2048
-/// connections. The server asks the system for more files first.
-int default_connections();
 
 /// Whether a server that listens at `host` accepts a request whose Host header is `named`, with or
 /// without a port. A server at a loopback address accepts the loopback's names and `host` itself.

@@ -17,7 +17,7 @@ namespace gs {
 namespace {
 
 constexpr int kPortsTried = 100;
-constexpr int kWaitingConnections = 4096;  // accepted later by the server
+constexpr int kWaitingConnections = 4096;  // in the system, until the server accepts them
 // Bytes of a connection that wait in the system for a slow reader. The system's own limit is some
 // megabytes, which many connections would multiply.
 constexpr int kSendBufferBytes = 1 << 18;

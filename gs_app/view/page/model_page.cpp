@@ -14,13 +14,12 @@
 #include "gs_app/view/served_model.h"
 #include "gs_app/view/view_server.h"
 #include "gs_core/error.h"
-#include "gs_core/system/byte_reader.h"
 #include "gs_core/system/files/atomic_file.h"
 #include "gs_core/system/files/output_lock.h"
-#include "gs_core/system/files/scratch_folder.h"
+#include "gs_core/system/text/ascii.h"
 #include "gs_core/system/text/json.h"
+#include "gs_model/edit/model_transform.h"
 #include "gs_model/formats/formats.h"
-#include "gs_model/formats/model_transform.h"
 #include "gs_render/paths/camera_path.h"
 
 namespace gs {
@@ -112,24 +111,13 @@ void check_size(const fs::path& file, std::uint64_t bytes, const ModelFormat& fo
       "cannot write {}: the model takes {} MB as {}, and a page holds {} MB at most, since "
       "browsers "
       "keep it in memory several times; shrink it with `gemsplat edit --decimate` or a lower "
-      "--sh-degree, or let viewers stream it with `gemsplat export --lod`",
+      "--sh-degree, or let viewers stream it as a .rad",
       file.string(), bytes / 1'000'000, format.ending, kMostPageModelBytes / 1'000'000));
-}
-
-std::vector<std::uint8_t> bytes_of(const fs::path& file) {
-  ByteReader reader(file);
-  const std::uint8_t* const bytes = reader.take(reader.size());
-  return {bytes, bytes + reader.size()};
 }
 
 }  // namespace
 
-bool is_model_page(const fs::path& file) {
-  std::string ending = file.extension().string();
-  std::transform(ending.begin(), ending.end(), ending.begin(),
-                 [](unsigned char c) { return char(std::tolower(c)); });
-  return ending == ".html";
-}
+bool is_model_page(const fs::path& file) { return lowercase(file.extension().string()) == ".html"; }
 
 void check_model_page(const fs::path& file, bool force) {
   check_can_view();
@@ -140,14 +128,13 @@ ModelPage write_model_page(const fs::path& file, const OpenedModel& opened, cons
                            int sh_degree, const std::string& title) {
   const OutputLock lock = OutputLock::of_file(file);
   const Inside inside = inside_of(opened.model);
-  const ScratchFolder scratch;
-  const fs::path packed = scratch.path() / ("model" + std::string(inside.format->ending));
+  MemorySink packed(file.string());
   GaussianModel model =
       host_copy(opened.model.gaussians, opened.model.sh_degree, opened.model.antialiased);
   limit_sh_degree(model, sh_degree);
   ModelPage page{file, 0, 0, inside.format->ending, 0};
-  page.gaussians = write_model(packed, model, inside.options);
-  page.model_bytes = fs::file_size(packed);
+  page.gaussians = write_model(packed, *inside.format, model, inside.options);
+  page.model_bytes = packed.text.size();
   check_size(file, page.model_bytes, *inside.format);
 
   ViewScene scene = scene_of(opened, config);
@@ -171,7 +158,7 @@ ModelPage write_model_page(const fs::path& file, const OpenedModel& opened, cons
   output.write("<script id=\"gemsplat-scene\" type=\"application/json\">");
   output.write(script_json(json));
   output.write("</script>\n<script id=\"gemsplat-model\" type=\"text/plain\">");
-  output.write(base64_of(bytes_of(packed)));
+  output.write(base64_of({packed.text.begin(), packed.text.end()}));
   output.write("</script>\n");
   output.write(kAnswers);
   output.write(viewer.substr(body));

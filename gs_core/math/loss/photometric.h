@@ -28,14 +28,4 @@ GS_HD GainedGradient<T> gained_vjp(T y, T gain, T dL_dy) {
   return {gain * dL_dy, dL_dy * y};
 }
 
-/// A photo's log gain stays near the solved one, where there is one, by the loss
-///
-///   weight/2 ((a - solved) / spread)^2
-///
-/// Returns the gradient by a.
-template <class T>
-GS_HD T gain_prior_vjp(T a, T solved, T weight, T spread) {
-  return weight * (a - solved) / (spread * spread);
-}
-
 }  // namespace gs

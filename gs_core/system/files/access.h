@@ -29,4 +29,7 @@ std::vector<std::filesystem::path> entries_of(const std::filesystem::path& folde
 bool is_file(const std::filesystem::path& path);
 bool is_folder(const std::filesystem::path& path);
 
+/// Whether something has this path, be it a dangling symbolic link.
+bool is_there(const std::filesystem::path& path);
+
 }  // namespace gs

@@ -36,7 +36,6 @@ const char* remedy(int error) {
 }
 
 std::atomic<WriteHook*> write_hook = nullptr;
-thread_local BeforeNaming* before_naming = nullptr;
 
 void ask_hook(WritePoint point, const std::filesystem::path& file) {
   if (WriteHook* const hook = write_hook) hook->before(point, file);
@@ -137,12 +136,6 @@ std::filesystem::path make_temporary_beside(const std::filesystem::path& path,
 
 void set_write_hook(WriteHook* hook) { write_hook = hook; }
 
-BeforeNaming::BeforeNaming(std::filesystem::path file, std::function<void()> f)
-    : file_(std::move(file)), f_(std::move(f)) {
-  before_naming = this;
-}
-BeforeNaming::~BeforeNaming() { before_naming = nullptr; }
-
 void remove_leftovers(const std::filesystem::path& folder, const std::string& file_name) {
   std::error_code ignored;
   const std::string prefix = file_name.empty() ? "." : "." + file_name + ".";
@@ -190,12 +183,12 @@ void AtomicFile::write(const void* data, std::size_t bytes) {
   if (bytes && std::fwrite(data, 1, bytes, file_) != bytes) fail(errno);
 }
 
-void AtomicFile::commit(Durability durability) {
+void AtomicFile::commit(Durability durability, const std::function<void()>& before_naming) {
   const bool is_synced = durability == Durability::synced;
   ask_hook(WritePoint::sync, path_);
   if (std::fflush(file_) != 0 || (is_synced && ::fsync(::fileno(file_)) != 0)) fail(errno);
   ask_hook(WritePoint::rename, path_);
-  if (before_naming && before_naming->file_ == named_) before_naming->f_();
+  if (before_naming) before_naming();
   if (const int error = give_name()) fail(error);
   std::fclose(file_);
   file_ = nullptr;

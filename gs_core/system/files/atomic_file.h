@@ -8,6 +8,8 @@
 #include <functional>
 #include <string_view>
 
+#include "gs_core/system/files/byte_sink.h"
+
 namespace gs {
 
 /// The steps of an AtomicFile on its way to the disk.
@@ -22,21 +24,6 @@ class WriteHook {
 };
 /// There is one hook for the whole program; null, the initial value, means none.
 void set_write_hook(WriteHook* hook);
-
-/// While it lives, f() is called right before a file of this thread gets the name `file`: the place
-/// to remove what described an older file of that name. One at a time in a thread.
-class BeforeNaming {
- public:
-  BeforeNaming(std::filesystem::path file, std::function<void()> f);
-  ~BeforeNaming();
-  BeforeNaming(const BeforeNaming&) = delete;
-  BeforeNaming& operator=(const BeforeNaming&) = delete;
-
- private:
-  friend class AtomicFile;
-  std::filesystem::path file_;
-  std::function<void()> f_;
-};
 
 /// Removes the temporary files of AtomicFile that killed processes left in a folder, and nothing
 /// else. Files of processes that still run stay. With `file_name`, only those for this file and the
@@ -54,21 +41,24 @@ std::filesystem::path make_temporary_beside(const std::filesystem::path& path,
 /// that name is untouched. (A kill leaves a hidden file on file systems that have no files without
 /// names, such as NFS: remove_leftovers().) Every function throws Error, which names the path, if
 /// the disk is full or the folder may not be written to.
-class AtomicFile {
+class AtomicFile : public ByteSink {
  public:
   /// Creates the folder above `path` if it is not there, and a file in it.
   explicit AtomicFile(std::filesystem::path path);
-  ~AtomicFile();
+  ~AtomicFile() override;
   AtomicFile(const AtomicFile&) = delete;
   AtomicFile& operator=(const AtomicFile&) = delete;
 
-  void write(const void* data, std::size_t bytes);
-  void write(std::string_view text) { write(text.data(), text.size()); }
+  std::string name() const override { return named_.string(); }
+  using ByteSink::write;
+  void write(const void* data, std::size_t bytes) override;
   /// synced: the file survives a power cut after commit(). unsynced: it may not, and commit() is
   /// faster.
   enum class Durability { synced, unsynced };
-  /// Brings everything to the disk and gives the file its name.
-  void commit(Durability durability = Durability::synced);
+  /// Brings everything to the disk and gives the file its name. Right before that it calls
+  /// before_naming() where there is one: the place to remove what described an older file.
+  void commit(Durability durability = Durability::synced,
+              const std::function<void()>& before_naming = {});
 
  private:
   [[noreturn]] void fail(int error);

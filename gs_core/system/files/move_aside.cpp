@@ -9,6 +9,7 @@
 #include <functional>
 
 #include "gs_core/error.h"
+#include "gs_core/system/files/access.h"
 
 namespace gs {
 
@@ -21,12 +22,6 @@ constexpr int kMostBackups = 1'000'000;
 fs::path without_slash(const fs::path& path) {  // "runs/a/"
   const fs::path whole = fs::absolute(path).lexically_normal();
   return whole.has_filename() ? whole : whole.parent_path();
-}
-
-// A dangling symbolic link is there, too.
-bool is_there(const fs::path& path) {
-  std::error_code ignored;
-  return fs::symlink_status(path, ignored).type() != fs::file_type::not_found;
 }
 
 // Calls make(FROM.bak-N) for N = 1, 2, ... until it does not say that the name is taken.

@@ -19,4 +19,10 @@ using FloatJson = nlohmann::basic_json<nlohmann::ordered_map, std::vector, std::
 using SortedFloatJson = nlohmann::basic_json<std::map, std::vector, std::string, bool, std::int64_t,
                                              std::uint64_t, float>;
 
+/// The text of a file of ours. What is not UTF-8, as names of photos may be, becomes U+FFFD.
+template <class J>
+std::string file_text(const J& json) {
+  return json.dump(2, ' ', false, J::error_handler_t::replace) + "\n";
+}
+
 }  // namespace gs

@@ -42,12 +42,10 @@ std::vector<std::uint32_t> finite_rows(const Gaussians& gaussians, int sh_degree
   return rows;
 }
 
-std::size_t warn_of_left_out(const std::filesystem::path& path, std::size_t written,
-                             std::size_t all) {
-  if (written < all) {
-    log_warning("{}: {} of {} Gaussians hold NaN or infinity and were left out", path.string(),
+std::size_t warn_of_left_out(const std::string& file, std::size_t written, std::size_t all) {
+  if (written < all)
+    log_warning("{}: {} of {} Gaussians hold NaN or infinity and were left out", file,
                 all - written, all);
-  }
   return all - written;
 }
 

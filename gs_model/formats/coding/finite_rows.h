@@ -5,7 +5,7 @@
 
 #include <cstddef>
 #include <cstdint>
-#include <filesystem>
+#include <string>
 #include <vector>
 
 #include "gs_core/gaussians.h"
@@ -16,8 +16,7 @@ namespace gs {
 std::vector<std::uint32_t> finite_rows(const Gaussians& gaussians, int sh_degree);
 
 /// Warns that rows of a model were left out of a file, if any were; returns how many.
-std::size_t warn_of_left_out(const std::filesystem::path& path, std::size_t written,
-                             std::size_t all);
+std::size_t warn_of_left_out(const std::string& file, std::size_t written, std::size_t all);
 
 /// Scales w x y z to length 1. A quaternion that has it to float precision stays as it is, so that
 /// a file that is read and written again keeps its bytes; one of length 0 becomes the identity.

@@ -15,8 +15,10 @@
 
 #include <cstdint>
 #include <filesystem>
+#include <string>
 
 #include "gs_core/gaussians.h"
+#include "gs_core/system/files/byte_sink.h"
 
 namespace gs {
 
@@ -25,15 +27,16 @@ inline constexpr const char* kGlbGaussians = "KHR_gaussian_splatting";
 inline constexpr std::uint32_t kGlbMagic = 0x46546C67, kGlbVersion = 2;         // "glTF"
 inline constexpr std::uint32_t kGlbJson = 0x4E4F534A, kGlbBinary = 0x004E4942;  // "JSON", "BIN"
 
-/// Reads the Gaussians of all primitives that the file's scene shows, where its nodes put them:
-/// floats, and the integer types that the extension allows, or an .spz inside
-/// (KHR_gaussian_splatting_compression_spz_2 and two older names). Throws Error, with the file and
-/// a remedy, for damaged files, linear colors, nodes that mirror or stretch, and scenes of triangles
-/// alone.
+/// All of a file before its binary chunk, which has so many bytes, a multiple of 4.
+std::string glb_head(std::string json, std::uint64_t binary_bytes);
+
+/// Reads a file with one primitive of Gaussians, whose attributes are floats as above and which no
+/// node moves. Throws Error, with the file and a remedy, for damaged files, linear colors, compressed
+/// Gaussians, several primitives, nodes that move, and files of triangles alone.
 GaussianModel read_glb(const std::filesystem::path& path);
 
-/// Writes a model that finite_model() made. Throws Error for a model without Gaussians, which glTF
-/// cannot hold, for a file of more than 4 GiB, and where the file cannot be written.
-void write_glb(const std::filesystem::path& path, const GaussianModel& model);
+/// Writes a model that finite_model() made, with at least one Gaussian. Throws Error for a file of
+/// more than 4 GiB, and as the sink does.
+void write_glb(ByteSink& sink, const GaussianModel& model);
 
 }  // namespace gs

@@ -8,7 +8,6 @@
 #include <limits>
 
 #include "gs_core/error.h"
-#include "gs_core/system/files/atomic_file.h"
 #include "gs_core/system/text/json.h"
 #include "gs_core/system/version.h"
 #include "gs_model/formats/coding/frame.h"
@@ -130,38 +129,37 @@ Json document_of(const GaussianModel& model, const std::vector<Attribute>& attri
 
 }  // namespace
 
-void write_glb(const std::filesystem::path& path, const GaussianModel& model) {
-  const std::size_t count = model.gaussians.count();
-  if (count == 0)
-    throw Error(fmt::format(
-        "cannot write {}: there are no Gaussians, and glTF cannot hold an empty model; choose .ply",
-        path.string()));
-  const std::vector<Attribute> attributes = attributes_of(model);
-  std::string json = document_of(model, attributes).dump();
+std::string glb_head(std::string json, std::uint64_t binary_bytes) {
   json.resize((json.size() + 3) / 4 * 4, ' ');
+  std::string head;
+  for (const std::uint64_t word :
+       {std::uint64_t(kGlbMagic), std::uint64_t(kGlbVersion), 28 + json.size() + binary_bytes,
+        std::uint64_t(json.size()), std::uint64_t(kGlbJson)})
+    append_little(head, std::uint32_t(word));
+  head += json;
+  append_little(head, std::uint32_t(binary_bytes));
+  append_little(head, kGlbBinary);
+  return head;
+}
+
+void write_glb(ByteSink& sink, const GaussianModel& model) {
+  const std::size_t count = model.gaussians.count();
+  GS_CHECK(count > 0);
+  const std::vector<Attribute> attributes = attributes_of(model);
   std::uint64_t binary_bytes = 0;  // a multiple of 4, as every row is
   for (const Attribute& attribute : attributes) binary_bytes += count * attribute.row_bytes;
-  const std::uint64_t total = 12 + 8 + json.size() + 8 + binary_bytes;
-  if (total > std::numeric_limits<std::uint32_t>::max())
+  const std::string head = glb_head(document_of(model, attributes).dump(), binary_bytes);
+  if (head.size() + binary_bytes > std::numeric_limits<std::uint32_t>::max())
     throw Error(
         fmt::format("cannot write {}: {} Gaussians take more than the 4 GiB that a .glb "
                     "can have; choose .ply, .sog or .spz, or a lower --sh-degree",
-                    path.string(), count));
-  std::string header;
-  for (const std::uint64_t word : {std::uint64_t(kGlbMagic), std::uint64_t(kGlbVersion), total,
-                                   std::uint64_t(json.size()), std::uint64_t(kGlbJson)})
-    append_little(header, std::uint32_t(word));
-  header += json;
-  append_little(header, std::uint32_t(binary_bytes));
-  append_little(header, kGlbBinary);
-  AtomicFile file(path);
-  file.write(header);
+                    sink.name(), count));
+  sink.write(head);
   for (const Attribute& attribute : attributes) {
     std::vector<std::uint8_t> rows(count * attribute.row_bytes);
     for (std::size_t i = 0; i < count; ++i) attribute.fill(i, &rows[i * attribute.row_bytes]);
-    file.write(rows.data(), rows.size());
+    sink.write(rows.data(), rows.size());
   }
-  file.commit();
 }
 
 }  // namespace gs

@@ -38,6 +38,7 @@
 #include <filesystem>
 
 #include "gs_core/gaussians.h"
+#include "gs_core/system/files/byte_sink.h"
 
 namespace gs {
 
@@ -47,7 +48,7 @@ namespace gs {
 GaussianModel read_gs4d(const std::filesystem::path& path);
 
 /// Writes a model with time that finite_model() made. `duration` is that of the scene in seconds, 0
-/// where it is not known. Throws Error where the file cannot be written.
-void write_gs4d(const std::filesystem::path& path, const GaussianModel& model, double duration);
+/// where it is not known. Throws Error as the sink does.
+void write_gs4d(ByteSink& sink, const GaussianModel& model, double duration);
 
 }  // namespace gs

@@ -5,15 +5,14 @@
 #include <numeric>
 
 #include "gs_core/error.h"
-#include "gs_core/system/files/atomic_file.h"
 #include "gs_core/threads/parallel.h"
+#include "gs_model/edit/model_moment.h"
 #include "gs_model/formats/coding/little_endian.h"
 #include "gs_model/formats/coding/morton_rows.h"
 #include "gs_model/formats/coding/quantize.h"
 #include "gs_model/formats/gs4d/gs4d.h"
 #include "gs_model/formats/gs4d/gs4d_layout.h"
 #include "gs_model/formats/gs4d/moving_gaussian.h"
-#include "gs_model/formats/model_moment.h"
 
 namespace gs {
 namespace {
@@ -215,8 +214,7 @@ class ChunkWriter {
 
 }  // namespace
 
-void write_gs4d(const std::filesystem::path& path, const GaussianModel& unordered,
-                double duration) {
+void write_gs4d(ByteSink& sink, const GaussianModel& unordered, double duration) {
   GS_CHECK(unordered.gaussians.has_time);
   const GaussianModel model = in_morton_order(unordered);
   std::vector<Row> rows(model.gaussians.count());
@@ -237,11 +235,9 @@ void write_gs4d(const std::filesystem::path& path, const GaussianModel& unordere
   header.sh_degree = std::uint8_t(model.sh_degree);
   header.flags = model.antialiased ? kGs4dAntialiased : 0;
   header.duration = float(duration);
-  AtomicFile file(path);
-  file.write(&header, sizeof header);
-  file.write(table.data(), table.size() * sizeof(Gs4dChunk));
-  for (const std::string& chunk : chunks) file.write(chunk);
-  file.commit();
+  sink.write(&header, sizeof header);
+  sink.write(table.data(), table.size() * sizeof(Gs4dChunk));
+  for (const std::string& chunk : chunks) sink.write(chunk);
 }
 
 }  // namespace gs

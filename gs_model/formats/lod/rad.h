@@ -29,7 +29,8 @@
 #include <cstdint>
 #include <filesystem>
 
-#include "gs_model/lod/splat_tree.h"
+#include "gs_core/gaussians.h"
+#include "gs_core/system/files/byte_sink.h"
 
 namespace gs {
 
@@ -38,13 +39,9 @@ namespace gs {
 /// files, other versions, files whose chunks are files of their own, and palettes of SH.
 GaussianModel read_rad(const std::filesystem::path& path);
 
-/// Writes a tree with rotations of length 1 (finite_model()). The same tree gives the same bytes.
-/// Throws Error where this build lacks zlib, and where the file cannot be written.
-void write_rad(const std::filesystem::path& path, const SplatTree& tree, int sh_degree,
-               bool antialiased);
-
-/// Makes levels of detail of a model and writes their tree. Throws Error also for a model without
-/// Gaussians.
-void write_rad(const std::filesystem::path& path, const GaussianModel& model);
+/// Makes levels of detail of a model that finite_model() made, with at least one Gaussian, and writes
+/// their tree. The same model gives the same bytes. Throws Error where this build lacks zlib, and as
+/// the sink does.
+void write_rad(ByteSink& sink, const GaussianModel& model);
 
 }  // namespace gs

@@ -5,7 +5,6 @@
 #include <cmath>
 
 #include "gs_core/error.h"
-#include "gs_core/system/files/atomic_file.h"
 #include "gs_core/system/text/json.h"
 #include "gs_core/system/version.h"
 #include "gs_core/threads/parallel.h"
@@ -15,6 +14,7 @@
 #include "gs_model/formats/lod/rad.h"
 #include "gs_model/formats/lod/rad_layout.h"
 #include "gs_model/formats/lod/rad_values.h"
+#include "gs_model/lod/splat_tree.h"
 
 namespace gs {
 namespace {
@@ -190,16 +190,16 @@ Json splat_encoding(const Gaussians& g, int sh_degree) {
 
 }  // namespace
 
-void write_rad(const std::filesystem::path& path, const SplatTree& tree, int sh_degree,
-               bool antialiased) {
+void write_rad(ByteSink& sink, const GaussianModel& model) {
+  const SplatTree tree = splat_tree_of(build_lod_tree(copy_of(model.gaussians)));
   const std::size_t count = tree.gaussians.count();
   // Merging a leaf of 50,000 cannot give more children.
   GS_CHECK(*std::max_element(tree.child_count.begin(), tree.child_count.end()) < 65536);
-  const Json encoding = splat_encoding(tree.gaussians, sh_degree);
+  const Json encoding = splat_encoding(tree.gaussians, model.sh_degree);
   const Chunks parts(tree);
   std::vector<std::string> chunks(parts.size());
   parallel_for(chunks.size(), 1, [&](std::size_t k) {
-    chunks[k] = Chunk(tree, sh_degree, encoding, parts, k).bytes();
+    chunks[k] = Chunk(tree, model.sh_degree, encoding, parts, k).bytes();
   });
   Json ranges = Json::array();
   std::size_t offset = 0;
@@ -207,29 +207,19 @@ void write_rad(const std::filesystem::path& path, const SplatTree& tree, int sh_
     ranges.push_back({{"offset", offset}, {"bytes", chunk.size()}});
     offset += chunk.size();
   }
-  AtomicFile file(path);
-  file.write(head_of(kRadMagic, {{"version", 1},
-                                 {"type", "gsplat"},
-                                 {"count", parts.number_of(count - 1) + 1},
-                                 {"maxSh", sh_degree},
-                                 {"lodTree", true},
-                                 {"chunkSize", kRadChunk},
-                                 {"allChunkBytes", offset},
-                                 {"chunks", ranges},
-                                 {"splatEncoding", encoding},
-                                 {"comment", fmt::format("gemsplat {}{}", kVersion,
-                                                         antialiased ? " antialiased" : "")}}));
-  for (const std::string& chunk : chunks) file.write(chunk);
-  file.commit();
-}
-
-void write_rad(const std::filesystem::path& path, const GaussianModel& model) {
-  if (model.gaussians.count() == 0)
-    throw Error(fmt::format(
-        "cannot write {}: there are no Gaussians, and .rad cannot hold an empty model; choose .ply",
-        path.string()));
-  write_rad(path, splat_tree_of(build_lod_tree(copy_of(model.gaussians))), model.sh_degree,
-            model.antialiased);
+  sink.write(
+      head_of(kRadMagic, {{"version", 1},
+                          {"type", "gsplat"},
+                          {"count", parts.number_of(count - 1) + 1},
+                          {"maxSh", model.sh_degree},
+                          {"lodTree", true},
+                          {"chunkSize", kRadChunk},
+                          {"allChunkBytes", offset},
+                          {"chunks", ranges},
+                          {"splatEncoding", encoding},
+                          {"comment", fmt::format("gemsplat {}{}", kVersion,
+                                                  model.antialiased ? " antialiased" : "")}}));
+  for (const std::string& chunk : chunks) sink.write(chunk);
 }
 
 }  // namespace gs

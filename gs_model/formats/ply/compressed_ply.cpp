@@ -5,7 +5,6 @@
 
 #include <algorithm>
 
-#include "gs_core/system/files/atomic_file.h"
 #include "gs_core/threads/parallel.h"
 #include "gs_model/formats/coding/little_endian.h"
 #include "gs_model/formats/coding/morton_rows.h"
@@ -222,7 +221,7 @@ GaussianModel read_compressed_ply(PlyFile& file) {
   return model;
 }
 
-void write_compressed_ply(const std::filesystem::path& path, const GaussianModel& unsorted) {
+void write_compressed_ply(ByteSink& sink, const GaussianModel& unsorted) {
   const GaussianModel model = in_morton_order(unsorted);
   const Gaussians& g = model.gaussians;
   const std::size_t chunks = (g.count() + kChunkRows - 1) / kChunkRows;
@@ -233,12 +232,10 @@ void write_compressed_ply(const std::filesystem::path& path, const GaussianModel
     ranges[c] = chunk_of(g, begin, end);
     for (std::size_t i = begin; i < end; ++i) rows[i] = packed_row(g, i, ranges[c]);
   });
-  AtomicFile file(path);
-  file.write(header_of(model, chunks));
-  file.write(ranges.data(), ranges.size() * sizeof(Chunk));
-  file.write(rows.data(), rows.size() * sizeof(Packed));
-  file.write(packed_sh(g, model.sh_degree));
-  file.commit();
+  sink.write(header_of(model, chunks));
+  sink.write(ranges.data(), ranges.size() * sizeof(Chunk));
+  sink.write(rows.data(), rows.size() * sizeof(Packed));
+  sink.write(packed_sh(g, model.sh_degree));
 }
 
 }  // namespace gs

@@ -16,6 +16,7 @@
 #pragma once
 
 #include "gs_core/gaussians.h"
+#include "gs_core/system/files/byte_sink.h"
 #include "gs_model/formats/ply/ply_file.h"
 
 namespace gs {
@@ -27,8 +28,8 @@ bool is_compressed_ply(const PlyHeader& header);
 /// 0..1. Throws Error, with file, place and remedy, where it is damaged.
 GaussianModel read_compressed_ply(PlyFile& file);
 
-/// Writes a model that finite_model() made, rows in Morton order. Throws Error where the file
-/// cannot be written.
-void write_compressed_ply(const std::filesystem::path& path, const GaussianModel& model);
+/// Writes a model that finite_model() made, rows in Morton order. Throws Error as the sink
+/// does.
+void write_compressed_ply(ByteSink& sink, const GaussianModel& model);
 
 }  // namespace gs

@@ -8,6 +8,7 @@
 
 #include "gs_core/gaussians.h"
 #include "gs_core/scene.h"
+#include "gs_core/system/files/byte_sink.h"
 
 namespace gs {
 
@@ -29,11 +30,12 @@ GaussianModel read_raw_gaussian_ply(const std::filesystem::path& path);
 /// Writes trained Gaussians in the order of properties of the reference trainer (Kerbl et al.
 /// 2023), as little-endian floats, f_rest_ for the model's degree only, rotations with length 1.
 /// Positions stay near the origin, as floats must; a world offset that is not 0 becomes a comment.
-/// The bytes depend on the model alone. The file appears whole or not at all; missing folders are
-/// created.
+/// The bytes depend on the model alone.
 /// A filter becomes the last column, filter_3D.
 /// Rows that hold a NaN or an infinity are left out, with a warning. Returns how many were left
-/// out. Throws Error with the path where it cannot be written.
+/// out. Throws Error as the sink does.
+std::size_t write_gaussian_ply(ByteSink& sink, const GaussianModel& model);
+/// The same as a file, which appears whole or not at all; missing folders are created.
 std::size_t write_gaussian_ply(const std::filesystem::path& path, const GaussianModel& model);
 
 /// Writes sparse points: x y z nx ny nz as floats (the normals are 0), red green blue as bytes.

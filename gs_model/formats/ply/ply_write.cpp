@@ -49,7 +49,7 @@ std::string comments_of(const GaussianModel& model) {
                                                         model.antialiased ? "mip" : "default"));
 }
 
-std::size_t write_gaussian_ply(const std::filesystem::path& path, const GaussianModel& model) {
+std::size_t write_gaussian_ply(ByteSink& sink, const GaussianModel& model) {
   GS_CHECK(model.sh_degree >= 0 && model.sh_degree <= kMaxShDegree);
   const std::vector<std::uint32_t> rows = finite_rows(model.gaussians, model.sh_degree);
   const std::vector<PlyColumn> columns = gaussian_columns(model.gaussians, model.sh_degree);
@@ -65,8 +65,7 @@ std::size_t write_gaussian_ply(const std::filesystem::path& path, const Gaussian
     }
     header += property_line(columns[c].property);
   }
-  AtomicFile file(path);
-  file.write(header + "end_header\n");
+  sink.write(header + "end_header\n");
 
   std::vector<float> block(kBlockRows * width, 0.0f);  // (kBlockRows, width); the normals stay 0
   for (std::size_t first = 0; first < rows.size(); first += kBlockRows) {
@@ -79,11 +78,16 @@ std::size_t write_gaussian_ply(const std::filesystem::path& path, const Gaussian
     }
     for (const std::size_t quaternion : quaternions)
       for (std::size_t i = 0; i < count; ++i) normalize(&block[i * width + quaternion]);
-    file.write(block.data(), count * width * sizeof(float));
+    sink.write(block.data(), count * width * sizeof(float));
   }
-  file.commit();
+  return warn_of_left_out(sink.name(), rows.size(), model.gaussians.count());
+}
 
-  return warn_of_left_out(path, rows.size(), model.gaussians.count());
+std::size_t write_gaussian_ply(const std::filesystem::path& path, const GaussianModel& model) {
+  AtomicFile file(path);
+  const std::size_t left_out = write_gaussian_ply(file, model);
+  file.commit();
+  return left_out;
 }
 
 void write_point_ply(const std::filesystem::path& path, const std::vector<ScenePoint>& points,

@@ -13,10 +13,10 @@
 //                      r g b: indices into a codebook
 #pragma once
 
-#include <cstdint>
 #include <filesystem>
 
 #include "gs_core/gaussians.h"
+#include "gs_core/system/files/byte_sink.h"
 
 namespace gs {
 
@@ -28,13 +28,9 @@ GaussianModel read_sog(const std::filesystem::path& path);
 /// folders are never read.
 GaussianModel read_sog_folder(const std::filesystem::path& path);
 
-/// Writes a model that finite_model() made, rows in Morton order. The same model gives the same
-/// bytes. Throws Error for a model without Gaussians, where this build lacks libwebp, and where the
-/// file cannot be written.
-void write_sog(const std::filesystem::path& path, const GaussianModel& model);
-
-/// The same as files in a folder, meta.json last, with the rows in their order. Returns their
-/// bytes.
-std::uint64_t write_sog_folder(const std::filesystem::path& folder, const GaussianModel& model);
+/// Writes a model that finite_model() made, with at least one Gaussian, rows in Morton order. The
+/// same model gives the same bytes. Throws Error where this build lacks libwebp, and as the sink
+/// does.
+void write_sog(ByteSink& sink, const GaussianModel& model);
 
 }  // namespace gs

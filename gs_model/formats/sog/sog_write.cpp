@@ -4,7 +4,6 @@
 #include <algorithm>
 
 #include "gs_core/error.h"
-#include "gs_core/system/files/atomic_file.h"
 #include "gs_core/system/text/json.h"
 #include "gs_core/system/version.h"
 #include "gs_core/threads/parallel.h"
@@ -143,15 +142,11 @@ void add_sh(const GaussianModel& model, ArchiveFiles& archive) {
                          {"files", {"shN_centroids.webp", "shN_labels.webp"}}};
 }
 
-void check_count(const std::filesystem::path& path, std::size_t count) {
-  if (count == 0)
-    throw Error(fmt::format(
-        "cannot write {}: there are no Gaussians, and .sog cannot hold an empty model; choose .ply",
-        path.string()));
+void check_count(const std::string& name, std::size_t count) {
   if (count > std::size_t(kWebpLargestSide) * (kWebpLargestSide - 4))  // sides are multiples of 4
     throw Error(fmt::format(
         "cannot write {}: {} Gaussians do not fit into pictures of {} pixels a side; choose .ply",
-        path.string(), count, kWebpLargestSide));
+        name, count, kWebpLargestSide));
 }
 
 // meta.json and the pictures, rows in their order.
@@ -176,23 +171,9 @@ std::vector<ZipEntry> entries_of(const GaussianModel& model) {
 
 }  // namespace
 
-void write_sog(const std::filesystem::path& path, const GaussianModel& model) {
-  check_count(path, model.gaussians.count());
-  AtomicFile file(path);
-  file.write(zip_of(entries_of(in_morton_order(model))));
-  file.commit();
-}
-
-std::uint64_t write_sog_folder(const std::filesystem::path& folder, const GaussianModel& model) {
-  check_count(folder, model.gaussians.count());
-  std::uint64_t bytes = 0;
-  for (const ZipEntry& entry : entries_of(model)) {
-    AtomicFile file(folder / entry.name);
-    file.write(entry.bytes);
-    file.commit();
-    bytes += entry.bytes.size();
-  }
-  return bytes;
+void write_sog(ByteSink& sink, const GaussianModel& model) {
+  check_count(sink.name(), model.gaussians.count());
+  sink.write(zip_of(entries_of(in_morton_order(model))));
 }
 
 }  // namespace gs

@@ -23,6 +23,7 @@
 #include <string_view>
 
 #include "gs_core/gaussians.h"
+#include "gs_core/system/files/byte_sink.h"
 #include "gs_model/formats/coding/frame.h"
 
 namespace gs {
@@ -58,8 +59,7 @@ std::string spz_bytes(const GaussianModel& model, const SpzOptions& options,
 
 /// Writes an .spz of a model that finite_model() made. Positions beyond +-2048 units take
 /// fewer fractional bits in the whole file; a warning says how large the steps then are. Throws
-/// Error for positions beyond 2^23 units, and where the file cannot be written.
-void write_spz(const std::filesystem::path& path, const GaussianModel& model,
-               const SpzOptions& options);
+/// Error for positions beyond 2^23 units, and as the sink does.
+void write_spz(ByteSink& sink, const GaussianModel& model, const SpzOptions& options);
 
 }  // namespace gs

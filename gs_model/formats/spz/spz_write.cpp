@@ -4,7 +4,6 @@
 #include <algorithm>
 
 #include "gs_core/error.h"
-#include "gs_core/system/files/atomic_file.h"
 #include "gs_core/system/log.h"
 #include "gs_core/threads/parallel.h"
 #include "gs_model/formats/coding/compression.h"
@@ -17,7 +16,6 @@
 namespace gs {
 namespace {
 
-using Path = std::filesystem::path;
 using Arrays = std::array<std::string, kSpzArrays>;
 
 constexpr int kUsualFractionalBits = 12;  // those of other writers
@@ -44,21 +42,21 @@ int fractional_bits_for(const Gaussians& g) {
   return bits;
 }
 
-void check_positions(const Gaussians& g, const Path& path) {
+void check_positions(const Gaussians& g, const std::string& name) {
   const int bits = fractional_bits_for(g);
   if (bits < 0)
     throw Error(
         fmt::format("cannot write {}: a position is {:.3g} world units from the origin, but .spz "
                     "ends at {}; add --recenter or --scale, or choose .ply",
-                    path.string(), largest_position(g), kLargestPosition));
+                    name, largest_position(g), kLargestPosition));
   if (bits < kUsualFractionalBits)
     log_warning(
         "{}: positions reach {:.5g} world units, so .spz holds them in steps of 1/{} of a unit; "
         "--recenter may make these finer",
-        path.string(), largest_position(g), 1 << bits);
+        name, largest_position(g), 1 << bits);
 }
 
-void warn_of_clamped_scales(const Gaussians& g, const Path& path) {
+void warn_of_clamped_scales(const Gaussians& g, const std::string& name) {
   constexpr float kMost = kSpzLeastLogScale + 255 / kSpzScaleSteps;
   std::size_t large = 0;
   for (const Vec3f& s : g.log_scale)
@@ -67,7 +65,7 @@ void warn_of_clamped_scales(const Gaussians& g, const Path& path) {
     log_warning(
         "{}: {} Gaussians are larger than the {:.0f} world units that .spz can hold and were cut "
         "down to that size; --scale may help",
-        path.string(), large, std::exp(kMost));
+        name, large, std::exp(kMost));
 }
 
 std::uint32_t packed_rotation(const Quatf& q, const AxisSigns& signs) {
@@ -166,14 +164,10 @@ std::string spz_bytes(const GaussianModel& model, const SpzOptions& options,
   return options.version == 4 ? version4_file(header, arrays) : gzip(plain_file(header, arrays));
 }
 
-void write_spz(const std::filesystem::path& path, const GaussianModel& model,
-               const SpzOptions& options) {
-  check_positions(model.gaussians, path);
-  warn_of_clamped_scales(model.gaussians, path);
-  const std::string bytes = spz_bytes(model, options, kHalfTurnX);
-  AtomicFile file(path);
-  file.write(bytes);
-  file.commit();
+void write_spz(ByteSink& sink, const GaussianModel& model, const SpzOptions& options) {
+  check_positions(model.gaussians, sink.name());
+  warn_of_clamped_scales(model.gaussians, sink.name());
+  sink.write(spz_bytes(model, options, kHalfTurnX));
 }
 
 }  // namespace gs

@@ -10,7 +10,8 @@
 #include "gs_core/error.h"
 #include "gs_core/math/random.h"
 #include "gs_core/system/text/json.h"
-#include "tests/support/temp_folder.h"
+#include "tests/support/error_of.h"
+#include "tests/support/folder_test.h"
 
 namespace gs {
 namespace {
@@ -55,21 +56,13 @@ void expect_near(const Vec3f& a, const Vec3f& b, float tolerance) {
   EXPECT_NEAR(a.z, b.z, tolerance);
 }
 
-class CameraFile : public testing::Test {
+class CameraFile : public FolderTest {
  protected:
-  std::filesystem::path file() const { return folder_.path() / "cameras.json"; }
+  std::filesystem::path file() const { return path("cameras.json"); }
   std::string error_reading(const std::string& text) const {
     write_bytes(file(), text);
-    try {
-      read_cameras_json(file());
-    } catch (const Error& error) {
-      return error.what();
-    }
-    ADD_FAILURE() << "no Error was thrown for " << text;
-    return "";
+    return error_of([&] { read_cameras_json(file()); });
   }
-
-  TempFolder folder_;
 };
 
 /// One camera as the reference writes it; `change` replaces or adds keys, null removes one.
@@ -183,7 +176,7 @@ TEST_F(CameraFile, WhatIsNoListOfCamerasIsAnError) {
 }
 
 TEST_F(CameraFile, MissingFileIsNamed) {
-  EXPECT_THROW(read_cameras_json(folder_.path() / "none.json"), Error);
+  EXPECT_THROW(read_cameras_json(path("none.json")), Error);
 }
 
 }  // namespace

@@ -10,6 +10,7 @@
 #include "tests/support/captured_log.h"
 #include "tests/support/colmap_writer.h"
 #include "tests/support/error_of.h"
+#include "tests/support/folder_test.h"
 
 namespace gs {
 namespace {
@@ -62,125 +63,100 @@ void expect_same(const ColmapModel& a, const ColmapModel& b) {
   }
 }
 
-TEST(ColmapModel, BinaryAndTextGiveWhatWasWritten) {
-  const TempFolder temp;
+class ColmapFiles : public FolderTest {};
+
+TEST_F(ColmapFiles, BinaryAndTextGiveWhatWasWritten) {
   const ColmapModel model = rich_model();
-  write_binary_model(temp.path() / "bin", model);
-  write_text_model(temp.path() / "txt", model);
-  expect_same(read_colmap_model(temp.path() / "bin"), model);
-  expect_same(read_colmap_model(temp.path() / "txt"), model);
+  write_binary_model(path("bin"), model);
+  write_text_model(path("txt"), model);
+  expect_same(read_colmap_model(path("bin")), model);
+  expect_same(read_colmap_model(path("txt")), model);
 }
 
-TEST(ColmapModel, BinaryIsPreferredWhereBothExist) {
-  const TempFolder temp;
-  write_binary_model(temp.path(), small_model(2));
-  write_text_model(temp.path(), small_model(5));
-  EXPECT_EQ(read_colmap_model(temp.path()).images.size(), 2u);
+TEST_F(ColmapFiles, BinaryIsPreferredWhereBothExist) {
+  write_binary_model(folder(), small_model(2));
+  write_text_model(folder(), small_model(5));
+  EXPECT_EQ(read_colmap_model(folder()).images.size(), 2u);
 }
 
-TEST(ColmapModel, PointsComeByIdAndMayBeAbsent) {
-  const TempFolder temp;
+TEST_F(ColmapFiles, PointsComeByIdAndMayBeAbsent) {
   ColmapModel model = small_model(1);
   std::swap(model.points[0], model.points[1]);
-  write_binary_model(temp.path(), model);
-  EXPECT_EQ(read_colmap_model(temp.path()).points[0].id, 5u);
-  std::filesystem::remove(temp.path() / "points3D.bin");
-  EXPECT_TRUE(read_colmap_model(temp.path()).points.empty());
+  write_binary_model(folder(), model);
+  EXPECT_EQ(read_colmap_model(folder()).points[0].id, 5u);
+  std::filesystem::remove(path("points3D.bin"));
+  EXPECT_TRUE(read_colmap_model(folder()).points.empty());
 }
 
-TEST(ColmapModel, EveryCameraModelIsReadInBothEncodings) {
-  const TempFolder temp;
+TEST_F(ColmapFiles, EveryCameraModelIsReadInBothEncodings) {
   ColmapModel model;
   for (int id = 0; id < kCameraModelCount; ++id) {
     const CameraModel kind = CameraModel(id);
     model.cameras[id] = {std::uint32_t(id), kind, 10, 10,
                          std::vector<double>(camera_model_info(kind).param_count, 0.5 + id)};
   }
-  write_binary_model(temp.path() / "bin", model);
-  write_text_model(temp.path() / "txt", model);
-  expect_same(read_colmap_model(temp.path() / "bin"), model);
-  expect_same(read_colmap_model(temp.path() / "txt"), model);
+  write_binary_model(path("bin"), model);
+  write_text_model(path("txt"), model);
+  expect_same(read_colmap_model(path("bin")), model);
+  expect_same(read_colmap_model(path("txt")), model);
 }
 
-TEST(ColmapModel, TruncationAtEveryByteIsAnErrorThatNamesFileAndRemedy) {
-  const TempFolder temp;
-  write_binary_model(temp.path(), rich_model());
+TEST_F(ColmapFiles, TruncationAtEveryByteIsAnErrorThatNamesFileAndRemedy) {
+  write_binary_model(folder(), rich_model());
   for (const char* name : {"cameras.bin", "images.bin", "points3D.bin"}) {
-    const std::string whole = read_bytes(temp.path() / name);
+    const std::string whole = read_bytes(path(name));
     for (std::size_t size = 0; size < whole.size(); ++size) {
-      write_bytes(temp.path() / name, whole.substr(0, size));
-      ASSERT_THAT(error_of(temp.path()), AllOf(HasSubstr(name), HasSubstr(temp.path().string()),
-                                               HasSubstr("byte"), HasSubstr("dataset.model")))
+      write_bytes(path(name), whole.substr(0, size));
+      ASSERT_THAT(error_of(folder()), AllOf(HasSubstr(name), HasSubstr(folder().string()),
+                                            HasSubstr("byte"), HasSubstr("dataset.model")))
           << size;
     }
-    write_bytes(temp.path() / name, whole + "x");
-    EXPECT_THAT(error_of(temp.path()), HasSubstr("1 bytes follow"));
-    write_bytes(temp.path() / name, whole);
+    write_bytes(path(name), whole + "x");
+    EXPECT_THAT(error_of(folder()), HasSubstr("1 bytes follow"));
+    write_bytes(path(name), whole);
   }
-  EXPECT_NO_THROW(read_colmap_model(temp.path()));
+  EXPECT_NO_THROW(read_colmap_model(folder()));
 }
 
-TEST(ColmapModel, ChangedBytesNeverLeadToAnythingButAnError) {
-  const TempFolder temp;
-  write_binary_model(temp.path(), rich_model());
-  for (const char* name : {"cameras.bin", "images.bin", "points3D.bin"}) {
-    const std::string whole = read_bytes(temp.path() / name);
-    for (std::size_t at = 0; at < whole.size(); ++at)
-      for (char value : {'\x7f', '\xff'}) {
-        std::string damaged = whole;
-        damaged[at] = value;
-        write_bytes(temp.path() / name, damaged);
-        try {
-          read_colmap_model(temp.path());
-        } catch (const Error&) {
-        }
-      }
-    write_bytes(temp.path() / name, whole);
-  }
-}
-
-TEST(ColmapModel, HugeCountsAreRefusedBeforeMemoryIsAskedFor) {
-  const TempFolder temp;
+TEST_F(ColmapFiles, HugeCountsAreRefusedBeforeMemoryIsAskedFor) {
   for (std::uint64_t count : {std::uint64_t(1) << 40, ~std::uint64_t(0)})
     for (const char* name : {"cameras.bin", "images.bin", "points3D.bin"}) {
-      write_binary_model(temp.path(), small_model(2));
-      std::string bytes = read_bytes(temp.path() / name);
+      write_binary_model(folder(), small_model(2));
+      std::string bytes = read_bytes(path(name));
       std::memcpy(bytes.data(), &count, sizeof(count));
-      write_bytes(temp.path() / name, bytes);
-      EXPECT_THAT(error_of(temp.path()), HasSubstr("promises " + std::to_string(count)));
+      write_bytes(path(name), bytes);
+      EXPECT_THAT(error_of(folder()), HasSubstr("promises " + std::to_string(count)));
     }
 }
 
-TEST(ColmapModel, HugeInnerCountsAreRefused) {
-  const TempFolder temp;
+TEST_F(ColmapFiles, HugeInnerCountsAreRefused) {
   const std::uint64_t huge = ~std::uint64_t(0) / 24 + 2;  // times 24 bytes: wraps round to 24
   for (const char* name : {"images.bin", "points3D.bin"}) {
-    write_binary_model(temp.path(), small_model(1));
-    std::string bytes = read_bytes(temp.path() / name);
+    write_binary_model(folder(), small_model(1));
+    std::string bytes = read_bytes(path(name));
     // The count of the one image, or of the first point, whose record ends here.
     const std::size_t at =
         std::string(name) == "images.bin" ? bytes.size() - 8 : 8 + 8 + 24 + 3 + 8;
     std::memcpy(bytes.data() + at, &huge, sizeof(huge));
-    write_bytes(temp.path() / name, bytes);
-    EXPECT_THAT(error_of(temp.path()), HasSubstr("promises"));
+    write_bytes(path(name), bytes);
+    EXPECT_THAT(error_of(folder()), HasSubstr("promises"));
   }
 }
 
-TEST(ColmapModel, UnknownCameraModelIsNamed) {
-  const TempFolder temp;
+TEST_F(ColmapFiles, UnknownCameraModelIsNamed) {
   ColmapModel model = small_model(1);
-  write_text_model(temp.path(), model);
-  write_bytes(temp.path() / "cameras.txt", "\n1 SUPER_LENS 10 10 5 5 5\n");
-  EXPECT_THAT(error_of(temp.path()), AllOf(HasSubstr("SUPER_LENS"), HasSubstr("line 2")));
-  write_binary_model(temp.path(), model);
-  std::string bytes = read_bytes(temp.path() / "cameras.bin");
+  write_text_model(folder(), model);
+  write_bytes(path("cameras.txt"), "\n1 SUPER_LENS 10 10 5 5 5\n");
+  EXPECT_THAT(error_of(folder()), AllOf(HasSubstr("SUPER_LENS"), HasSubstr("line 2")));
+  write_binary_model(folder(), model);
+  std::string bytes = read_bytes(path("cameras.bin"));
   bytes[12] = 99;
-  write_bytes(temp.path() / "cameras.bin", bytes);
-  EXPECT_THAT(error_of(temp.path()), HasSubstr("unknown camera model 99"));
+  write_bytes(path("cameras.bin"), bytes);
+  EXPECT_THAT(error_of(folder()), HasSubstr("unknown camera model 99"));
 }
 
 /// Each fault in both encodings, and a part of the message.
-TEST(ColmapModel, FaultsAreNamed) {
+TEST_F(ColmapFiles, FaultsAreNamed) {
   struct Fault {
     std::function<void(ColmapModel&)> apply;
     const char* complaint;
@@ -201,60 +177,55 @@ TEST(ColmapModel, FaultsAreNamed) {
       {[](ColmapModel& m) { m.images[1].name = ""; }, "no name"},
   };
   for (const Fault& fault : faults) {
-    const TempFolder temp;
     ColmapModel model = small_model(3);
     fault.apply(model);
-    write_binary_model(temp.path() / "bin", model);
-    write_text_model(temp.path() / "txt", model);
-    EXPECT_THAT(error_of(temp.path() / "bin"), HasSubstr(fault.complaint));
-    EXPECT_THAT(error_of(temp.path() / "txt"), HasSubstr(fault.complaint));
+    write_binary_model(path("bin"), model);
+    write_text_model(path("txt"), model);
+    EXPECT_THAT(error_of(path("bin")), HasSubstr(fault.complaint));
+    EXPECT_THAT(error_of(path("txt")), HasSubstr(fault.complaint));
   }
 }
 
-TEST(ColmapModel, PointsWithoutAFinitePositionAreLeftOutAndCounted) {
-  const TempFolder temp;
+TEST_F(ColmapFiles, PointsWithoutAFinitePositionAreLeftOutAndCounted) {
   ColmapModel model = small_model(1);
   model.points.push_back({6, {kNaN, 0.0, 0.0}, {1, 2, 3}});
   model.points.push_back({7, {0.0, -INFINITY, 0.0}, {1, 2, 3}});
-  write_binary_model(temp.path() / "bin", model);
-  write_text_model(temp.path() / "txt", model);
-  write_bytes(temp.path() / "txt/points3D.txt",
+  write_binary_model(path("bin"), model);
+  write_text_model(path("txt"), model);
+  write_bytes(path("txt/points3D.txt"),
               "5 1 2 3 10 20 30 0.5\n6 -nan(ind) 0 0 1 2 3 nan\n7 0 -inf nan 1 2 3 0.5\n"
               "8 nan nan nan 1 2 3 0\n900000000000 -1 0.5 4 255 0 1 -nan(ind)\n");
   for (const auto& [name, count] : {std::pair{"bin", "2 of 4 points"}, {"txt", "3 of 5 points"}}) {
     CapturedLog logged;
-    const ColmapModel read = read_colmap_model(temp.path() / name);
+    const ColmapModel read = read_colmap_model(path(name));
     EXPECT_THAT(logged.text(),
                 AllOf(HasSubstr(count), HasSubstr("points3D"), HasSubstr("left out")));
     expect_same(read, small_model(1));
   }
 }
 
-TEST(ColmapModel, ImagesAreCountedWithoutReadingThem) {
-  const TempFolder temp;
-  write_binary_model(temp.path() / "bin", rich_model());
-  write_text_model(temp.path() / "txt", rich_model());
-  EXPECT_EQ(count_colmap_images(temp.path() / "bin"), 3u);
-  EXPECT_EQ(count_colmap_images(temp.path() / "txt"), 3u);
-  write_bytes(temp.path() / "txt/images.txt",  // without POINTS2D lines
+TEST_F(ColmapFiles, ImagesAreCountedWithoutReadingThem) {
+  write_binary_model(path("bin"), rich_model());
+  write_text_model(path("txt"), rich_model());
+  EXPECT_EQ(count_colmap_images(path("bin")), 3u);
+  EXPECT_EQ(count_colmap_images(path("txt")), 3u);
+  write_bytes(path("txt/images.txt"),  // without POINTS2D lines
               "# c\n1 1 0 0 0 0 0 0 1 a.png\n2 1 0 0 0 0 0 0 1 b c.png\n");
-  EXPECT_EQ(count_colmap_images(temp.path() / "txt"), 2u);
+  EXPECT_EQ(count_colmap_images(path("txt")), 2u);
 }
 
-TEST(ColmapModel, QuaternionsAreMadeUnitLength) {
-  const TempFolder temp;
+TEST_F(ColmapFiles, QuaternionsAreMadeUnitLength) {
   ColmapModel model = small_model(1);
   model.images[0].cam_from_world_rotation = {0, 3, 0, 4};
-  write_binary_model(temp.path(), model);
-  const Quat<double> q = read_colmap_model(temp.path()).images[0].cam_from_world_rotation;
+  write_binary_model(folder(), model);
+  const Quat<double> q = read_colmap_model(folder()).images[0].cam_from_world_rotation;
   EXPECT_NEAR(q.x, 0.6, 1e-15);
   EXPECT_NEAR(q.z, 0.8, 1e-15);
 }
 
-TEST(ColmapText, MissingPointLinesCarriageReturnsTabsAndNoLastLineFeedAreTaken) {
-  const TempFolder temp;
-  write_bytes(temp.path() / "cameras.txt", "# c\r\n\r\n1\tPINHOLE 12 8 10 10 6 4\r\n");
-  write_bytes(temp.path() / "images.txt",
+TEST_F(ColmapFiles, MissingPointLinesCarriageReturnsTabsAndNoLastLineFeedAreTaken) {
+  write_bytes(path("cameras.txt"), "# c\r\n\r\n1\tPINHOLE 12 8 10 10 6 4\r\n");
+  write_bytes(path("images.txt"),
               "# two comments\r\n# here\r\n"
               "1 1 0 0 0 0 0 0 1 sub folder/a b.png\r\n"  // no POINTS2D line
               "2 1 0 0 0 0 0 0 1 123.png\r\n"
@@ -263,7 +234,7 @@ TEST(ColmapText, MissingPointLinesCarriageReturnsTabsAndNoLastLineFeedAreTaken) 
               "\r\n"
               "\r\n"
               "4 1 0 0 0 0 0 0 1 d.png");
-  const ColmapModel model = read_colmap_model(temp.path());
+  const ColmapModel model = read_colmap_model(folder());
   ASSERT_EQ(model.images.size(), 4u);
   EXPECT_EQ(model.images[0].name, "sub folder/a b.png");
   EXPECT_EQ(model.images[1].name, "123.png");
@@ -271,73 +242,68 @@ TEST(ColmapText, MissingPointLinesCarriageReturnsTabsAndNoLastLineFeedAreTaken) 
   EXPECT_EQ(model.images[3].name, "d.png");
 }
 
-TEST(ColmapText, NamesThatAreNumbersArePossibleWithoutPointLines) {
-  const TempFolder temp;
-  write_bytes(temp.path() / "cameras.txt", "1 PINHOLE 12 8 10 10 6 4\n");
-  write_bytes(temp.path() / "images.txt",
+TEST_F(ColmapFiles, NamesThatAreNumbersArePossibleWithoutPointLines) {
+  write_bytes(path("cameras.txt"), "1 PINHOLE 12 8 10 10 6 4\n");
+  write_bytes(path("images.txt"),
               "1 1 0 0 0 0 0 0 1 0001\n2 1 0 0 0 0 0 0 1 0002\n3 1 0 0 0 0 0 0 1 0003\n");
-  const ColmapModel model = read_colmap_model(temp.path());
+  const ColmapModel model = read_colmap_model(folder());
   ASSERT_EQ(model.images.size(), 3u);
   EXPECT_EQ(model.images[2].name, "0003");
 }
 
-TEST(ColmapText, FaultsBetweenLinesAreNamedByNumberToo) {
-  const TempFolder temp;
-  write_text_model(temp.path(), small_model(2));
-  write_bytes(temp.path() / "images.txt",
-              "1 1 0 0 0 0 0 0 7 a.png\n\n# c\n1 1 0 0 0 0 0 0 7 b.png\n");
-  EXPECT_THAT(error_of(temp.path()),
+TEST_F(ColmapFiles, FaultsBetweenLinesAreNamedByNumberToo) {
+  write_text_model(folder(), small_model(2));
+  write_bytes(path("images.txt"), "1 1 0 0 0 0 0 0 7 a.png\n\n# c\n1 1 0 0 0 0 0 0 7 b.png\n");
+  EXPECT_THAT(error_of(folder()),
               AllOf(HasSubstr("images.txt"), HasSubstr("image id 1 occurs twice in line 4")));
-  write_bytes(temp.path() / "images.txt", "1 1 0 0 0 0 0 0 7 a.png\n2 1 0 0 0 0 0 0 3 b.png\n");
-  EXPECT_THAT(error_of(temp.path()), AllOf(HasSubstr("names camera 3"), HasSubstr("in line 2")));
+  write_bytes(path("images.txt"), "1 1 0 0 0 0 0 0 7 a.png\n2 1 0 0 0 0 0 0 3 b.png\n");
+  EXPECT_THAT(error_of(folder()), AllOf(HasSubstr("names camera 3"), HasSubstr("in line 2")));
 }
 
-TEST(ColmapText, WrongLinesAreNamedByNumber) {
-  const TempFolder temp;
-  write_text_model(temp.path(), small_model(2));
-  write_bytes(temp.path() / "cameras.txt", "# c\n7 PINHOLE 12 8 10 10 6\n");
-  EXPECT_THAT(error_of(temp.path()),
+TEST_F(ColmapFiles, WrongLinesAreNamedByNumber) {
+  write_text_model(folder(), small_model(2));
+  write_bytes(path("cameras.txt"), "# c\n7 PINHOLE 12 8 10 10 6\n");
+  EXPECT_THAT(error_of(folder()),
               AllOf(HasSubstr("has 4 parameters, but gives 3"), HasSubstr("line 2")));
-  write_bytes(temp.path() / "cameras.txt", "# c\n\n7 PINHOLE 12 8 10 10 6 4 0.1 0.2\n");
-  EXPECT_THAT(error_of(temp.path()),
+  write_bytes(path("cameras.txt"), "# c\n\n7 PINHOLE 12 8 10 10 6 4 0.1 0.2\n");
+  EXPECT_THAT(error_of(folder()),
               AllOf(HasSubstr("camera 7 is PINHOLE, which has 4 parameters, but gives 6"),
                     HasSubstr("line 3")));
-  write_bytes(temp.path() / "cameras.txt", "7 PINHOLE 12 8 10 10 6 four\n");
-  EXPECT_THAT(error_of(temp.path()), AllOf(HasSubstr("'four'"), HasSubstr("line 1")));
-  write_bytes(temp.path() / "cameras.txt", "7 PINHOLE -12 8 10 10 6 4\n");
-  EXPECT_THAT(error_of(temp.path()), HasSubstr("WIDTH is '-12'"));
-  write_text_model(temp.path(), small_model(2));
-  write_bytes(temp.path() / "images.txt", "1 1 0 0 0 0 0\n");
-  EXPECT_THAT(error_of(temp.path()), HasSubstr("the translation is missing in line 1"));
-  write_text_model(temp.path(), small_model(2));
-  write_bytes(temp.path() / "points3D.txt", "1 0 0 0 256 0 0 0.1\n");
-  EXPECT_THAT(error_of(temp.path()), HasSubstr("whole number from 0 to 255"));
+  write_bytes(path("cameras.txt"), "7 PINHOLE 12 8 10 10 6 four\n");
+  EXPECT_THAT(error_of(folder()), AllOf(HasSubstr("'four'"), HasSubstr("line 1")));
+  write_bytes(path("cameras.txt"), "7 PINHOLE -12 8 10 10 6 4\n");
+  EXPECT_THAT(error_of(folder()), HasSubstr("WIDTH is '-12'"));
+  write_text_model(folder(), small_model(2));
+  write_bytes(path("images.txt"), "1 1 0 0 0 0 0\n");
+  EXPECT_THAT(error_of(folder()), HasSubstr("the translation is missing in line 1"));
+  write_text_model(folder(), small_model(2));
+  write_bytes(path("points3D.txt"), "1 0 0 0 256 0 0 0.1\n");
+  EXPECT_THAT(error_of(folder()), HasSubstr("whole number from 0 to 255"));
 }
 
-TEST(ColmapModel, FolderWithoutModelSaysWhatItNeeds) {
-  const TempFolder temp;
-  EXPECT_THAT(error_of(temp.path()), HasSubstr("needs cameras.bin and images.bin"));
-  write_bytes(temp.path() / "cameras.bin", "");
-  write_bytes(temp.path() / "images.txt", "");
-  EXPECT_THAT(error_of(temp.path()), HasSubstr("is not a COLMAP model"));
+TEST_F(ColmapFiles, FolderWithoutModelSaysWhatItNeeds) {
+  EXPECT_THAT(error_of(folder()), HasSubstr("needs cameras.bin and images.bin"));
+  write_bytes(path("cameras.bin"), "");
+  write_bytes(path("images.txt"), "");
+  EXPECT_THAT(error_of(folder()), HasSubstr("is not a COLMAP model"));
 }
 
-TEST(ColmapModel, ObservationsAreReadWhereTheyAreAskedForFromBothEncodings) {
+TEST_F(ColmapFiles, ObservationsAreReadWhereTheyAreAskedForFromBothEncodings) {
   ColmapModel model = small_model(3);
   model.images[0].observations = {{5, 1.25, 2.5}, {900000000000, 11.5, 7.75}};
   // the last observation has no position
   model.images[2].observations = {{900000000000, 3.0, 0.5}, {5, NAN, 1.0}};
   for (const bool binary : {true, false}) {
-    const TempFolder temp;
-    (binary ? write_binary_model : write_text_model)(temp.path(), model);
-    const ColmapModel read = read_colmap_model(temp.path(), Tracks::read);
+    std::filesystem::remove_all(folder());
+    (binary ? write_binary_model : write_text_model)(folder(), model);
+    const ColmapModel read = read_colmap_model(folder(), Tracks::read);
     ASSERT_EQ(read.images[0].observations.size(), 2u) << binary;
     EXPECT_EQ(read.images[0].observations[1].point_id, 900000000000u);
     EXPECT_EQ(read.images[0].observations[1].x, 11.5);
     EXPECT_EQ(read.images[0].observations[1].y, 7.75);
     EXPECT_TRUE(read.images[1].observations.empty());  // its 2D points belong to no point
     EXPECT_EQ(read.images[2].observations.size(), 1u);
-    for (const ColmapImage& image : read_colmap_model(temp.path()).images)
+    for (const ColmapImage& image : read_colmap_model(folder()).images)
       EXPECT_TRUE(image.observations.empty());
   }
 }

@@ -4,6 +4,7 @@
 #include <gmock/gmock.h>
 
 #include "gs_core/error.h"
+#include "tests/support/error_of.h"
 #include "tests/support/temp_folder.h"
 
 namespace gs {
@@ -47,14 +48,9 @@ TEST(ExposureFile, DamageIsNamedWithThePhoto) {
   };
   for (const auto& [text, named] : cases) {
     write_bytes(temp.path() / "exposure.json", text);
-    try {
-      read_exposures(temp.path() / "exposure.json");
-      ADD_FAILURE() << text;
-    } catch (const Error& error) {
-      EXPECT_THAT(error.what(),
-                  AllOf(HasSubstr("exposure.json"), HasSubstr("train again"), HasSubstr(named)))
-          << text;
-    }
+    EXPECT_THAT(error_of([&] { read_exposures(temp.path() / "exposure.json"); }),
+                AllOf(HasSubstr("exposure.json"), HasSubstr("train again"), HasSubstr(named)))
+        << text;
   }
 }
 

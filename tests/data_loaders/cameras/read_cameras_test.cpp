@@ -12,6 +12,8 @@
 #include "gs_core/math/render/rotation.h"
 #include "gs_core/system/text/json.h"
 #include "tests/support/colmap_writer.h"
+#include "tests/support/error_of.h"
+#include "tests/support/folder_test.h"
 
 namespace gs {
 namespace {
@@ -21,22 +23,14 @@ using ::testing::AllOf;
 using ::testing::ElementsAre;
 using ::testing::HasSubstr;
 
-class ReadCameras : public ::testing::Test {
+class ReadCameras : public FolderTest {
  protected:
-  fs::path path(const std::string& name = "") const { return folder_.path() / name; }
   std::vector<NamedCamera> read(const std::string& name, const Vec3d& offset = Vec3d(0.0)) const {
     return read_cameras(path(name), offset);
   }
   std::string error(const std::string& name) const {
-    try {
-      read(name);
-    } catch (const Error& error) {
-      return error.what();
-    }
-    ADD_FAILURE() << name << " was read";
-    return "";
+    return error_of([&] { read(name); });
   }
-  TempFolder folder_;
 };
 
 /// Three images, out of order, each turned and elsewhere.

@@ -3,11 +3,9 @@
 #include <gmock/gmock.h>
 
 #include "data_loaders/colmap/colmap_model.h"
-#include "data_loaders/scene/load_scene.h"
 #include "data_loaders/scene/scene_model.h"
 #include "gs_core/error.h"
-#include "tests/support/captured_log.h"
-#include "tests/support/colmap_writer.h"
+#include "tests/support/load_scene.h"
 
 namespace gs {
 namespace {
@@ -74,51 +72,43 @@ std::string complaint_of(const std::filesystem::path& folder) {
   return log;
 }
 
-std::vector<std::string> names_of(const std::vector<View>& views) {
-  std::vector<std::string> names;
-  for (const View& view : views) names.push_back(view.name);
-  return names;
-}
+class Rigs : public SceneTest {};
 
-TEST(Rigs, BinaryAndTextGiveWhatWasWritten) {
-  const TempFolder temp;
+TEST_F(Rigs, BinaryAndTextGiveWhatWasWritten) {
   const ColmapModel model = stereo_model(3);
-  write_binary_model(temp.path() / "bin", model);
-  write_text_model(temp.path() / "txt", model);
-  expect_same_rigs(read_colmap_model(temp.path() / "bin"), model);
-  expect_same_rigs(read_colmap_model(temp.path() / "txt"), model);
+  write_binary_model(path("bin"), model);
+  write_text_model(path("txt"), model);
+  expect_same_rigs(read_colmap_model(path("bin")), model);
+  expect_same_rigs(read_colmap_model(path("txt")), model);
 }
 
-TEST(Rigs, EitherFileMayBeAbsent) {
-  const TempFolder temp;
-  write_binary_model(temp.path(), stereo_model(2));
-  std::filesystem::remove(temp.path() / "rigs.bin");
-  EXPECT_THAT(read_colmap_model(temp.path()).rigs, IsEmpty());
-  EXPECT_EQ(read_colmap_model(temp.path()).frames.size(), 2u);
-  std::filesystem::remove(temp.path() / "frames.bin");
-  EXPECT_THAT(read_colmap_model(temp.path()).frames, IsEmpty());
-  write_bytes(temp.path() / "frames.txt", "of the other encoding, so not looked at");
-  EXPECT_THAT(read_colmap_model(temp.path()).frames, IsEmpty());
+TEST_F(Rigs, EitherFileMayBeAbsent) {
+  write_binary_model(folder(), stereo_model(2));
+  std::filesystem::remove(path("rigs.bin"));
+  EXPECT_THAT(read_colmap_model(folder()).rigs, IsEmpty());
+  EXPECT_EQ(read_colmap_model(folder()).frames.size(), 2u);
+  std::filesystem::remove(path("frames.bin"));
+  EXPECT_THAT(read_colmap_model(folder()).frames, IsEmpty());
+  write_bytes(path("frames.txt"), "of the other encoding, so not looked at");
+  EXPECT_THAT(read_colmap_model(folder()).frames, IsEmpty());
 }
 
-TEST(Rigs, TruncationAtEveryByteNamesTheFile) {
-  const TempFolder temp;
-  write_binary_model(temp.path(), stereo_model(2));
+TEST_F(Rigs, TruncationAtEveryByteNamesTheFile) {
+  write_binary_model(folder(), stereo_model(2));
   for (const char* name : {"rigs.bin", "frames.bin"}) {
-    const std::string whole = read_bytes(temp.path() / name);
+    const std::string whole = read_bytes(path(name));
     for (std::size_t size = 0; size < whole.size(); ++size) {
-      write_bytes(temp.path() / name, whole.substr(0, size));
-      ASSERT_THAT(complaint_of(temp.path()), AllOf(HasSubstr(name), HasSubstr("byte"))) << size;
+      write_bytes(path(name), whole.substr(0, size));
+      ASSERT_THAT(complaint_of(folder()), AllOf(HasSubstr(name), HasSubstr("byte"))) << size;
     }
-    write_bytes(temp.path() / name, whole + "x");
-    EXPECT_THAT(complaint_of(temp.path()), HasSubstr("1 bytes follow"));
-    write_bytes(temp.path() / name, whole);
+    write_bytes(path(name), whole + "x");
+    EXPECT_THAT(complaint_of(folder()), HasSubstr("1 bytes follow"));
+    write_bytes(path(name), whole);
   }
 }
 
-TEST(Rigs, FaultsAreNamedWithTheirLine) {
-  const TempFolder temp;
-  write_text_model(temp.path(), stereo_model(1));
+TEST_F(Rigs, FaultsAreNamedWithTheirLine) {
+  write_text_model(folder(), stereo_model(1));
   const struct {
     const char *file, *text, *complaint;
   } faults[] = {
@@ -135,38 +125,35 @@ TEST(Rigs, FaultsAreNamedWithTheirLine) {
        "image 5 belongs to frame 2 and to one before it in line 2"},
   };
   for (const auto& fault : faults) {
-    write_bytes(temp.path() / fault.file, fault.text);
+    write_bytes(path(fault.file), fault.text);
     if (fault.complaint)
-      EXPECT_THAT(complaint_of(temp.path()),
-                  AllOf(HasSubstr(fault.file), HasSubstr(fault.complaint)));
+      EXPECT_THAT(complaint_of(folder()), AllOf(HasSubstr(fault.file), HasSubstr(fault.complaint)));
     else
-      EXPECT_NO_THROW(read_colmap_model(temp.path()));
+      EXPECT_NO_THROW(read_colmap_model(folder()));
   }
 }
 
-TEST(Rigs, KindsOfSensorMayBeNumbersInText) {
-  const TempFolder temp;
-  write_text_model(temp.path(), stereo_model(1));
-  write_bytes(temp.path() / "rigs.txt", "4 2 0 7 1 3 0\r\n");
-  write_bytes(temp.path() / "frames.txt", "1 4 1 0 0 0 0 0 0 3 0 7 100 1 3 101 0 8 102\r\n");
-  const ColmapModel model = read_colmap_model(temp.path());
+TEST_F(Rigs, KindsOfSensorMayBeNumbersInText) {
+  write_text_model(folder(), stereo_model(1));
+  write_bytes(path("rigs.txt"), "4 2 0 7 1 3 0\r\n");
+  write_bytes(path("frames.txt"), "1 4 1 0 0 0 0 0 0 3 0 7 100 1 3 101 0 8 102\r\n");
+  const ColmapModel model = read_colmap_model(folder());
   ASSERT_EQ(model.rigs.size(), 1u);
   EXPECT_EQ(model.rigs[0].cameras.size(), 1u);
   ASSERT_EQ(model.frames.size(), 1u);
   EXPECT_THAT(model.frames[0].image_ids, ElementsAre(100, 102));
 }
 
-TEST(Rigs, ViewsOfOneFrameAreOnOneSideOfTheSplit) {
+TEST_F(Rigs, ViewsOfOneFrameAreOnOneSideOfTheSplit) {
   for (const bool binary : {true, false}) {
-    const TempFolder temp;
+    std::filesystem::remove_all(folder());
     const ColmapModel model = stereo_model(5);
-    write_scene(temp.path(), model);
+    write(model);
     if (!binary) {
-      std::filesystem::remove_all(temp.path() / "sparse/0");
-      write_text_model(temp.path() / "sparse/0", model);
+      std::filesystem::remove_all(path("sparse/0"));
+      write_text_model(path("sparse/0"), model);
     }
-    DatasetConfig dataset;
-    dataset.source = temp.path().string();
+    DatasetConfig dataset = dataset_at(folder());
     dataset.eval = true;
     dataset.test_every = 3;
     const Scene scene = load_scene(dataset);
@@ -210,12 +197,8 @@ TEST(Split, OneFrameThatHoldsEverythingLeavesNothing) {
   model.frames.push_back({1, 1, {1, 2, 3}});
   DatasetConfig dataset;
   dataset.eval = true;
-  try {
-    test_views_of(dataset, model);
-    ADD_FAILURE() << "threw no UsageError";
-  } catch (const UsageError& error) {
-    EXPECT_THAT(error.what(), AllOf(HasSubstr("no view is left"), HasSubstr("1 rig frames")));
-  }
+  EXPECT_THAT(error_of([&] { test_views_of(dataset, model); }),
+              AllOf(HasSubstr("no view is left"), HasSubstr("1 rig frames")));
 }
 
 }  // namespace

@@ -22,9 +22,11 @@
 #include "gs_core/system/files/atomic_file.h"
 #include "gs_core/system/files/output_lock.h"
 #include "gs_core/system/processes/subprocess.h"
+#include "gs_core/system/text/read_json.h"
 #include "tests/support/avi_writer.h"
 #include "tests/support/captured_log.h"
 #include "tests/support/error_of.h"
+#include "tests/support/folder_test.h"
 #include "tests/support/foreign_leaks.h"
 #include "tests/support/scenes.h"
 #include "tests/support/tiny_photos.h"
@@ -66,45 +68,44 @@ esac
 )sh";
 
 /// Four photos, a script in place of colmap, and its model of the first three.
-class FakeColmap : public testing::Test {
+class FakeColmap : public FolderTest {
  protected:
   FakeColmap() {
     for (const char* name : {"a.png", "b.png", "c.png", "d.png"})
       write_png(photos() / name, plain_photo(12, 8, 100));
     install(kGoodColmap);
-    write_binary_model(temp_.path() / "model", small_model(3));
+    write_binary_model(path("model"), small_model(3));
   }
 
-  fs::path photos() const { return temp_.path() / "photos"; }
-  fs::path scene() const { return temp_.path() / "scene"; }
+  fs::path photos() const { return path("photos"); }
+  fs::path scene() const { return path("scene"); }
   void install(const std::string& script) {
-    write_bytes(temp_.path() / "colmap", script);
-    fs::permissions(temp_.path() / "colmap", fs::perms::owner_all);
+    write_bytes(path("colmap"), script);
+    fs::permissions(path("colmap"), fs::perms::owner_all);
   }
   ColmapJob job() const {
     ColmapJob result;
     result.photos = photos();
     result.scene = scene();
-    result.settings.colmap = (temp_.path() / "colmap").string();
+    result.settings.colmap = (path("colmap")).string();
     return result;
+  }
+  /// The folder in the scene's where an unfinished one is made.
+  fs::path work() const {
+    for (const auto& entry : fs::directory_iterator(scene()))
+      if (entry.is_directory() && entry.path().filename().string().starts_with(".gemsplat-"))
+        return entry.path();
+    return {};
   }
   /// The commands of COLMAP that ran since the last call, and those that were asked for help.
   std::string take_calls() {
-    std::string calls = read_bytes(temp_.path() / "calls");
-    fs::remove(temp_.path() / "calls");
+    std::string calls = read_bytes(path("calls"));
+    fs::remove(path("calls"));
     return calls;
   }
   std::string error_of(const ColmapJob& wanted) {
-    try {
-      run_colmap(wanted, kSilent);
-    } catch (const Error& error) {
-      return error.what();
-    }
-    ADD_FAILURE() << "run_colmap threw no Error";
-    return "";
+    return gs::error_of([&] { run_colmap(wanted, kSilent); });
   }
-
-  TempFolder temp_;
 };
 
 TEST(RunColmap, InstalledColmapPlacesThePhotosAndContinuesWhereItStopped) {
@@ -206,7 +207,7 @@ TEST_F(FakeColmap, OptionsAreThoseThatTheVersionKnows) {
 TEST_F(FakeColmap, ReasonForAMissingPhotoIsTakenFromTheLog) {
   ColmapModel model = small_model(2);
   model.images.push_back(small_model(4).images[3]);  // a, b, d; c was tried and saw 119 points
-  write_binary_model(temp_.path() / "model", model);
+  write_binary_model(path("model"), model);
   const Reconstruction tried = run_colmap(job(), kSilent);
   ASSERT_THAT(tried.missing, SizeIs(1));
   EXPECT_THAT(tried.missing[0].reason, HasSubstr("119 of the model's points seen"));
@@ -353,46 +354,64 @@ TEST_F(FakeColmap, AFileThatIsNotOursIsNotOverwritten) {
   }
 }
 
+/// A colmap that finds features and matches nothing.
+constexpr const char* kUnluckyColmap =
+    "#!/bin/sh\ncase \"$*\" in *\" -h\") exit 0;; feature*) exit 0;; esac\nexit 7\n";
+
 TEST_F(FakeColmap, StartingOverRemovesOnlyWhatWePutThere) {
-  install("#!/bin/sh\ncase \"$*\" in *\" -h\") exit 0;; feature*) exit 0;; esac\nexit 7\n");
+  install(kUnluckyColmap);
   error_of(job());
-  write_bytes(scene() / "images/mine.png", "dear");
-  write_bytes(scene() / "images/deep/mine.txt", "dear");
-  fs::remove(scene() / "images/b.png");
-  write_png(scene() / "images/b.png", plain_photo(12, 8, 200));  // another picture of that name
-  const std::string other_b = read_bytes(scene() / "images/b.png");
+  EXPECT_FALSE(fs::exists(scene() / "images"));  // until it is whole
+  const fs::path first_work = work();
+  for (const char* name : {"mapping/notes.txt", ".gemsplat-abcde/mine.png", "a.png"})
+    write_bytes(scene() / name, "dear");
   ColmapJob other = job();
   other.settings.max_features = 1000;
-  EXPECT_THAT(error_of(other), HasSubstr("b.png is there, and is not of this reconstruction"));
-  EXPECT_EQ(read_bytes(scene() / "images/b.png"), other_b);
-  fs::remove(scene() / "images/b.png");
   install(kGoodColmap);
   EXPECT_EQ(run_colmap(other, kSilent).registered, 3u);
-  EXPECT_EQ(read_bytes(scene() / "images/mine.png"), "dear");
-  EXPECT_EQ(read_bytes(scene() / "images/deep/mine.txt"), "dear");
+  for (const char* name : {"mapping/notes.txt", ".gemsplat-abcde/mine.png", "a.png"})
+    EXPECT_EQ(read_bytes(scene() / name), "dear") << name;
+  EXPECT_FALSE(fs::exists(first_work));
   EXPECT_THAT(read_bytes(photos() / "a.png"), Not(testing::IsEmpty()));
 }
 
-// The photos that an earlier command placed are the input of this one, and may be the only ones left.
-TEST_F(FakeColmap, StartingOverKeepsPhotosThatAreItsOwnInput) {
-  install("#!/bin/sh\ncase \"$*\" in *\" -h\") exit 0;; feature*) exit 0;; esac\nexit 7\n");
-  error_of(job());
-  fs::remove_all(photos());
-  ColmapJob in_place = job();
-  in_place.photos = scene();
-  in_place.settings.max_features = 1000;
-  install(kGoodColmap);
-  EXPECT_EQ(run_colmap(in_place, kSilent).registered, 3u);
-  for (const char* name : {"a.png", "b.png"}) EXPECT_TRUE(fs::exists(scene() / "images" / name));
+TEST_F(FakeColmap, FoldersOfTheUsersAreNotReplaced) {
+  for (const std::string name : {"sparse", "images"}) {
+    install(kUnluckyColmap);
+    error_of(job());
+    write_bytes(scene() / name / "0/cameras.bin", "dear");
+    install(kGoodColmap);
+    EXPECT_THAT(error_of(job()), HasSubstr(name + " is there, and is not of this reconstruction"));
+    EXPECT_EQ(read_bytes(scene() / name / "0/cameras.bin"), "dear");
+    fs::remove_all(scene() / name);
+    EXPECT_EQ(run_colmap(job(), kSilent).registered, 3u);
+    fs::remove_all(scene());
+  }
 }
 
-TEST_F(FakeColmap, ModelsOfTheUsersAreNotReplaced) {
-  install("#!/bin/sh\ncase \"$*\" in *\" -h\") exit 0;; feature*) exit 0;; esac\nexit 7\n");
-  error_of(job());
-  write_bytes(scene() / "sparse/0/cameras.bin", "dear");
-  install(kGoodColmap);
-  EXPECT_THAT(error_of(job()), HasSubstr("sparse is there, and is not of this reconstruction"));
-  EXPECT_EQ(read_bytes(scene() / "sparse/0/cameras.bin"), "dear");
+TEST_F(FakeColmap, WhatWasRemovedOfASceneIsMadeAgain) {
+  run_colmap(job(), kSilent);
+  fs::remove_all(scene() / "sparse");
+  take_calls();
+  EXPECT_EQ(run_colmap(job(), kSilent).registered, 3u);
+  EXPECT_EQ(take_calls(), "mapper\nmapper\n");  // help first
+  fs::remove_all(scene() / "sparse");
+  fs::remove_all(scene() / "images");
+  EXPECT_EQ(run_colmap(job(), kSilent).registered, 3u);
+  EXPECT_TRUE(fs::exists(scene() / "images/a.png"));
+}
+
+TEST_F(FakeColmap, ASceneOfAnOlderVersionThatHasItsFeaturesIsFinished) {
+  run_colmap(job(), kSilent);
+  const Json whole = read_json(scene() / "reconstruct.json");
+  const Json older = {{"made_of", whole.at("made_of")},
+                      {"complete", {"features"}},
+                      {"files", {{"database.db", ""}, {"images/a.png", "104 17"}}},
+                      {"work", ""}};
+  write_bytes(scene() / "reconstruct.json", older.dump());
+  fs::remove_all(scene() / "sparse");
+  EXPECT_EQ(run_colmap(job(), kSilent).registered, 3u);
+  EXPECT_EQ(read_json(scene() / "reconstruct.json"), whole);
 }
 
 // The end of the program at each moment that the state is written: the same command goes on.
@@ -449,7 +468,7 @@ TEST_F(FakeColmap, TwoAtATimeAreRefused) {
 }
 
 TEST_F(FakeColmap, LargestModelBecomesTheFirst) {
-  write_binary_model(temp_.path() / "large", small_model(4));
+  write_binary_model(path("large"), small_model(4));
   std::string script = kGoodColmap;
   script.replace(script.find(";;\nesac"), 2, "; cp -r \"$(dirname \"$0\")/large\" \"$2/1\";;");
   install(script);
@@ -460,7 +479,7 @@ TEST_F(FakeColmap, LargestModelBecomesTheFirst) {
 }
 
 TEST_F(FakeColmap, FewerThanThreePlacedPhotosAreNoScene) {
-  write_binary_model(temp_.path() / "model", small_model(2));
+  write_binary_model(path("model"), small_model(2));
   EXPECT_THAT(error_of(job()), AllOf(HasSubstr("placed only 2 photo(s)"), HasSubstr("at least 3")));
   EXPECT_FALSE(fs::exists(scene() / "sparse"));
 }
@@ -535,7 +554,7 @@ class VideoColmap : public FakeColmap {
     if (!can_read_videos()) GTEST_SKIP() << "built without OpenCV";
     write_walk(folder() / "walk.avi", 12);
   }
-  fs::path folder() const { return temp_.path() / "videos"; }
+  fs::path folder() const { return path("videos"); }
   static void write_walk(const fs::path& file, int count) {
     std::vector<Image8> frames;
     for (int i = 0; i < count; ++i) frames.push_back(random_photo(16, 12, std::uint64_t(i)));
@@ -549,7 +568,7 @@ class VideoColmap : public FakeColmap {
   }
   std::vector<std::string> images() const {
     std::vector<std::string> names;
-    for (const auto& entry : fs::directory_iterator(scene() / "images"))
+    for (const auto& entry : fs::directory_iterator((work().empty() ? scene() : work()) / "images"))
       names.push_back(entry.path().filename().string());
     std::sort(names.begin(), names.end());
     return names;
@@ -628,89 +647,80 @@ TEST_F(VideoColmap, DamagedVideoLeavesNoSceneThatLooksComplete) {
   EXPECT_FALSE(fs::exists(scene() / "sparse"));
 }
 
-TEST(PhotoFolder, VideosAreFoundWhereThereAreNoPhotos) {
-  const TempFolder temp;
-  write_bytes(temp.path() / "b.MP4", "film");
-  write_bytes(temp.path() / "a.mov", "film");
-  write_bytes(temp.path() / "notes.txt", "");
-  EXPECT_THAT(find_videos(temp.path()), ElementsAre(temp.path() / "a.mov", temp.path() / "b.MP4"));
-  EXPECT_THAT(find_videos(temp.path() / "b.MP4"), ElementsAre(temp.path() / "b.MP4"));
-  EXPECT_TRUE(holds_only_photos(temp.path()));
-  EXPECT_TRUE(holds_only_photos(temp.path() / "b.MP4"));
-  EXPECT_FALSE(holds_only_photos(temp.path() / "notes.txt"));
-  write_png(temp.path() / "images/a.png", plain_photo(4, 4, 9));
-  EXPECT_THAT(find_videos(temp.path()), SizeIs(0));
+class PhotoFolder : public FolderTest {};
+
+TEST_F(PhotoFolder, VideosAreFoundWhereThereAreNoPhotos) {
+  write_bytes(path("b.MP4"), "film");
+  write_bytes(path("a.mov"), "film");
+  write_bytes(path("notes.txt"), "");
+  EXPECT_THAT(find_videos(folder()), ElementsAre(path("a.mov"), path("b.MP4")));
+  EXPECT_THAT(find_videos(path("b.MP4")), ElementsAre(path("b.MP4")));
+  EXPECT_TRUE(holds_only_photos(folder()));
+  EXPECT_TRUE(holds_only_photos(path("b.MP4")));
+  EXPECT_FALSE(holds_only_photos(path("notes.txt")));
+  write_png(path("images/a.png"), plain_photo(4, 4, 9));
+  EXPECT_THAT(find_videos(folder()), SizeIs(0));
 }
 
-TEST(PhotoFolder, VideoGetsAdvice) {
-  const TempFolder temp;
-  write_bytes(temp.path() / "walk.MP4", "film");
-  try {
-    find_photos(temp.path(), {});
-    FAIL() << "no Error";
-  } catch (const Error& error) {
-    EXPECT_THAT(error.what(), HasSubstr("1 video(s): name one of them"));
-  }
+TEST_F(PhotoFolder, VideoGetsAdvice) {
+  write_bytes(path("walk.MP4"), "film");
+  EXPECT_THAT(error_of([&] { find_photos(folder(), {}); }),
+              HasSubstr("1 video(s): name one of them"));
 }
 
-TEST(PhotoFolder, NamesAreRelativeAndHiddenOrUnreadableFilesAreLeftOut) {
-  const TempFolder temp;
-  write_png(temp.path() / "images/b/1.png", plain_photo(4, 4, 9));
-  write_png(temp.path() / "images/a.png", plain_photo(4, 4, 9));
-  write_png(temp.path() / "images/.c.png", plain_photo(4, 4, 9));
-  write_bytes(temp.path() / "images/d.png", "no photo");
+TEST_F(PhotoFolder, NamesAreRelativeAndHiddenOrUnreadableFilesAreLeftOut) {
+  write_png(path("images/b/1.png"), plain_photo(4, 4, 9));
+  write_png(path("images/a.png"), plain_photo(4, 4, 9));
+  write_png(path("images/.c.png"), plain_photo(4, 4, 9));
+  write_bytes(path("images/d.png"), "no photo");
   std::vector<std::string> names;
-  for (const PhotoFile& photo : find_photos(temp.path(), {})) names.push_back(photo.name);
+  for (const PhotoFile& photo : find_photos(folder(), {})) names.push_back(photo.name);
   EXPECT_THAT(names, ElementsAre("a.png", "b/1.png"));
 }
 
-TEST(PhotoFolder, EveryFormatOfTrainingIsTakenAndAFileThatIsLeftOutIsNamed) {
-  const TempFolder temp;
+TEST_F(PhotoFolder, EveryFormatOfTrainingIsTakenAndAFileThatIsLeftOutIsNamed) {
   for (const char* name : {"a.jpg", "b.png"})
-    write_png(temp.path() / name, plain_photo(4, 4, 9));  // decoders go by the content
+    write_png(path(name), plain_photo(4, 4, 9));  // decoders go by the content
   for (const char* name : {"a.heic", "c.HEIC", "d.webp", "e.bmp"})
-    write_png(temp.path() / name, plain_photo(4, 4, 9));
-  write_bytes(temp.path() / "f.DNG", "raw");
+    write_png(path(name), plain_photo(4, 4, 9));
+  write_bytes(path("f.DNG"), "raw");
   std::vector<std::string> names;
   CapturedLog logged;
-  for (const PhotoFile& photo : find_photos(temp.path(), {})) names.push_back(photo.name);
+  for (const PhotoFile& photo : find_photos(folder(), {})) names.push_back(photo.name);
   const std::string log = logged.text();
   EXPECT_THAT(names, ElementsAre("a.heic.jpg", "a.jpg", "b.png", "c.jpg", "d.png", "e.bmp"));
   EXPECT_THAT(log, HasSubstr("f.DNG"));
 }
 
-TEST(PhotoFolder, PhotosOfAFormatThatNothingReadsAreNamedWithTheWayOut) {
-  const TempFolder temp;
-  write_bytes(temp.path() / "f.DNG", "raw");
-  EXPECT_THAT(error_of([&] { find_photos(temp.path(), {}); }),
+TEST_F(PhotoFolder, PhotosOfAFormatThatNothingReadsAreNamedWithTheWayOut) {
+  write_bytes(path("f.DNG"), "raw");
+  EXPECT_THAT(error_of([&] { find_photos(folder(), {}); }),
               AllOf(HasSubstr("f.DNG"), HasSubstr("export")));
-  write_bytes(temp.path() / "g.heic", "no photo");
-  EXPECT_THAT(error_of([&] { find_photos(temp.path(), {}); }), HasSubstr("g.heic"));
+  write_bytes(path("g.heic"), "no photo");
+  EXPECT_THAT(error_of([&] { find_photos(folder(), {}); }), HasSubstr("g.heic"));
 }
 
-TEST(PhotoFolder, MasksAreNoPhotos) {
-  const TempFolder temp;
-  write_png(temp.path() / "a.png", plain_photo(4, 4, 9));
-  write_png(temp.path() / "masks/a.png", plain_photo(4, 4, 9));
-  const std::vector<PhotoFile> photos = find_photos(temp.path(), {});
+TEST_F(PhotoFolder, MasksAreNoPhotos) {
+  write_png(path("a.png"), plain_photo(4, 4, 9));
+  write_png(path("masks/a.png"), plain_photo(4, 4, 9));
+  const std::vector<PhotoFile> photos = find_photos(folder(), {});
   ASSERT_EQ(photos.size(), 1u);
   EXPECT_EQ(photos[0].name, "a.png");
 }
 
-TEST(PhotoFolder, PhotosInSubFoldersAreABareScene) {
-  const TempFolder temp;
-  write_png(temp.path() / "day1/a.png", plain_photo(4, 4, 9));
-  write_png(temp.path() / "day2/b.png", plain_photo(4, 4, 9));
-  EXPECT_TRUE(holds_only_photos(temp.path()));
-  write_bytes(temp.path() / "walk.mp4", "film");
-  EXPECT_TRUE(holds_only_photos(temp.path()));
-  EXPECT_THAT(find_videos(temp.path()), SizeIs(0));  // a film is no reason to drop the photos
-  EXPECT_THAT(find_photos(temp.path(), {}), SizeIs(2));
-  write_bytes(temp.path() / "other/deep/transforms_train.json", "{}");
-  EXPECT_FALSE(holds_only_photos(temp.path()));
+TEST_F(PhotoFolder, PhotosInSubFoldersAreABareScene) {
+  write_png(path("day1/a.png"), plain_photo(4, 4, 9));
+  write_png(path("day2/b.png"), plain_photo(4, 4, 9));
+  EXPECT_TRUE(holds_only_photos(folder()));
+  write_bytes(path("walk.mp4"), "film");
+  EXPECT_TRUE(holds_only_photos(folder()));
+  EXPECT_THAT(find_videos(folder()), SizeIs(0));  // a film is no reason to drop the photos
+  EXPECT_THAT(find_photos(folder(), {}), SizeIs(2));
+  write_bytes(path("other/deep/transforms_train.json"), "{}");
+  EXPECT_FALSE(holds_only_photos(folder()));
 }
 
-TEST(ForeignCameras, PosesOfOtherProgramsAreSeenWithTheWayToColmap) {
+TEST_F(PhotoFolder, PosesOfOtherProgramsAreSeenWithTheWayToColmap) {
   for (const auto& [name, content, program, way] :
        {std::tuple("cameras.xml", "<?xml version=\"1.0\"?><document version=\"2.0.0\"><chunk>",
                    "Metashape", "Export Cameras"),
@@ -719,43 +729,41 @@ TEST(ForeignCameras, PosesOfOtherProgramsAreSeenWithTheWayToColmap) {
         std::tuple("a.xmp", "<rdf:Description xcr:Version=\"3\">", "RealityCapture", "COLMAP"),
         std::tuple("reconstruction.json", "[{\"cameras\": {}}]", "OpenSfM", "export_colmap"),
         std::tuple("keyframes/cameras/1.json", "{\"t_00\": 1}", "Polycam", "ns-process-data")}) {
-    const TempFolder temp;
-    write_png(temp.path() / "images/a.png", plain_photo(4, 4, 9));
-    write_bytes(temp.path() / "notes.xml", "<html>");
-    write_bytes(temp.path() / "list.csv", "name,price\n");
-    EXPECT_FALSE(find_foreign_cameras(temp.path())) << name;
-    write_bytes(temp.path() / name, content);
-    const auto found = find_foreign_cameras(temp.path());
+    std::filesystem::remove_all(folder());
+    write_png(path("images/a.png"), plain_photo(4, 4, 9));
+    write_bytes(path("notes.xml"), "<html>");
+    write_bytes(path("list.csv"), "name,price\n");
+    EXPECT_FALSE(find_foreign_cameras(folder())) << name;
+    write_bytes(path(name), content);
+    const auto found = find_foreign_cameras(folder());
     ASSERT_TRUE(found) << name;
     EXPECT_EQ(found->program, program);
-    EXPECT_THAT(text_of(*found, temp.path()),
+    EXPECT_THAT(text_of(*found, folder()),
                 AllOf(HasSubstr(name), HasSubstr(way), HasSubstr("gemsplat reconstruct")));
   }
 }
 
-TEST(PhotoFolder, FilesInPlaceOfAFolderGetTheSentenceThatHelps) {
-  const TempFolder temp;
-  write_bytes(temp.path() / "fox.zip", "zip");
-  EXPECT_THAT(error_of([&] { find_photos(temp.path() / "fox.zip", {}); }),
+TEST_F(PhotoFolder, FilesInPlaceOfAFolderGetTheSentenceThatHelps) {
+  write_bytes(path("fox.zip"), "zip");
+  EXPECT_THAT(error_of([&] { find_photos(path("fox.zip"), {}); }),
               HasSubstr("fox.zip is an archive: unpack it first"));
-  EXPECT_FALSE(holds_only_photos(temp.path() / "fox.zip"));
+  EXPECT_FALSE(holds_only_photos(path("fox.zip")));
 }
 
-TEST(PhotoFolder, PhotosThatAreCutShortAndPanoramasAreLeftOutAndNamed) {
-  const TempFolder temp;
-  write_png(temp.path() / "a.png", plain_photo(8, 4, 9));
-  write_png(temp.path() / "cut.png", plain_photo(8, 4, 9));
-  const std::string whole = read_bytes(temp.path() / "cut.png");
-  write_bytes(temp.path() / "cut.png", whole.substr(0, whole.size() - 14));
-  write_png(temp.path() / "wide.png", plain_photo(3200, 1600, 9));
+TEST_F(PhotoFolder, PhotosThatAreCutShortAndPanoramasAreLeftOutAndNamed) {
+  write_png(path("a.png"), plain_photo(8, 4, 9));
+  write_png(path("cut.png"), plain_photo(8, 4, 9));
+  const std::string whole = read_bytes(path("cut.png"));
+  write_bytes(path("cut.png"), whole.substr(0, whole.size() - 14));
+  write_png(path("wide.png"), plain_photo(3200, 1600, 9));
   const std::vector<std::uint8_t> jpeg = encode_jpeg(Image8(16, 8, 3, 128), 90);
   std::string sphere(jpeg.begin(), jpeg.end());
   const std::string xmp = "http://ns.adobe.com/xap/1.0/" + std::string(1, '\0') +
                           "<GPano:ProjectionType>equirectangular</GPano:ProjectionType>";
   sphere.insert(2, std::string("\xff\xe1\0", 3) + char(2 + xmp.size()) + xmp);
-  write_bytes(temp.path() / "sphere.jpg", sphere);
+  write_bytes(path("sphere.jpg"), sphere);
   CapturedLog logged;
-  const std::vector<PhotoFile> photos = find_photos(temp.path(), {});
+  const std::vector<PhotoFile> photos = find_photos(folder(), {});
   const std::string log = logged.text();
   ASSERT_THAT(photos, SizeIs(1));
   EXPECT_EQ(photos[0].name, "a.png");
@@ -763,17 +771,16 @@ TEST(PhotoFolder, PhotosThatAreCutShortAndPanoramasAreLeftOutAndNamed) {
                          HasSubstr("sphere.jpg is a panorama")));
 }
 
-TEST(PhotoFolder, OnlyPhotosMeansNoPosesNearby) {
-  const TempFolder temp;
-  write_png(temp.path() / "images/a.png", plain_photo(4, 4, 9));
-  EXPECT_TRUE(holds_only_photos(temp.path()));
-  EXPECT_TRUE(holds_only_photos(temp.path() / "images"));
-  write_bytes(temp.path() / "transforms.json", "{}");
-  EXPECT_FALSE(holds_only_photos(temp.path()));
-  fs::remove(temp.path() / "transforms.json");
-  write_binary_model(temp.path() / "sparse/3", small_model(1));
-  EXPECT_FALSE(holds_only_photos(temp.path()));
-  EXPECT_FALSE(holds_only_photos(temp.path() / "images"));
+TEST_F(PhotoFolder, OnlyPhotosMeansNoPosesNearby) {
+  write_png(path("images/a.png"), plain_photo(4, 4, 9));
+  EXPECT_TRUE(holds_only_photos(folder()));
+  EXPECT_TRUE(holds_only_photos(path("images")));
+  write_bytes(path("transforms.json"), "{}");
+  EXPECT_FALSE(holds_only_photos(folder()));
+  fs::remove(path("transforms.json"));
+  write_binary_model(path("sparse/3"), small_model(1));
+  EXPECT_FALSE(holds_only_photos(folder()));
+  EXPECT_FALSE(holds_only_photos(path("images")));
 }
 
 TEST(ColmapLog, CountsAreReadFromOldAndNewLines) {

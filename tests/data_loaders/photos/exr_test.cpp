@@ -9,6 +9,7 @@
 #include <limits>
 
 #include "gs_core/error.h"
+#include "tests/support/error_of.h"
 #include "tests/support/temp_folder.h"
 
 namespace gs {
@@ -69,12 +70,8 @@ TEST_F(Exr, WhatIsNoPictureOfFloatsIsAnError) {
 
 TEST_F(Exr, AFileWhereAFolderIsNeededIsAnErrorThatNamesIt) {
   write_bytes(folder_.path() / "sub", "a file");
-  try {
-    write_exr(file(), ImageF(1, 1, 1), {"Z"});
-    ADD_FAILURE() << "no Error";
-  } catch (const Error& error) {
-    EXPECT_THAT(error.what(), ::testing::HasSubstr(file().string()));
-  }
+  EXPECT_THAT(error_of([&] { write_exr(file(), ImageF(1, 1, 1), {"Z"}); }),
+              ::testing::HasSubstr(file().string()));
 }
 
 }  // namespace

@@ -11,6 +11,7 @@
 #include "data_loaders/photos/photos.h"
 #include "data_loaders/video/video_frames.h"
 #include "gs_core/error.h"
+#include "tests/support/error_of.h"
 #include "tests/support/temp_folder.h"
 
 namespace gs {
@@ -107,12 +108,8 @@ TEST_F(Film, MakesItsFolderAndNamesAPlaceThatItCannotWriteTo) {
   }
   EXPECT_EQ(count_frames(path("new/folder/a.mp4")), 1);
   write_bytes(path("file"), "no folder");
-  try {
-    FilmWriter film(path("file/a.mp4"), kWidth, kHeight, 25);
-    ADD_FAILURE() << "no Error";
-  } catch (const Error& error) {
-    EXPECT_THAT(error.what(), HasSubstr((path("file/a.mp4")).string()));
-  }
+  EXPECT_THAT(error_of([&] { FilmWriter(path("file/a.mp4"), kWidth, kHeight, 25); }),
+              HasSubstr(path("file/a.mp4").string()));
 }
 
 // An encoder that dies reports nothing, so the written film is checked.

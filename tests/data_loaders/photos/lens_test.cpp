@@ -7,6 +7,7 @@
 
 #include "gs_core/error.h"
 #include "tests/data_loaders/photos/lens_cases.h"
+#include "tests/support/error_of.h"
 
 namespace gs {
 namespace {
@@ -265,13 +266,7 @@ TEST(Lens, WrongNumberOfParametersIsABug) {
 }
 
 std::string error_of(const ColmapCamera& camera) {
-  try {
-    lens_camera(camera, "sub/a.jpg");
-  } catch (const Error& error) {
-    return error.what();
-  }
-  ADD_FAILURE() << "no Error";
-  return "";
+  return gs::error_of([&] { lens_camera(camera, "sub/a.jpg"); });
 }
 
 TEST(Lens, PanoramaIsRefusedWithAdviceThatHelps) {

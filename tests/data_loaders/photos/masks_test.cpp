@@ -7,9 +7,6 @@
 #include "data_loaders/doctor/doctor.h"
 #include "data_loaders/lenses/undistort.h"
 #include "data_loaders/scene/load_scene.h"
-#include "gs_core/error.h"
-#include "tests/support/captured_log.h"
-#include "tests/support/colmap_writer.h"
 #include "tests/support/load_scene.h"
 #include "tests/support/tiny_photos.h"
 
@@ -23,13 +20,6 @@ using testing::HasSubstr;
 using testing::Not;
 
 constexpr int kWidth = 12, kHeight = 8;  // of small_model()'s photos
-
-/// The log of load_scene().
-std::string log_of(const DatasetConfig& dataset) {
-  CapturedLog logged;
-  load_scene(dataset);
-  return logged.text();
-}
 
 /// White on the left `white` columns, black on the others.
 Image8 left_mask(int white, int width = kWidth, int height = kHeight) {
@@ -49,7 +39,7 @@ Image8 with_alpha(const Image8& photo, const Image8& alpha) {
   return image;
 }
 
-class Masks : public testing::Test {
+class Masks : public SceneTest {
  protected:
   /// A scene whose photos have these names in the model and as files.
   void write_photos(const std::vector<std::string>& names) {
@@ -70,11 +60,6 @@ class Masks : public testing::Test {
   View view(const DatasetConfig& dataset, std::size_t i = 0) {
     return load_scene(dataset).train_views.at(i);
   }
-  DatasetConfig dataset() const { return dataset_at(folder()); }
-  std::filesystem::path folder() const { return temp_.path(); }
-
- private:
-  TempFolder temp_;
 };
 
 TEST_F(Masks, OfEveryNamingAreFound) {
@@ -109,7 +94,7 @@ TEST_F(Masks, ThatCouldBeEitherOfTwoAreRefused) {
   write_photos({"b.jpg"});
   write_mask("masks/b.bmp");
   write_mask("masks/b.tif");
-  EXPECT_THAT(error_of(dataset()),
+  EXPECT_THAT(error(),
               AllOf(HasSubstr("'b.jpg'"), HasSubstr("b.bmp and b.tif"), HasSubstr("leave one")));
   write_mask("masks/b.png");
   EXPECT_EQ(view(dataset()).mask.pixels, left_mask(4).pixels);
@@ -211,9 +196,8 @@ TEST_F(Masks, OfAnotherSizeAreResizedAndOfAnotherShapeRefused) {
   write_mask("masks/b.png", left_mask(2, 6, 4));
   EXPECT_EQ(view(dataset()).mask.pixels, left_mask(4).pixels);
   write_mask("masks/b.png", left_mask(4, 8, 12));
-  EXPECT_THAT(error_of(dataset()),
-              AllOf(HasSubstr("masks/b.png has 8 x 12"), HasSubstr("images/b.jpg has 12 x 8"),
-                    HasSubstr("another picture")));
+  EXPECT_THAT(error(), AllOf(HasSubstr("masks/b.png has 8 x 12"),
+                             HasSubstr("images/b.jpg has 12 x 8"), HasSubstr("another picture")));
 }
 
 TEST_F(Masks, ThatLeaveNothingDropTheirViewOrAreRefused) {
@@ -222,7 +206,7 @@ TEST_F(Masks, ThatLeaveNothingDropTheirViewOrAreRefused) {
   EXPECT_THAT(log_of(dataset()), HasSubstr("1 photo is masked everywhere and left out: b.jpg"));
   EXPECT_EQ(load_scene(dataset()).train_views.size(), 1u);
   write_mask("masks/c.png", left_mask(0));
-  EXPECT_THAT(error_of(dataset()),
+  EXPECT_THAT(error(),
               AllOf(HasSubstr("no photo"), HasSubstr("--invert-masks"), HasSubstr("--masks none")));
   DatasetConfig background = dataset();
   background.mask_mode = MaskMode::background;  // only the background is left
@@ -288,7 +272,7 @@ TEST_F(Masks, ThatTransformsJsonNamesAreTakenWhateverTheirPlace) {
                   pose + ", {\"file_path\": \"photos/b.png\", " + pose + "]}");
   for (const char* name : {"photos/a.png", "photos/b.png"})
     write_png(folder() / name, plain_photo(kWidth, kHeight, 30));
-  EXPECT_THAT(error_of(dataset()), AllOf(HasSubstr("frame 0"), HasSubstr("of_a.png")));
+  EXPECT_THAT(error(), AllOf(HasSubstr("frame 0"), HasSubstr("of_a.png")));
   write_png(folder() / "cut/of_a.png", left_mask(5));
   EXPECT_EQ(view(dataset()).mask.pixels, left_mask(5).pixels);
   // SCENE/masks is only found by default: the mask_path of the file comes before it
@@ -315,7 +299,7 @@ void write_masked_photo(const std::filesystem::path& folder, int width, int heig
 TEST_F(Masks, AreResizedWithThePhotoAndNothingOfWhatTheyCoverShows) {
   ColmapModel model = small_model(1);
   model.cameras[7] = {7, CameraModel::pinhole, 120, 80, {100, 100, 63, 38}};
-  write_scene(folder(), model);
+  write(model);
   DatasetConfig small = dataset();
   small.resolution = 4;
   write_masked_photo(folder(), 120, 80, 0);
@@ -333,7 +317,7 @@ TEST_F(Masks, AreResizedWithThePhotoAndNothingOfWhatTheyCoverShows) {
 TEST_F(Masks, GoThroughTheLensWithThePhoto) {
   ColmapModel model = small_model(1);
   model.cameras[7] = {7, CameraModel::simple_radial, 120, 80, {100, 63, 38, -0.1}};
-  write_scene(folder(), model);
+  write(model);
   write_masked_photo(folder(), 120, 80, 0);
   const View clean = view(dataset());
   write_masked_photo(folder(), 120, 80, 255);

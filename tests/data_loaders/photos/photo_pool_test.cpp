@@ -11,6 +11,7 @@
 
 #include "gs_core/error.h"
 #include "gs_core/math/random.h"
+#include "tests/support/error_of.h"
 
 namespace gs {
 namespace {
@@ -159,12 +160,7 @@ TEST(PhotoPool, FailureIsToldToWhoAsksAndTriedAgain) {
   for (std::size_t i = 0; i < 4; ++i) pool->prefetch_decode(i);
   wait_for(*pool, 3);
   EXPECT_EQ(pool->view(2)->index, 2u);
-  try {
-    pool->view(1);
-    FAIL() << "no Error";
-  } catch (const Error& error) {
-    EXPECT_THAT(error.what(), HasSubstr("photo 1"));
-  }
+  EXPECT_THAT(error_of([&] { pool->view(1); }), HasSubstr("photo 1"));
   is_broken = false;
   EXPECT_EQ(pool->view(1)->index, 1u);
   EXPECT_EQ(pool->counts().live_bytes, 4 * kHeld);

@@ -10,6 +10,7 @@
 #include "data_loaders/lenses/resample.h"
 #include "gs_core/error.h"
 #include "tests/data_loaders/photos/lens_cases.h"
+#include "tests/support/error_of.h"
 
 namespace gs {
 namespace {
@@ -34,13 +35,7 @@ double checkerboard(double x, double y, int channel) {
 std::uint8_t rounded(double value) { return std::uint8_t(std::lround(value)); }
 
 std::string error_of(const ColmapCamera& camera) {
-  try {
-    undistorted_pinhole(lens_camera(camera, "sub/a.jpg"), "sub/a.jpg");
-  } catch (const Error& error) {
-    return error.what();
-  }
-  ADD_FAILURE() << "no Error";
-  return "";
+  return gs::error_of([&] { undistorted_pinhole(lens_camera(camera, "sub/a.jpg"), "sub/a.jpg"); });
 }
 
 TEST(Undistort, PinholesStayAsTheyAre) {

@@ -10,6 +10,7 @@
 #include "data_loaders/video/film_frames.h"
 #include "gs_core/error.h"
 #include "tests/support/avi_writer.h"
+#include "tests/support/error_of.h"
 #include "tests/support/foreign_leaks.h"
 #include "tests/support/scenes.h"
 
@@ -49,13 +50,7 @@ class VideoFrames : public testing::Test {
     return take_frames(video(), count_frames(video()), wanted, folder(), "walk", progress);
   }
   std::string error_of_take() const {
-    try {
-      take(3);
-    } catch (const Error& error) {
-      return error.what();
-    }
-    ADD_FAILURE() << "no Error";
-    return "";
+    return error_of([&] { take(3); });
   }
 
   TempFolder temp_;

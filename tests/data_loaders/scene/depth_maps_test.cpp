@@ -11,8 +11,6 @@
 #include "data_loaders/scene/depth/depth_map.h"
 #include "data_loaders/scene/load_scene.h"
 #include "data_loaders/scene/undistort_scene.h"
-#include "tests/support/captured_log.h"
-#include "tests/support/colmap_writer.h"
 #include "tests/support/depth_png.h"
 #include "tests/support/load_scene.h"
 
@@ -34,7 +32,7 @@ ImageF flat_map(float value, int width = kWidth, int height = kHeight) {
 /// The depth that a camera at the origin sees: a slope, so that every pixel has its own.
 double slope_depth(double x, double y) { return 2 + 0.05 * x + 0.03 * y; }
 
-class DepthMaps : public testing::Test {
+class DepthMaps : public SceneTest {
  protected:
   /// Photos named a.png, b.png, ..., whose cameras look along z from the origin, and points on the
   /// slope.
@@ -54,7 +52,7 @@ class DepthMaps : public testing::Test {
         if (tracks) image.observations.push_back({std::uint64_t(i + 1), x, y});
     }
     fs::remove_all(folder());
-    write_scene(folder(), model);
+    write(model);
   }
   /// Writes depth/NAME.png with value(depth of the pixel), in steps.
   template <class Value>
@@ -73,19 +71,11 @@ class DepthMaps : public testing::Test {
   View view(const DatasetConfig& dataset, std::size_t i = 0) {
     return *with_photo(load_scene(dataset).train_views.at(i));
   }
-  std::string log_of(const DatasetConfig& dataset) {
-    CapturedLog logged;
-    load_scene(dataset);
-    return logged.text();
-  }
-  fs::path folder() const { return temp_.path() / "scene"; }
-
- private:
-  TempFolder temp_;
 };
 
-TEST_F(DepthMaps, AreFoundInTheSceneByTheNamesOfTheirPhotos) {
-  for (const char* name : {"a.png.png", "a.png", "a.depth.png", "a_depth.png"}) {
+// The names are those of masks, which masks_test.cpp tests, with "depth" for "mask".
+TEST_F(DepthMaps, AreFoundByTheNamesOfTheirPhotosInThisFolderOrAnother) {
+  for (const char* name : {"a.png.png", "a.depth.png", "a_depth.png"}) {
     SCOPED_TRACE(name);
     write_photos(2);
     write_depth_png(folder() / "depth" / name, flat_map(1500));
@@ -97,16 +87,9 @@ TEST_F(DepthMaps, AreFoundInTheSceneByTheNamesOfTheirPhotos) {
     EXPECT_FALSE(scene.train_views[1].has_depth_map);
     EXPECT_TRUE(scene.train_views[1].depth.empty());
   }
-}
-
-TEST_F(DepthMaps, MayBeInAnotherFolderOrInNone) {
-  write_photos(1);
-  write_depth_png(folder() / "depth/a.png", flat_map(1000));
   write_depth_png(folder() / "sensor/a.png", flat_map(3000));
   DatasetConfig other = dataset();
   other.depth = "sensor";
-  EXPECT_THAT(view(other).depth.pixels, Each(FloatEq(3.0f)));
-  other.depth = (folder() / "sensor").string();
   EXPECT_THAT(view(other).depth.pixels, Each(FloatEq(3.0f)));
   other.depth = "none";
   EXPECT_FALSE(view(other).has_depth_map);
@@ -348,7 +331,7 @@ TEST_F(DepthMaps, AreUndistortedWithTheScene) {
   if (!can_write_exr()) GTEST_SKIP() << cannot_write_exr();
   write_photos(2, CameraModel::simple_radial);
   write_slope("a.png", [](double depth) { return 1000 * depth; });
-  const fs::path copy = folder().parent_path() / "copy";
+  const fs::path copy = folder() / "copy";
   EXPECT_EQ(undistort_scene(dataset(), copy, 0).depth_maps, 1u);
   DatasetConfig of_copy = dataset_at(copy);
   of_copy.depth_kind = DepthKind::metric;

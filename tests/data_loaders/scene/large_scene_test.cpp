@@ -8,12 +8,11 @@
 #include "data_loaders/lenses/undistort.h"
 #include "data_loaders/photos/photo_cache.h"
 #include "data_loaders/photos/photo_pool.h"
-#include "data_loaders/scene/load_scene.h"
 #include "gs_core/error.h"
 #include "gs_train/loop/trainer.h"
 #include "tests/support/adaptive.h"
-#include "tests/support/colmap_writer.h"
 #include "tests/support/foreign_leaks.h"
+#include "tests/support/load_scene.h"
 #include "tests/support/models.h"
 #include "tests/support/sanitizers.h"
 
@@ -155,12 +154,8 @@ TEST_F(LargeScene, ManyPhotosTrainToTheSameBitsWithRoomForAFew) {
 
 TEST_F(LargeScene, BudgetBelowTwoPhotosIsRefusedWithTheLeast) {
   write_photos(scene(), 4);
-  try {
-    load_scene(dataset(1.5));
-    FAIL() << "no UsageError";
-  } catch (const UsageError& error) {
-    EXPECT_THAT(error.what(), AllOf(HasSubstr("dataset.photo_ram_gib"), HasSubstr("--photo-ram")));
-  }
+  EXPECT_THAT(error_of(dataset(1.5)),
+              AllOf(HasSubstr("dataset.photo_ram_gib"), HasSubstr("--photo-ram")));
 }
 
 TEST_F(LargeScene, DamagedPhotoIsNamedWhenItsTurnComes) {
@@ -173,12 +168,7 @@ TEST_F(LargeScene, DamagedPhotoIsNamedWhenItsTurnComes) {
   const Scene large = load_scene(dataset(3));
   for (const View& view : large.train_views) prefetch_photo(view);
   EXPECT_FALSE(with_photo(large.train_views[2])->photo.empty());
-  try {
-    with_photo(large.train_views[3]);
-    FAIL() << "no Error";
-  } catch (const Error& error) {
-    EXPECT_THAT(error.what(), HasSubstr(photo.string()));
-  }
+  EXPECT_THAT(error_of([&] { with_photo(large.train_views[3]); }), HasSubstr(photo.string()));
   EXPECT_FALSE(with_photo(large.train_views[4])->photo.empty());
 }
 

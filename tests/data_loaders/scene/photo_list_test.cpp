@@ -6,7 +6,6 @@
 
 #include <algorithm>
 
-#include "tests/support/colmap_writer.h"
 #include "tests/support/load_scene.h"
 
 namespace gs {
@@ -48,31 +47,24 @@ TEST(PhotoList, IsReadBackAsItWasWritten) {
 }
 
 /// Five images; a and b show point 0 of the model, d shows both.
-class ListedScene : public testing::Test {
+class ListedScene : public SceneTest {
  protected:
   explicit ListedScene(bool with_tracks = true) : model_(small_model(5)) {
     const auto see = [&](int image, int point) {
       model_.images[image].observations.push_back({model_.points[point].id, 3, 4});
     };
     if (with_tracks) see(0, 0), see(1, 0), see(3, 0), see(3, 1);
-    write_scene(temp_.path(), model_);
+    write(model_);
   }
   DatasetConfig listed(const std::string& names) {
-    write_bytes(temp_.path() / "list.txt", names);
-    DatasetConfig dataset = dataset_at(temp_.path());
-    dataset.photo_list = (temp_.path() / "list.txt").string();
+    write_bytes(path("list.txt"), names);
+    DatasetConfig dataset = dataset_at(folder());
+    dataset.photo_list = path("list.txt").string();
     return dataset;
   }
 
   ColmapModel model_;
-  const TempFolder temp_;
 };
-
-std::vector<std::string> names_of(const std::vector<View>& views) {
-  std::vector<std::string> names;
-  for (const View& view : views) names.push_back(view.name);
-  return names;
-}
 
 TEST_F(ListedScene, HasTheListedPhotosAndThePointsThatTheyShow) {
   const Scene scene = load_scene(listed("a\nb\n"));
@@ -98,7 +90,7 @@ TEST_F(ListedScene, HoldsOutTheSamePhotosAsTheWholeScene) {
 }
 
 TEST_F(ListedScene, OnlyListedPhotosAreDecoded) {
-  const std::filesystem::path file = temp_.path() / "images" / "c.png";
+  const std::filesystem::path file = image("c.png");
   Image8 noise = plain_photo(12, 8, 0);
   for (std::size_t i = 0; i < noise.pixels.size(); ++i) noise.pixels[i] = std::uint8_t(37 * i * i);
   write_png(file, noise);
@@ -110,7 +102,7 @@ TEST_F(ListedScene, OnlyListedPhotosAreDecoded) {
 }
 
 TEST_F(ListedScene, TheOutlineSaysWhoShowsWhat) {
-  const SceneOutline whole = outline_scene(dataset_at(temp_.path()));
+  const SceneOutline whole = outline_scene(dataset());
   EXPECT_EQ(whole.names.size(), 5u);
   EXPECT_EQ(whole.cameras[2].position(), Vec3f(2, 0, 0));
   EXPECT_THAT(whole.shown[0], ElementsAre(0u));

@@ -67,10 +67,11 @@ DatasetConfig dataset_at(const std::filesystem::path& folder, PhotoTimes times) 
   return dataset;
 }
 
-TEST(FilmsOfCameras, BecomeViewsWithThePoseOfTheCameraAndTheTimeOfTheFrame) {
-  const TempFolder temp;
-  write_films(temp.path(), {3, 3});
-  const Scene scene = load_scene(dataset_at(temp.path(), PhotoTimes::frames));
+class FilmsOfCameras : public SceneTest {};
+
+TEST_F(FilmsOfCameras, BecomeViewsWithThePoseOfTheCameraAndTheTimeOfTheFrame) {
+  write_films(folder(), {3, 3});
+  const Scene scene = load_scene(dataset_at(folder(), PhotoTimes::frames));
   EXPECT_EQ(scene.time_count, 3u);
   ASSERT_EQ(scene.train_views.size(), 6u);
   for (int i = 0; i < 6; ++i) {
@@ -84,10 +85,9 @@ TEST(FilmsOfCameras, BecomeViewsWithThePoseOfTheCameraAndTheTimeOfTheFrame) {
   }
 }
 
-TEST(FilmsOfCameras, AreHeldOutWhole) {
-  const TempFolder temp;
-  write_films(temp.path(), {2, 2, 2});
-  DatasetConfig dataset = dataset_at(temp.path(), PhotoTimes::frames);
+TEST_F(FilmsOfCameras, AreHeldOutWhole) {
+  write_films(folder(), {2, 2, 2});
+  DatasetConfig dataset = dataset_at(folder(), PhotoTimes::frames);
   dataset.eval = true;
   dataset.test_every = 3;
   const Scene scene = load_scene(dataset);
@@ -97,20 +97,18 @@ TEST(FilmsOfCameras, AreHeldOutWhole) {
   EXPECT_EQ(scene.train_views.size(), 4u);
 }
 
-TEST(FilmsOfCameras, MayBeNamedByTheirFirstFrame) {
-  const TempFolder temp;
-  write_films(temp.path(), {2, 2});
+TEST_F(FilmsOfCameras, MayBeNamedByTheirFirstFrame) {
+  write_films(folder(), {2, 2});
   ColmapModel model = small_model(2);
   model.images[0].name = "cam0/100.png";
   model.images[1].name = "cam1/100.png";
-  write_binary_model(temp.path() / "sparse" / "0", model);
-  EXPECT_EQ(load_scene(dataset_at(temp.path(), PhotoTimes::frames)).train_views.size(), 4u);
+  write_binary_model(folder() / "sparse" / "0", model);
+  EXPECT_EQ(load_scene(dataset_at(folder(), PhotoTimes::frames)).train_views.size(), 4u);
 }
 
-TEST(FilmsOfCameras, OfDifferentLengthOrWithoutFramesAreRefused) {
-  const TempFolder temp;
-  write_films(temp.path(), {3, 2});
-  EXPECT_THAT(error_of(dataset_at(temp.path(), PhotoTimes::frames)),
+TEST_F(FilmsOfCameras, OfDifferentLengthOrWithoutFramesAreRefused) {
+  write_films(folder(), {3, 2});
+  EXPECT_THAT(error_of(dataset_at(folder(), PhotoTimes::frames)),
               AllOf(HasSubstr("cam1.png has 2 frames"), HasSubstr("cam0.png has 3")));
   const TempFolder other;
   write_films(other.path(), {3, 0});
@@ -118,10 +116,9 @@ TEST(FilmsOfCameras, OfDifferentLengthOrWithoutFramesAreRefused) {
               AllOf(HasSubstr("cam1.png has no frames"), HasSubstr("cam1.mp4")));
 }
 
-TEST(FilmsOfCameras, AreHeldOutByTheirNames) {
-  const TempFolder temp;
-  write_films(temp.path(), {2, 2, 2});
-  DatasetConfig dataset = dataset_at(temp.path(), PhotoTimes::frames);
+TEST_F(FilmsOfCameras, AreHeldOutByTheirNames) {
+  write_films(folder(), {2, 2, 2});
+  DatasetConfig dataset = dataset_at(folder(), PhotoTimes::frames);
   dataset.eval = true;
   dataset.test_names = "cam2.png, cam0";
   const Scene scene = load_scene(dataset);
@@ -289,42 +286,38 @@ TEST_F(VideosOfCameras, AreInTheHashesOfScenes) {
   EXPECT_NE(scene_hash(dataset()), scene);
 }
 
-TEST(VideosWithoutOpenCv, AreRefusedWithTheNameOfThePackage) {
+TEST_F(FilmsOfCameras, AreRefusedWithTheNameOfThePackage) {
   if (can_read_videos()) GTEST_SKIP() << "built with OpenCV";
-  const TempFolder temp;
-  write_videos(temp.path(), {3, 3});
-  EXPECT_THAT(error_of(dataset_at(temp.path(), PhotoTimes::frames)), HasSubstr("libopencv-dev"));
+  write_videos(folder(), {3, 3});
+  EXPECT_THAT(error_of(dataset_at(folder(), PhotoTimes::frames)), HasSubstr("libopencv-dev"));
 }
 
-TEST(FilmOfOneCamera, HasTheTimesOfTheNumbersInItsNames) {
-  const TempFolder temp;
+TEST_F(FilmsOfCameras, HasTheTimesOfTheNumbersInItsNames) {
   ColmapModel model = small_model(3);
   model.images[0].name = "take2_0030.png";
   model.images[1].name = "take2_0010.png";
   model.images[2].name = "take2_0050.png";
-  write_scene(temp.path(), model);
-  const Scene scene = load_scene(dataset_at(temp.path(), PhotoTimes::names));
+  write_scene(folder(), model);
+  const Scene scene = load_scene(dataset_at(folder(), PhotoTimes::names));
   EXPECT_EQ(scene.time_count, 3u);
   std::vector<float> times;
   for (const View& view : scene.train_views) times.push_back(view.camera.time);
   EXPECT_THAT(times, ElementsAre(0.0f, 0.5f, 1.0f));  // in the order of the names
 }
 
-TEST(FilmOfOneCamera, WithANameWithoutANumberIsRefused) {
-  const TempFolder temp;
-  write_scene(temp.path(), small_model(2));
-  EXPECT_THAT(error_of(dataset_at(temp.path(), PhotoTimes::names)),
+TEST_F(FilmsOfCameras, WithANameWithoutANumberIsRefused) {
+  write_scene(folder(), small_model(2));
+  EXPECT_THAT(error_of(dataset_at(folder(), PhotoTimes::names)),
               AllOf(HasSubstr("a.png has no number"), HasSubstr("frame_0012.png")));
 }
 
-TEST(FilmsOfCameras, SeveralImagesOfOneCameraAreRefused) {
-  const TempFolder temp;
-  write_films(temp.path(), {3});
+TEST_F(FilmsOfCameras, SeveralImagesOfOneCameraAreRefused) {
+  write_films(folder(), {3});
   ColmapModel model = small_model(2);
   model.images[0].name = "cam0/100.png";
   model.images[1].name = "cam0/101.png";
-  write_binary_model(temp.path() / "sparse" / "0", model);
-  EXPECT_THAT(error_of(dataset_at(temp.path(), PhotoTimes::frames)),
+  write_binary_model(folder() / "sparse" / "0", model);
+  EXPECT_THAT(error_of(dataset_at(folder(), PhotoTimes::frames)),
               HasSubstr("dataset.times = \"names\""));
 }
 

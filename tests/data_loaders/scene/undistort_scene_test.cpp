@@ -8,6 +8,8 @@
 #include "data_loaders/lenses/undistort.h"
 #include "gs_core/error.h"
 #include "tests/support/colmap_writer.h"
+#include "tests/support/error_of.h"
+#include "tests/support/folder_test.h"
 #include "tests/support/foreign_leaks.h"
 
 namespace gs {
@@ -80,24 +82,28 @@ void expect_same_views(const Scene& a, const Scene& b) {
   }
 }
 
-TEST(UndistortScene, CopyLoadsAsTheSameViewsAtEveryResolution) {
-  const TempFolder temp;
-  write_lens_scene(temp.path() / "scene");
-  const UndistortedScene result =
-      undistort_scene(dataset_at(temp.path() / "scene"), temp.path() / "copy", 0);
+class UndistortScene : public FolderTest {
+ protected:
+  UndistortedScene undistorted(int jpeg_quality = 0) {
+    return undistort_scene(dataset_at(path("scene")), path("copy"), jpeg_quality);
+  }
+};
+
+TEST_F(UndistortScene, CopyLoadsAsTheSameViewsAtEveryResolution) {
+  write_lens_scene(path("scene"));
+  const UndistortedScene result = undistorted();
   EXPECT_EQ(result.undistorted, 2u);
   EXPECT_EQ(result.copied, 1u);
   EXPECT_EQ(result.masks, 1u);
   for (const int resolution : {1, 2, 25})
-    expect_same_views(load_scene(dataset_at(temp.path() / "scene", resolution)),
-                      load_scene(dataset_at(temp.path() / "copy", resolution)));
+    expect_same_views(load_scene(dataset_at(path("scene"), resolution)),
+                      load_scene(dataset_at(path("copy"), resolution)));
 }
 
-TEST(UndistortScene, ModelHasPinholesOnlyAndKeepsTracks) {
-  const TempFolder temp;
-  write_lens_scene(temp.path() / "scene");
-  undistort_scene(dataset_at(temp.path() / "scene"), temp.path() / "copy", 0);
-  const ColmapModel model = read_colmap_model(temp.path() / "copy/sparse/0", Tracks::read);
+TEST_F(UndistortScene, ModelHasPinholesOnlyAndKeepsTracks) {
+  write_lens_scene(path("scene"));
+  undistorted();
+  const ColmapModel model = read_colmap_model(path("copy/sparse/0"), Tracks::read);
   for (const auto& [id, camera] : model.cameras) EXPECT_EQ(camera.model, CameraModel::pinhole);
   ASSERT_EQ(model.images.size(), 3u);
   for (const ColmapImage& image : model.images) {
@@ -111,8 +117,7 @@ TEST(UndistortScene, ModelHasPinholesOnlyAndKeepsTracks) {
   EXPECT_EQ(model.points[0].observations, 2u);
 }
 
-TEST(UndistortScene, KeepsRigsAndFrames) {
-  const TempFolder temp;
+TEST_F(UndistortScene, KeepsRigsAndFrames) {
   ColmapModel model = small_model(2);
   model.cameras[8] = model.cameras[7];
   model.cameras[8].id = 8;
@@ -120,9 +125,9 @@ TEST(UndistortScene, KeepsRigsAndFrames) {
   model.rigs.push_back(
       {4, {{7, true, {1, 0, 0, 0}, {0.0, 0.0, 0.0}}, {8, true, {1, 0, 0, 0}, {-1.0, 0.0, 0.0}}}});
   model.frames.push_back({1, 4, {1, 2}});
-  write_scene(temp.path() / "scene", model);
-  undistort_scene(dataset_at(temp.path() / "scene"), temp.path() / "copy", 0);
-  const ColmapModel copy = read_colmap_model(temp.path() / "copy/sparse/0");
+  write_scene(path("scene"), model);
+  undistorted();
+  const ColmapModel copy = read_colmap_model(path("copy/sparse/0"));
   ASSERT_EQ(copy.rigs.size(), 1u);
   ASSERT_EQ(copy.rigs[0].cameras.size(), 2u);
   EXPECT_EQ(copy.rigs[0].cameras[1].cam_from_rig_translation, Vec3d(-1.0, 0.0, 0.0));
@@ -130,28 +135,20 @@ TEST(UndistortScene, KeepsRigsAndFrames) {
   EXPECT_THAT(copy.frames[0].image_ids, ElementsAre(1, 2));
 }
 
-TEST(UndistortScene, JpegStatesItsLoss) {
-  const TempFolder temp;
-  write_lens_scene(temp.path() / "scene");
-  const UndistortedScene result =
-      undistort_scene(dataset_at(temp.path() / "scene"), temp.path() / "copy", 95);
+TEST_F(UndistortScene, JpegStatesItsLoss) {
+  write_lens_scene(path("scene"));
+  const UndistortedScene result = undistorted(95);
   EXPECT_GT(result.jpeg_psnr, 30);
   EXPECT_LT(result.jpeg_psnr, 99);
-  EXPECT_TRUE(std::filesystem::exists(temp.path() / "copy/images/a.jpg"));
-  EXPECT_TRUE(std::filesystem::exists(temp.path() / "copy/images/c.png"));  // a copy
-  EXPECT_EQ(load_scene(dataset_at(temp.path() / "copy")).train_views.size(), 3u);
+  EXPECT_TRUE(std::filesystem::exists(path("copy/images/a.jpg")));
+  EXPECT_TRUE(std::filesystem::exists(path("copy/images/c.png")));  // a copy
+  EXPECT_EQ(load_scene(dataset_at(path("copy"))).train_views.size(), 3u);
 }
 
-TEST(UndistortScene, NothingIsOverwritten) {
-  const TempFolder temp;
-  write_scene(temp.path() / "scene", small_model(1));
-  write_bytes(temp.path() / "copy/notes.txt", "mine");
-  try {
-    undistort_scene(dataset_at(temp.path() / "scene"), temp.path() / "copy", 0);
-    ADD_FAILURE() << "no UsageError";
-  } catch (const UsageError& error) {
-    EXPECT_THAT(error.what(), HasSubstr("nothing is overwritten"));
-  }
+TEST_F(UndistortScene, NothingIsOverwritten) {
+  write_scene(path("scene"), small_model(1));
+  write_bytes(path("copy/notes.txt"), "mine");
+  EXPECT_THAT(error_of([&] { undistorted(); }), HasSubstr("nothing is overwritten"));
 }
 
 }  // namespace

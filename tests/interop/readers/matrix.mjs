@@ -29,7 +29,7 @@ const SECONDS = 40;               // for one picture
 const FILES = {
   '.ply': 'cross.ply', '.compressed.ply': 'cross.compressed.ply', '.splat': 'cross.splat', '.spz version 2': 'v2.spz',
   '.spz version 3': 'v3.spz', '.spz version 4': 'v4.spz', '.sog': 'cross.sog', '.glb': 'cross.glb',
-  'lod-meta.json': 'lod/lod-meta.json', '.rad': 'cross.rad', 'tileset.json': 'tiles/tileset.json', '.glb of a tile': 'tiles/0/0.glb',
+  '.rad': 'cross.rad', 'tileset.json': 'tiles/tileset.json', '.glb of a tile': 'tiles/0/0.glb',
 };
 
 function writeFiles() {
@@ -38,7 +38,6 @@ function writeFiles() {
   writeCross(file('model.ply'));
   for (const name of ['cross.ply', 'cross.compressed.ply', 'cross.splat', 'cross.sog', 'cross.glb', 'cross.rad']) gemsplat('export', file('model.ply'), file(name));
   for (const version of [2, 3, 4]) gemsplat('export', file('model.ply'), file(`v${version}.spz`), '--spz-version', String(version), '--spz-sh-bits', '8');
-  gemsplat('export', file('model.ply'), file('lod'), '--lod');
   // x stays, y down becomes up, z forward becomes north.
   writeFileSync(file('georef.json'), JSON.stringify({version: 1, source: 'a test', heights: 'above the ellipsoid', origin: PLACE,
                                                       enu_from_input: [[1, 0, 0, 0], [0, 0, 1, 0], [0, -1, 0, 0], [0, 0, 0, 1]]}));

@@ -80,7 +80,7 @@ TEST_F(PhotometricRun, BeginsWithTheExposuresThatWereSolvedFor) {
   EXPECT_TRUE(state.is_solved);
   for (std::size_t k = 0; k < kWallViews; ++k)
     for (int c = 0; c < 3; ++c)
-      EXPECT_NEAR(state.photo(k)[std::size_t(c)], true_log_gain(k)[c], 1e-5);
+      EXPECT_NEAR(state.row(k)[std::size_t(c)], true_log_gain(k)[c], 1e-5);
 }
 
 // A batch of the same photo twice is one photo.
@@ -98,7 +98,7 @@ TEST_F(PhotometricRun, TakesTheMeanGradientOfABatch) {
   };
   EXPECT_TRUE(same_bits(after({3, 3}), after({3})));
   const TrainingModel a = after({1}), b = after({4}), both = after({1, 4});
-  for (std::size_t i = 0; i < both.photometric.shape.size(); ++i)
+  for (std::size_t i = 0; i < both.photometric.size(); ++i)
     EXPECT_NEAR(both.photometric.moments[i].first,
                 (a.photometric.moments[i].first + b.photometric.moments[i].first) / 2, 1e-7);
 }

@@ -180,11 +180,11 @@ PhotometricState after_updates(int updates) {
   TrainingModel training = begun(small_scene());
   Draws draws(8);
   for (int i = 0; i < updates; ++i) {
-    std::vector<double> gradient(training.photometric.shape.size(), 0.0);
+    std::vector<double> gradient(training.photometric.size(), 0.0);
     const std::size_t photo = i % 10 == 9 ? std::size_t(i / 10 % 8) : 0;
     for (std::size_t c = 0; c < 3; ++c)
-      gradient[training.photometric.shape.photo_begin(photo) + c] = draws.uniform(-0.5f, 1);
-    update_photometric(training.photometric, *model, 2e-3f, {}, gradient);
+      gradient[training.photometric.begin_of(photo) + c] = draws.uniform(-0.5f, 1);
+    update_table(training.photometric, model->pulls(training.photometric), 2e-3f, {}, gradient);
   }
   return std::move(training.photometric);
 }
@@ -194,8 +194,8 @@ TEST(UpdatePhotometric, KeepsAMeanOfZeroHoweverUnevenlyPhotosAreDrawn) {
   for (std::size_t c = 0; c < 3; ++c) {
     double sum = 0, size = 0;
     for (std::size_t i = 0; i < 8; ++i) {
-      sum += double(state.photo(i)[c]);
-      size += std::abs(double(state.photo(i)[c]));
+      sum += double(state.row(i)[c]);
+      size += std::abs(double(state.row(i)[c]));
     }
     EXPECT_NEAR(sum / 8, 0, 1e-6);
     EXPECT_GT(size, 0.1);
@@ -210,13 +210,13 @@ TEST(UpdatePhotometric, MovesPhotosThatAreNotDrawnAsAdamSays) {
   float value = 0;
   FloatMoments moments{};
   for (int t = 1; t <= 50; ++t) {
-    std::vector<double> gradient(state.shape.size(), 0.0);
-    if (t == 1) gradient[state.shape.photo_begin(3)] = 0.5;
+    std::vector<double> gradient(state.size(), 0.0);
+    if (t == 1) gradient[state.begin_of(3)] = 0.5;
     adam_update(value, moments, t == 1 ? 0.5f : 0.0f, adam_step(t, 2e-3f));
-    update_photometric(state, *model, 2e-3f, {}, gradient);
+    update_table(state, model->pulls(state), 2e-3f, {}, gradient);
   }
   EXPECT_LT(value, -0.01f);  // five times the rate of one step
-  EXPECT_NEAR(state.photo(3)[0] - state.photo(4)[0], value, 1e-5);
+  EXPECT_NEAR(state.row(3)[0] - state.row(4)[0], value, 1e-5);
 }
 
 TEST(UpdatePhotometric, PullsGainsToTheSolvedOnes) {
@@ -225,20 +225,21 @@ TEST(UpdatePhotometric, PullsGainsToTheSolvedOnes) {
   TrainingModel training = begun(scene);
   PhotometricState& state = training.photometric;
   EXPECT_TRUE(state.is_solved);
-  const float solved = state.photo(2)[0];
+  const float solved = state.row(2)[0];
   EXPECT_NEAR(solved, std::log(1.5f) * 7 / 8, 1e-6);  // the mean is taken away
-  state.photo(2)[0] += 0.3f;
+  state.row(2)[0] += 0.3f;
   const auto model = make_photometric_model(kGains);
-  std::vector<double> gradient(state.shape.size(), 0.0);
-  model->add_penalties(state, gradient);
-  EXPECT_GT(gradient[state.shape.photo_begin(2)], 0);
-  EXPECT_EQ(gradient[state.shape.photo_begin(3)], 0);
+  std::vector<double> gradient(state.size(), 0.0);
+  update_table(state, model->pulls(state), 2e-3f, {}, gradient);
+  EXPECT_GT(gradient[state.begin_of(2)], 0);
+  EXPECT_EQ(gradient[state.begin_of(3)], 0);
 }
 
 TEST(BeginPhotometric, RefusesOtherPhotos) {
   Scene scene = small_scene();
   TrainingModel training = begun(scene);
-  EXPECT_EQ(training.photometric.shape, (PhotometricShape{8, 3}));
+  EXPECT_EQ(training.photometric.rows, 8u);
+  EXPECT_EQ(training.photometric.numbers, 3u);
   scene.train_views.pop_back();
   EXPECT_THROW(begin_photometric(gains_config(), scene, training), Error);
 }
@@ -251,14 +252,14 @@ TEST(BeginPhotometric, TakesTheExposuresOfExifWhereNoneWereSolvedFor) {
   const PhotometricState exif = std::move(begun(scene).photometric);
   EXPECT_FALSE(exif.is_solved);
   for (std::size_t c = 0; c < 3; ++c) {
-    EXPECT_NEAR(exif.photo(3)[c] - exif.photo(1)[c], std::log(2.0f), 1e-5) << c;
-    EXPECT_NEAR(exif.photo(5)[c], (exif.photo(1)[c] + exif.photo(2)[c]) / 2, 1e-5) << c;
-    EXPECT_EQ(exif.start[3 * 3 + c], exif.photo(3)[c]) << c;
+    EXPECT_NEAR(exif.row(3)[c] - exif.row(1)[c], std::log(2.0f), 1e-5) << c;
+    EXPECT_NEAR(exif.row(5)[c], (exif.row(1)[c] + exif.row(2)[c]) / 2, 1e-5) << c;
+    EXPECT_EQ(exif.start[3 * 3 + c], exif.row(3)[c]) << c;
   }
   scene.train_views[0].exposure = {1.5f, 1, 1};
   const PhotometricState solved = std::move(begun(scene).photometric);
   EXPECT_TRUE(solved.is_solved);
-  EXPECT_NEAR(solved.photo(3)[0], solved.photo(1)[0], 1e-6);
+  EXPECT_NEAR(solved.row(3)[0], solved.row(1)[0], 1e-6);
 }
 
 // ---- photos that nobody trained on -------------------------------------------------------------
@@ -279,8 +280,7 @@ class HeldOut : public ::testing::Test {
   template <class F>
   HeldOutPhotos predicted(F&& f) {
     PhotometricState state;
-    state.shape = {8, 1};
-    state.values.resize(8);
+    state.begin(8, 1);
     for (std::size_t i = 0; i < 8; ++i)
       state.values[i] = f(float(scene_.train_views[i].name[0] - 'a'));
     return predict_held_out(state, scene_);

@@ -3,28 +3,65 @@
 // it with a slider, or blended.
 import {el, segmented} from '../../shared/dom.js';
 
-export const COMPARISONS = [['render', 'Render'], ['split', 'Slider'], ['blend', 'Blend'], ['photo', 'Photo']];
+export const COMPARISONS = [
+  ['render', 'Render'],
+  ['split', 'Slider'],
+  ['blend', 'Blend'],
+  ['photo', 'Photo'],
+];
 
 export class Compare {
   constructor() {
     this.mode = 'render';
-    this.share = 0.5;    // of the picture's width that shows the photo, from the left
+    this.share = 0.5; // of the picture's width that shows the photo, from the left
     this.opacity = 0.5;
     this.camera = null;
     this.flipped = false;
-    this.image = el('img.photo', {alt: '', draggable: 'false', onload: () => this.draw(), onerror: () => this.broken()});
-    this.handle = el('input.divider-range', {type: 'range', min: 0, max: 1000, value: 500, step: 10, 'aria-label': 'border between photo and render',
-                                             oninput: () => { this.share = this.handle.value / 1000; this.draw(); }});
+    this.image = el('img.photo', {
+      alt: '',
+      draggable: 'false',
+      onload: () => this.draw(),
+      onerror: () => this.broken(),
+    });
+    this.handle = el('input.divider-range', {
+      type: 'range',
+      min: 0,
+      max: 1000,
+      value: 500,
+      step: 10,
+      'aria-label': 'border between photo and render',
+      oninput: () => {
+        this.share = this.handle.value / 1000;
+        this.draw();
+      },
+    });
     this.divider = el('div.divider', {}, el('span.grip'), this.handle);
     this.tags = [el('span.tag.left', {}, 'photo'), el('span.tag.right', {}, 'render')];
     this.note = el('span.tag.note', {hidden: true});
     this.node = el('div.compare', {}, this.image, this.tags, this.note, this.divider);
-    this.choice = segmented('comparison with the photo', COMPARISONS, this.mode, mode => this.set(mode));
-    this.range = el('input.opacity', {type: 'range', min: 0, max: 100, value: 50, 'aria-label': 'opacity of the photo',
-                                      oninput: () => { this.opacity = this.range.value / 100; this.draw(); }});
+    this.choice = segmented('comparison with the photo', COMPARISONS, this.mode, mode =>
+      this.set(mode),
+    );
+    this.range = el('input.opacity', {
+      type: 'range',
+      min: 0,
+      max: 100,
+      value: 50,
+      'aria-label': 'opacity of the photo',
+      oninput: () => {
+        this.opacity = this.range.value / 100;
+        this.draw();
+      },
+    });
     this.controls = el('div.compare-controls', {}, this.choice, this.range);
-    this.divider.addEventListener('pointerdown', event => { this.divider.setPointerCapture(event.pointerId); this.follow(event); event.preventDefault(); });
-    this.divider.addEventListener('pointermove', event => { if (this.divider.hasPointerCapture(event.pointerId)) this.follow(event); });
+    this.divider.addEventListener('pointerdown', event => {
+      this.divider.setPointerCapture(event.pointerId);
+      this.follow(event);
+      event.preventDefault();
+    });
+    this.divider.addEventListener('pointermove', event => {
+      if (this.divider.hasPointerCapture(event.pointerId)) this.follow(event);
+    });
     this.draw();
   }
 
@@ -44,7 +81,9 @@ export class Compare {
       if (camera?.photo) this.image.src = camera.photo;
       else this.image.removeAttribute('src');
     }
-    if (place) for (const side of ['left', 'top', 'width', 'height']) this.node.style[side] = `${place[side]}px`;
+    if (place)
+      for (const side of ['left', 'top', 'width', 'height'])
+        this.node.style[side] = `${place[side]}px`;
     this.draw();
   }
 
@@ -59,11 +98,22 @@ export class Compare {
     this.choice.press(mode);
     this.draw();
   }
-  next() { this.set(COMPARISONS[(COMPARISONS.findIndex(([mode]) => mode === this.mode) + 1) % COMPARISONS.length][0]); }
-  flip(on) { this.flipped = on; this.draw(); }
+  next() {
+    this.set(
+      COMPARISONS[
+        (COMPARISONS.findIndex(([mode]) => mode === this.mode) + 1) % COMPARISONS.length
+      ][0],
+    );
+  }
+  flip(on) {
+    this.flipped = on;
+    this.draw();
+  }
 
   draw() {
-    const hasPhoto = Boolean(this.camera?.photo), mode = this.flipped ? 'photo' : this.mode, shows = hasPhoto && mode !== 'render';
+    const hasPhoto = Boolean(this.camera?.photo),
+      mode = this.flipped ? 'photo' : this.mode,
+      shows = hasPhoto && mode !== 'render';
     this.node.hidden = !shows;
     this.controls.hidden = !hasPhoto;
     this.range.hidden = mode !== 'blend';

@@ -12,7 +12,12 @@ export class Messages {
   }
 
   add(text) {
-    const message = el('div.message', {}, el('p', {}, text), iconButton('close', 'close this message', () => message.remove()));
+    const message = el(
+      'div.message',
+      {},
+      el('p', {}, text),
+      iconButton('close', 'close this message', () => message.remove()),
+    );
     this.list.append(message);
     return message;
   }
@@ -20,7 +25,8 @@ export class Messages {
   // An error, shown until it is closed. The same words are not shown twice.
   fail(error) {
     console.warn(error);
-    if (![...this.list.children].some(each => each.textContent === error.message)) this.add(error.message);
+    if (![...this.list.children].some(each => each.textContent === error.message))
+      this.add(error.message);
   }
 
   // A condition that may end by itself, such as a server that does not answer: `error`, or null
@@ -36,13 +42,15 @@ export class Messages {
   // A progress bar until end(); without words nothing is shown.
   progress(words) {
     if (!words) return {set() {}, end() {}};
-    const share = el('progress', {max: 1, 'aria-label': words}), text = el('span', {}, words);
+    const share = el('progress', {max: 1, 'aria-label': words}),
+      text = el('span', {}, words);
     const node = el('div.loading', {role: 'status'}, text, share);
     this.bars.append(node);
     return {
       set: value => {
         share.value = value;
-        text.textContent = value < 1 ? `${words}: ${Math.floor(100 * value)}%` : 'Preparing the model';
+        text.textContent =
+          value < 1 ? `${words}: ${Math.floor(100 * value)}%` : 'Preparing the model';
         if (value >= 1) share.removeAttribute('value');
       },
       end: () => node.remove(),

@@ -5,12 +5,13 @@ import {el} from '../../shared/dom.js';
 import {whole} from '../../shared/format.js';
 import {askToControl} from '../server.js';
 
-const SURE = 4000;  // milliseconds in which a second press stops the run
+const SURE = 4000; // milliseconds in which a second press stops the run
 const KEY = 'gemsplat-control';
 
 /// Takes the token out of the address, where it would be shared, and keeps it for this tab.
 export function takeToken() {
-  const options = new URLSearchParams(location.hash.slice(1)), token = options.get('control');
+  const options = new URLSearchParams(location.hash.slice(1)),
+    token = options.get('control');
   if (token === null) return sessionStorage.getItem(KEY);
   options.delete('control');
   history.replaceState(null, '', `#${options}`);
@@ -27,15 +28,25 @@ export class RunButtons {
     this.save = button('Save now', () => this.ask('save'));
     this.stop = button('Stop', () => this.stopIfSure());
     this.said = el('p.said', {'aria-live': 'polite'});
-    this.node = token ? el('div.run-buttons', {}, el('div.row.buttons', {}, this.pause, this.save, this.stop), this.said)
-                      : el('p.muted.note', {}, 'To pause, save or stop the run, open the address that gemsplat printed.');
+    this.node = token
+      ? el(
+          'div.run-buttons',
+          {},
+          el('div.row.buttons', {}, this.pause, this.save, this.stop),
+          this.said,
+        )
+      : el(
+          'p.muted.note',
+          {},
+          'To pause, save or stop the run, open the address that gemsplat printed.',
+        );
     this.node.hidden = true;
   }
 
   async ask(what) {
     try {
       await askToControl(what, this.token);
-      this.isStopping ||= what === 'stop';  // the server may end before it is asked again
+      this.isStopping ||= what === 'stop'; // the server may end before it is asked again
       this.asked();
     } catch (error) {
       this.failed(error);
@@ -47,7 +58,10 @@ export class RunButtons {
     if (!this.isSure) {
       this.isSure = true;
       this.stop.textContent = 'Stop: sure?';
-      setTimeout(() => { this.isSure = false; this.stop.textContent = 'Stop'; }, SURE);
+      setTimeout(() => {
+        this.isSure = false;
+        this.stop.textContent = 'Stop';
+      }, SURE);
       return;
     }
     this.ask('stop');
@@ -63,6 +77,10 @@ export class RunButtons {
     this.save.disabled = control.saving;
     this.stop.disabled = control.stopping;
     const saved = control.saved === null ? '' : `Saved the model of step ${whole(control.saved)}.`;
-    this.said.textContent = control.stopping ? 'Stopping: the model is saved.' : control.saving ? 'Saving.' : control.trouble || saved;
+    this.said.textContent = control.stopping
+      ? 'Stopping: the model is saved.'
+      : control.saving
+        ? 'Saving.'
+        : control.trouble || saved;
   }
 }

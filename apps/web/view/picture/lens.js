@@ -7,7 +7,7 @@ export const lensOf = ({width, height, fx, fy, cx, cy}) => ({width, height, fx, 
 
 // The centered lens with a field of view of `degrees` along the shorter side of the picture.
 export function plainLens(width, height, degrees) {
-  const focal = Math.min(width, height) / 2 / Math.tan(degrees * Math.PI / 360);
+  const focal = Math.min(width, height) / 2 / Math.tan((degrees * Math.PI) / 360);
   return {width, height, fx: focal, fy: focal, cx: width / 2, cy: height / 2};
 }
 
@@ -19,13 +19,21 @@ export function fitted(lens, width, height, {above = 0, below = 0} = {}) {
   const picture = {width: lens.width * scale, height: lens.height * scale};
   picture.left = (width - picture.width) / 2;
   picture.top = above + (height - above - below - picture.height) / 2;
-  return {width, height, fx: lens.fx * scale, fy: lens.fy * scale,
-          cx: lens.cx * scale + picture.left, cy: lens.cy * scale + picture.top, picture};
+  return {
+    width,
+    height,
+    fx: lens.fx * scale,
+    fy: lens.fy * scale,
+    cx: lens.cx * scale + picture.left,
+    cy: lens.cy * scale + picture.top,
+    picture,
+  };
 }
 
 /// The lens of the same picture at another number of pixels.
 export function resized(lens, width, height) {
-  const x = width / lens.width, y = height / lens.height;
+  const x = width / lens.width,
+    y = height / lens.height;
   return {width, height, fx: lens.fx * x, fy: lens.fy * y, cx: lens.cx * x, cy: lens.cy * y};
 }
 
@@ -33,16 +41,29 @@ export function resized(lens, width, height) {
 /// -1..1).
 export function projectionOf({width, height, fx, fy, cx, cy}, near, far) {
   return new Matrix4().set(
-      2 * fx / width, 0, 1 - 2 * cx / width, 0,
-      0, 2 * fy / height, 2 * cy / height - 1, 0,
-      0, 0, -(far + near) / (far - near), -2 * far * near / (far - near),
-      0, 0, -1, 0);
+    (2 * fx) / width,
+    0,
+    1 - (2 * cx) / width,
+    0,
+    0,
+    (2 * fy) / height,
+    (2 * cy) / height - 1,
+    0,
+    0,
+    0,
+    -(far + near) / (far - near),
+    (-2 * far * near) / (far - near),
+    0,
+    0,
+    -1,
+    0,
+  );
 }
 
 const mix = (a, b, t) => a + (b - a) * t;
 export function mixedLens(a, b, t) {
   // To the same width, so that the numbers can be mixed.
-  const from = resized(a, b.width, b.width * a.height / a.width);
+  const from = resized(a, b.width, (b.width * a.height) / a.width);
   return Object.fromEntries(Object.keys(b).map(key => [key, mix(from[key], b[key], t)]));
 }
 
@@ -51,7 +72,8 @@ const flip = new Matrix4().makeScale(1, -1, -1);
 
 /// The pose {position, quaternion} in WebGL's camera axes of a world_from_camera given by rows.
 export function poseFromRows(rows) {
-  const matrix = new Matrix4().set(...rows).multiply(flip), pose = {position: new Vector3(), quaternion: new Quaternion()};
+  const matrix = new Matrix4().set(...rows).multiply(flip),
+    pose = {position: new Vector3(), quaternion: new Quaternion()};
   matrix.decompose(pose.position, pose.quaternion, new Vector3());
   return pose;
 }

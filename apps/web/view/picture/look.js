@@ -3,7 +3,10 @@
 // (docs/method/photometric.md). The server sends the numbers of each camera's photo.
 import {Vector3} from 'three';
 
-export const lookUniforms = () => ({hasLook: {value: false}, lookGain: {value: new Vector3(1, 1, 1)}});
+export const lookUniforms = () => ({
+  hasLook: {value: false},
+  lookGain: {value: new Vector3(1, 1, 1)},
+});
 
 /// look: {gain: [r, g, b]}; null: none
 export function setLook(uniforms, look) {

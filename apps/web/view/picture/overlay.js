@@ -3,7 +3,7 @@
 import {Matrix4, Vector3} from 'three';
 import {svg} from '../../shared/dom.js';
 
-const NEAREST = 1e-3;  // of the scene's radius: lines are cut off this far ahead of the eye
+const NEAREST = 1e-3; // of the scene's radius: lines are cut off this far ahead of the eye
 
 export class Overlay {
   // radius: of the scene, in world units
@@ -15,7 +15,9 @@ export class Overlay {
   }
 
   /// A tool has draw(overlay), which returns elements for this view.
-  add(tool) { this.tools.push(tool); }
+  add(tool) {
+    this.tools.push(tool);
+  }
 
   /// view: {pose, lens}, the lens of the window
   draw({pose, lens}) {
@@ -24,8 +26,12 @@ export class Overlay {
     this.node.replaceChildren(...this.tools.flatMap(tool => tool.draw(this)));
   }
 
-  seen(point) { return point.clone().applyMatrix4(this.viewFromWorld); }
-  onScreen({x, y, z}) { return {x: this.lens.cx - this.lens.fx * x / z, y: this.lens.cy + this.lens.fy * y / z}; }
+  seen(point) {
+    return point.clone().applyMatrix4(this.viewFromWorld);
+  }
+  onScreen({x, y, z}) {
+    return {x: this.lens.cx - (this.lens.fx * x) / z, y: this.lens.cy + (this.lens.fy * y) / z};
+  }
 
   /// Where the window shows a point: {x, y} in CSS pixels, or null behind the eye.
   place(point) {

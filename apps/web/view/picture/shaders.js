@@ -11,16 +11,21 @@ const JACOBIAN_LIMIT = '1.3';
 // [a line of Spark's vertex shader, its replacement]
 const CHANGES = [
   // Clamp the Jacobian's x/z and y/z to the limit.
-  ['vec2 J2 = -(J1 * viewCenter.xy) * invZ;',
-   `vec2 slope = -(clamp(clipCenter.xy / clipCenter.w, -${JACOBIAN_LIMIT}, ${JACOBIAN_LIMIT})
+  [
+    'vec2 J2 = -(J1 * viewCenter.xy) * invZ;',
+    `vec2 slope = -(clamp(clipCenter.xy / clipCenter.w, -${JACOBIAN_LIMIT}, ${JACOBIAN_LIMIT})
         + vec2(projectionMatrix[2][0], projectionMatrix[2][1])) / vec2(projectionMatrix[0][0], projectionMatrix[1][1]);
-    vec2 J2 = -J1 * slope;`],
+    vec2 J2 = -J1 * slope;`,
+  ],
   // End a splat where its alpha falls below minAlpha.
-  ['adjustedStdDev = maxStdDev;',
-   'adjustedStdDev = min(maxStdDev, sqrt(2.0 * log(max(rgba.a / minAlpha, 1.0))));'],
+  [
+    'adjustedStdDev = maxStdDev;',
+    'adjustedStdDev = min(maxStdDev, sqrt(2.0 * log(max(rgba.a / minAlpha, 1.0))));',
+  ],
   // What tools ask for: the depth of a splat, the size of splats, points, a crop.
-  ['out vec3 vNdc;',
-   `out vec3 vNdc;
+  [
+    'out vec3 vNdc;',
+    `out vec3 vNdc;
 out float vDepth;
 uniform float splatScale;
 uniform float pointRadius;
@@ -36,33 +41,49 @@ bool isCropped(vec3 mean) {
     bool isInside = cropKind == 1 ? all(greaterThanEqual(turned, cropLow)) && all(lessThanEqual(turned, cropHigh))
                                   : distance(mean, cropLow) <= cropHigh.x;
     return isInside == cropDrops;
-}`],
-  ['if (viewCenter.z >= 0.0) {',
-   `vDepth = -viewCenter.z;
+}`,
+  ],
+  [
+    'if (viewCenter.z >= 0.0) {',
+    `vDepth = -viewCenter.z;
     if (isCropped((worldFromView * vec4(viewCenter, 1.0)).xyz)) return;
-    if (viewCenter.z >= 0.0) {`],
-  ['mat3 RS = scaleQuaternionToMatrix(scales, viewQuaternion);',
-   'mat3 RS = scaleQuaternionToMatrix(splatScale * scales, viewQuaternion);'],
-  ['float scale2 = min(maxPixelRadius, adjustedStdDev * sqrt(eigen2));',
-   `float scale2 = min(maxPixelRadius, adjustedStdDev * sqrt(eigen2));
+    if (viewCenter.z >= 0.0) {`,
+  ],
+  [
+    'mat3 RS = scaleQuaternionToMatrix(scales, viewQuaternion);',
+    'mat3 RS = scaleQuaternionToMatrix(splatScale * scales, viewQuaternion);',
+  ],
+  [
+    'float scale2 = min(maxPixelRadius, adjustedStdDev * sqrt(eigen2));',
+    `float scale2 = min(maxPixelRadius, adjustedStdDev * sqrt(eigen2));
     if (pointRadius > 0.0) {
         scale1 = scale2 = pointRadius;
         vSplatUv = position.xy;
         vRgba.a = 1.0;
-    }`],
+    }`,
+  ],
 ];
 
 /// The uniforms that these changes read. Kinds of crops: 0 none, 1 a box between two corners of the
 /// world under cropTurn, 2 a sphere about cropLow with the radius cropHigh.x.
 export const effectUniforms = () => ({
-  splatScale: {value: 1}, pointRadius: {value: 0}, showsDepth: {value: false}, cropKind: {value: 0}, cropDrops: {value: false},
-  cropLow: {value: new Vector3()}, cropHigh: {value: new Vector3()}, cropTurn: {value: new Matrix3()}, worldFromView: {value: new Matrix4()}});
+  splatScale: {value: 1},
+  pointRadius: {value: 0},
+  showsDepth: {value: false},
+  cropKind: {value: 0},
+  cropDrops: {value: false},
+  cropLow: {value: new Vector3()},
+  cropHigh: {value: new Vector3()},
+  cropTurn: {value: new Matrix3()},
+  worldFromView: {value: new Matrix4()},
+});
 
 /// Spark's vertex shader with the changes. Throws Error if a line to be replaced is not in it
 /// exactly once.
 export function vertexShader(text) {
   return CHANGES.reduce((shader, [from, to]) => {
-    if (shader.split(from).length !== 2) throw new Error(`Spark's vertex shader has changed: "${from}" was expected in it once`);
+    if (shader.split(from).length !== 2)
+      throw new Error(`Spark's vertex shader has changed: "${from}" was expected in it once`);
     return shader.replace(from, to);
   }, text);
 }

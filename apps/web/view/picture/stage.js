@@ -12,7 +12,8 @@ import {SplatPicture} from './splats.js';
 const REST = 160;
 const MOST_PIXEL_RATIO = 2;
 // Milliseconds per frame: fewer pixels above, more below, while the view moves.
-const SLOW = 45, QUICK = 20;
+const SLOW = 45,
+  QUICK = 20;
 const LEAST_SCALE = 0.3;
 
 // Colors are what files say, display sRGB: nothing converts them.
@@ -33,32 +34,50 @@ export class Stage {
     if (this.isRemote) {
       this.frames = new FramePicture(this.frameCanvas, view => this.overlay(view), failed);
     } else {
-      this.splats = new SplatPicture(this.renderer, scene.model, () => this.request(), () => this.touch());
+      this.splats = new SplatPicture(
+        this.renderer,
+        scene.model,
+        () => this.request(),
+        () => this.touch(),
+      );
       this.splats.setBackground(scene.background);
     }
-    this.isStale = true;        // something has changed since the last frame
+    this.isStale = true; // something has changed since the last frame
     // The picture is sorted for exactly this view and has all its pixels.
     this.isExact = false;
     this.changedAt = 0;
-    this.margins = {above: 0, below: 0};  // CSS pixels that the interface covers
+    this.margins = {above: 0, below: 0}; // CSS pixels that the interface covers
     // Of the picture's side while the view moves: below 1 for slow machines.
     this.scale = 1;
-    this.fullSize = false;      // keep all pixels while the view moves
-    this.frameTime = null;      // milliseconds per frame, a running mean while the view moves
-    this.canvas.addEventListener('webglcontextlost', () => failed(new Error('The graphics driver has lost this picture, perhaps for lack of memory. Load the page again.')));
+    this.fullSize = false; // keep all pixels while the view moves
+    this.frameTime = null; // milliseconds per frame, a running mean while the view moves
+    this.canvas.addEventListener('webglcontextlost', () =>
+      failed(
+        new Error(
+          'The graphics driver has lost this picture, perhaps for lack of memory. Load the page again.',
+        ),
+      ),
+    );
     new ResizeObserver(() => this.resize()).observe(this.node);
   }
 
   makeRenderer() {
     try {
-      const renderer = new WebGLRenderer({canvas: this.canvas, antialias: true, alpha: this.isRemote, powerPreference: 'high-performance'});
+      const renderer = new WebGLRenderer({
+        canvas: this.canvas,
+        antialias: true,
+        alpha: this.isRemote,
+        powerPreference: 'high-performance',
+      });
       renderer.outputColorSpace = LinearSRGBColorSpace;
       renderer.autoClear = false;
       return renderer;
     } catch {
       // Frames from the server need no WebGL; only frusta are missing then.
       if (this.isRemote) return null;
-      throw new Error('This browser has no WebGL 2, which is needed to draw Gaussians. "gemsplat view --remote" draws them on the machine that gemsplat runs on.');
+      throw new Error(
+        'This browser has no WebGL 2, which is needed to draw Gaussians. "gemsplat view --remote" draws them on the machine that gemsplat runs on.',
+      );
     }
   }
 
@@ -72,7 +91,7 @@ export class Stage {
     this.renderer?.setSize(width, height, false);
     this.margins = this.marginsOf();
     this.touch();
-    this.draw();  // at once: a canvas of another size is empty
+    this.draw(); // at once: a canvas of another size is empty
   }
 
   // Called after the view has changed.
@@ -114,10 +133,17 @@ export class Stage {
   // The window's lens in pixels, of which `ratio` make one CSS pixel.
   lens(ratio = 1) {
     const {above, below} = this.margins;
-    return fitted(this.rig.lens, Math.round(this.width * ratio), Math.round(this.height * ratio), {above: above * ratio, below: below * ratio});
+    return fitted(this.rig.lens, Math.round(this.width * ratio), Math.round(this.height * ratio), {
+      above: above * ratio,
+      below: below * ratio,
+    });
   }
-  get pose() { return {position: this.rig.position.clone(), quaternion: this.rig.quaternion.clone()}; }
-  get isMoving() { return performance.now() - this.changedAt < REST || this.rig.flight !== null; }
+  get pose() {
+    return {position: this.rig.position.clone(), quaternion: this.rig.quaternion.clone()};
+  }
+  get isMoving() {
+    return performance.now() - this.changedAt < REST || this.rig.flight !== null;
+  }
 
   frame(now) {
     this.requested = null;
@@ -135,7 +161,8 @@ export class Stage {
   measure(now) {
     const milliseconds = now - (this.lastFrame ?? -Infinity);
     if (milliseconds > 1000 || !this.isMoving) return;
-    this.frameTime = this.frameTime === null ? milliseconds : 0.8 * this.frameTime + 0.2 * milliseconds;
+    this.frameTime =
+      this.frameTime === null ? milliseconds : 0.8 * this.frameTime + 0.2 * milliseconds;
     if (this.fullSize || this.isRemote) return;
     if (this.frameTime > SLOW) this.scale = Math.max(LEAST_SCALE, this.scale * 0.9);
     else if (this.frameTime < QUICK) this.scale = Math.min(1, this.scale * 1.05);
@@ -145,13 +172,20 @@ export class Stage {
     this.isStale = false;
     const view = {pose: this.pose, lens: this.lens(), at: this.rig.at};
     if (this.isRemote) {
-      this.frames.want({...view, time: this.time, lens: this.lens(this.pixelRatio), window: view.lens}, this.isMoving);
+      this.frames.want(
+        {...view, time: this.time, lens: this.lens(this.pixelRatio), window: view.lens},
+        this.isMoving,
+      );
       if (!this.frames.hasShown) this.overlay(view);
       return;
     }
     const scale = this.pixelRatio * (this.isMoving ? this.scale : 1);
     this.splats.place(view.pose, projectionOf(view.lens, this.scene.near, this.scene.far));
-    this.splats.draw(Math.max(1, Math.round(this.width * scale)), Math.max(1, Math.round(this.height * scale)), view.lens);
+    this.splats.draw(
+      Math.max(1, Math.round(this.width * scale)),
+      Math.max(1, Math.round(this.height * scale)),
+      view.lens,
+    );
     this.frusta.draw(this.renderer, view.pose, view.lens, this.scene.far, view.at !== null);
     this.drawn(view);
   }
@@ -187,7 +221,12 @@ export class Stage {
   // Resolves when the picture on the screen is sorted for exactly this view and has all its pixels.
   async settled() {
     const pause = milliseconds => new Promise(done => setTimeout(done, milliseconds));
-    const isPending = () => !this.isExact || this.isMoving || this.isStale || this.requested || (this.frames ?? this.splats).isPending;
+    const isPending = () =>
+      !this.isExact ||
+      this.isMoving ||
+      this.isStale ||
+      this.requested ||
+      (this.frames ?? this.splats).isPending;
     for (let calm = 0; calm < 3;) {
       calm = isPending() ? 0 : calm + 1;
       await pause(30);
@@ -196,8 +235,11 @@ export class Stage {
 
   // The place of the world that the window shows at a point (CSS pixels) at this depth along the axis.
   worldAt(x, y, depth) {
-    const {fx, fy, cx, cy} = this.lens(), {position} = this.rig;
-    return position.clone().add(this.rig.axis((x - cx) / fx * depth, -(y - cy) / fy * depth, -depth));
+    const {fx, fy, cx, cy} = this.lens(),
+      {position} = this.rig;
+    return position
+      .clone()
+      .add(this.rig.axis(((x - cx) / fx) * depth, (-(y - cy) / fy) * depth, -depth));
   }
   // The surface there, by the mean depth of what is drawn, or null.
   surfaceAt(x, y) {
@@ -206,5 +248,7 @@ export class Stage {
   }
 
   // The world point of the nearest Gaussian at a place of the window (CSS pixels), or null.
-  pointAt(x, y) { return this.splats?.pick(2 * x / this.width - 1, 1 - 2 * y / this.height) ?? null; }
+  pointAt(x, y) {
+    return this.splats?.pick((2 * x) / this.width - 1, 1 - (2 * y) / this.height) ?? null;
+  }
 }

@@ -1,14 +1,28 @@
 // SPDX-License-Identifier: Apache-2.0
 // Depth and normals as `gemsplat render` defines them (docs/reference/rendering.md): the mean depth
 // of a pixel's fragments, and the normal of the surface that the depth picture shows.
-import {DataTexture, FloatType, HalfFloatType, LinearFilter, Mesh, NearestFilter, OrthographicCamera, PlaneGeometry, RGBAFormat, Scene,
-        ShaderMaterial, Vector2, Vector4, WebGLRenderTarget} from 'three';
+import {
+  DataTexture,
+  FloatType,
+  HalfFloatType,
+  LinearFilter,
+  Mesh,
+  NearestFilter,
+  OrthographicCamera,
+  PlaneGeometry,
+  RGBAFormat,
+  Scene,
+  ShaderMaterial,
+  Vector2,
+  Vector4,
+  WebGLRenderTarget,
+} from 'three';
 import {compositeVertexShader} from './shaders.js';
 import {rampBytes} from './ramp.js';
 
-const SAMPLE = 64;            // pixels of a side: depths from which the range of the ramp is taken
-const OUTLIERS = 0.01;        // of the depths, at either end
-const SEEN = 0.5;             // alpha from which a pixel counts as something to measure at
+const SAMPLE = 64; // pixels of a side: depths from which the range of the ramp is taken
+const OUTLIERS = 0.01; // of the depths, at either end
+const SEEN = 0.5; // alpha from which a pixel counts as something to measure at
 
 const depthShader = `
 uniform sampler2D gathered;
@@ -67,7 +81,14 @@ const quad = material => {
   mesh.frustumCulled = false;
   return new Scene().add(mesh);
 };
-const material = (fragmentShader, uniforms) => new ShaderMaterial({vertexShader: compositeVertexShader, fragmentShader, uniforms, depthTest: false, depthWrite: false});
+const material = (fragmentShader, uniforms) =>
+  new ShaderMaterial({
+    vertexShader: compositeVertexShader,
+    fragmentShader,
+    uniforms,
+    depthTest: false,
+    depthWrite: false,
+  });
 
 export class Surface {
   constructor(renderer) {
@@ -82,15 +103,28 @@ export class Surface {
   }
 
   make() {
-    const {extensions} = this.renderer, isFloat = extensions.has('EXT_color_buffer_float') && extensions.has('EXT_float_blend');
-    const target = (side, type) => new WebGLRenderTarget(side, side, {type, minFilter: NearestFilter, magFilter: NearestFilter, depthBuffer: false});
+    const {extensions} = this.renderer,
+      isFloat = extensions.has('EXT_color_buffer_float') && extensions.has('EXT_float_blend');
+    const target = (side, type) =>
+      new WebGLRenderTarget(side, side, {
+        type,
+        minFilter: NearestFilter,
+        magFilter: NearestFilter,
+        depthBuffer: false,
+      });
     this.target = target(1, isFloat ? FloatType : HalfFloatType);
     this.sample = target(SAMPLE, FloatType);
     const ramp = new DataTexture(rampBytes(), 256, 1, RGBAFormat);
     ramp.minFilter = ramp.magFilter = LinearFilter;
     ramp.needsUpdate = true;
     const gathered = {value: this.target.texture};
-    this.uniforms = {gathered, ramp: {value: ramp}, showsNormals: {value: false}, range: {value: new Vector2()}, lens: {value: new Vector4()}};
+    this.uniforms = {
+      gathered,
+      ramp: {value: ramp},
+      showsNormals: {value: false},
+      range: {value: new Vector2()},
+      lens: {value: new Vector4()},
+    };
     this.picture = quad(material(fragmentShader, this.uniforms));
     this.sampler = quad(material(sampleShader, {gathered}));
   }
@@ -98,7 +132,8 @@ export class Surface {
   // gather(size): sums the depths of all splats into this.gathered
   draw(gather, {quantity, width, height, lens, to}) {
     gather({width, height});
-    const x = width / lens.width, y = height / lens.height;
+    const x = width / lens.width,
+      y = height / lens.height;
     this.uniforms.lens.value.set(lens.fx * x, lens.fy * y, lens.cx * x, lens.cy * y);
     this.uniforms.showsNormals.value = quantity === 'normal';
     if (quantity === 'depth') this.measureRange();
@@ -128,7 +163,8 @@ export class Surface {
 
   // Spark may have bound a buffer for its own reading.
   read(target, x, y, width, height, to) {
-    const gl = this.renderer.getContext(), bound = gl.getParameter(gl.PIXEL_PACK_BUFFER_BINDING);
+    const gl = this.renderer.getContext(),
+      bound = gl.getParameter(gl.PIXEL_PACK_BUFFER_BINDING);
     gl.bindBuffer(gl.PIXEL_PACK_BUFFER, null);
     this.renderer.readRenderTargetPixels(target, x, y, width, height, to);
     gl.bindBuffer(gl.PIXEL_PACK_BUFFER, bound);
@@ -136,6 +172,8 @@ export class Surface {
 }
 
 function fromHalf(bits) {
-  const exponent = bits >> 10 & 31, fraction = bits & 1023, sign = bits >> 15 ? -1 : 1;
+  const exponent = (bits >> 10) & 31,
+    fraction = bits & 1023,
+    sign = bits >> 15 ? -1 : 1;
   return sign * (exponent ? 2 ** (exponent - 15) * (1 + fraction / 1024) : fraction * 2 ** -24);
 }

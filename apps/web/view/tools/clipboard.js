@@ -2,7 +2,7 @@
 // Takes texts and files out of the page.
 import {el} from '../../shared/dom.js';
 
-const SHOWN = 1200;  // milliseconds of "copied"
+const SHOWN = 1200; // milliseconds of "copied"
 
 // Over plain http to another machine there is no clipboard: a selected text can be copied by hand.
 async function copy(text) {
@@ -24,10 +24,22 @@ export function quoted(name) {
 
 /// A button that copies text().
 export function copyButton(words, text) {
-  const button = el('button.button', {type: 'button', onclick: async () => {
-    button.textContent = await copy(text()).then(() => 'copied', () => 'the browser refused');
-    setTimeout(() => { button.textContent = words; }, SHOWN);
-  }}, words);
+  const button = el(
+    'button.button',
+    {
+      type: 'button',
+      onclick: async () => {
+        button.textContent = await copy(text()).then(
+          () => 'copied',
+          () => 'the browser refused',
+        );
+        setTimeout(() => {
+          button.textContent = words;
+        }, SHOWN);
+      },
+    },
+    words,
+  );
   return button;
 }
 

@@ -8,28 +8,71 @@ import {row, toggleSwitch} from '../panels/parts.js';
 import {copyButton, quoted} from './clipboard.js';
 import {Region} from './crop_region.js';
 
-const COUNT_AFTER = 250;  // milliseconds without a change
-const FIRST_SIZE = 0.5;   // of the scene's radius: half a side of the first box
-const REACH = 9;          // CSS pixels: radius of a handle
+const COUNT_AFTER = 250; // milliseconds without a change
+const FIRST_SIZE = 0.5; // of the scene's radius: half a side of the first box
+const REACH = 9; // CSS pixels: radius of a handle
 
 export class CropTool {
   title = 'Crop';
 
   constructor(viewer) {
     this.viewer = viewer;
-    this.region = new Region(viewer.center, FIRST_SIZE * viewer.scene.radius, viewer.scene.world_offset ?? [0, 0, 0], new Vector3(...viewer.scene.up));
+    this.region = new Region(
+      viewer.center,
+      FIRST_SIZE * viewer.scene.radius,
+      viewer.scene.world_offset ?? [0, 0, 0],
+      new Vector3(...viewer.scene.up),
+    );
     this.hides = true;
     this.fields = el('div.fields');
     this.counts = el('p.said', {'aria-live': 'polite'});
     this.command = el('code.command', {tabindex: '0'});
-    const choose = (name, value) => { this.region[name] = value; this.changed(); };
-    const hide = toggleSwitch('hide the rest', true, on => { this.hides = on; this.changed(); });
-    this.node = el('div.tool', {},
-        row('Shape', segmented('shape', [['box', 'Box'], ['sphere', 'Sphere']], 'box', shape => choose('shape', shape))),
-        row('Inside', segmented('inside', [['keep', 'Keep'], ['drop', 'Drop']], 'keep', what => choose('drops', what === 'drop'))),
-        this.fields, row('Hide the rest', hide.button), this.counts, this.command,
-        el('div.row.buttons', {}, copyButton('Copy the command', () => this.command.textContent),
-           el('button.button', {type: 'button', onclick: () => this.fit()}, 'Around this view')));
+    const choose = (name, value) => {
+      this.region[name] = value;
+      this.changed();
+    };
+    const hide = toggleSwitch('hide the rest', true, on => {
+      this.hides = on;
+      this.changed();
+    });
+    this.node = el(
+      'div.tool',
+      {},
+      row(
+        'Shape',
+        segmented(
+          'shape',
+          [
+            ['box', 'Box'],
+            ['sphere', 'Sphere'],
+          ],
+          'box',
+          shape => choose('shape', shape),
+        ),
+      ),
+      row(
+        'Inside',
+        segmented(
+          'inside',
+          [
+            ['keep', 'Keep'],
+            ['drop', 'Drop'],
+          ],
+          'keep',
+          what => choose('drops', what === 'drop'),
+        ),
+      ),
+      this.fields,
+      row('Hide the rest', hide.button),
+      this.counts,
+      this.command,
+      el(
+        'div.row.buttons',
+        {},
+        copyButton('Copy the command', () => this.command.textContent),
+        el('button.button', {type: 'button', onclick: () => this.fit()}, 'Around this view'),
+      ),
+    );
   }
 
   // The region where people look now.
@@ -39,7 +82,10 @@ export class CropTool {
     this.changed();
   }
 
-  opened() { this.isOpen = true; this.changed(); }
+  opened() {
+    this.isOpen = true;
+    this.changed();
+  }
   closed() {
     this.isOpen = false;
     this.viewer.stage.splats.setEffect('cropKind', 0);
@@ -57,13 +103,26 @@ export class CropTool {
 
   // Fields keep the focus while their shape stays.
   showFields() {
-    const {fields} = this.region, labels = fields.map(([label]) => label).join();
+    const {fields} = this.region,
+      labels = fields.map(([label]) => label).join();
     if (labels !== this.labels) {
       this.labels = labels;
-      this.inputs = fields.map(([label], i) => el('input', {type: 'number', step: 'any', 'aria-label': label, onchange: event => this.enter(i, event.target.value)}));
-      this.fields.replaceChildren(...fields.map(([label], i) => el('label', {}, label, this.inputs[i])));
+      this.inputs = fields.map(([label], i) =>
+        el('input', {
+          type: 'number',
+          step: 'any',
+          'aria-label': label,
+          onchange: event => this.enter(i, event.target.value),
+        }),
+      );
+      this.fields.replaceChildren(
+        ...fields.map(([label], i) => el('label', {}, label, this.inputs[i])),
+      );
     }
-    fields.forEach(([, value], i) => { if (document.activeElement !== this.inputs[i]) this.inputs[i].value = Number(value.toPrecision(this.region.digitsOf(value))); });
+    fields.forEach(([, value], i) => {
+      if (document.activeElement !== this.inputs[i])
+        this.inputs[i].value = Number(value.toPrecision(this.region.digitsOf(value)));
+    });
   }
   enter(index, text) {
     const value = Number(text);
@@ -73,15 +132,25 @@ export class CropTool {
 
   count() {
     const counts = this.region.count(this.viewer.stage.splats);
-    this.counts.textContent = counts ? `${whole(counts.kept)} of ${whole(counts.all)} Gaussians remain.`
-                                     : 'gemsplat edit --dry-run counts what remains of a streamed model.';
+    this.counts.textContent = counts
+      ? `${whole(counts.kept)} of ${whole(counts.all)} Gaussians remain.`
+      : 'gemsplat edit --dry-run counts what remains of a streamed model.';
   }
 
   draw(overlay) {
     if (!this.isOpen) return [];
     const {lines, handles} = this.region;
-    return [...lines.flatMap(([a, b]) => [...overlay.line(a, b, {class: 'crop-line under'}), ...overlay.line(a, b, {class: 'crop-line'})]),
-            ...handles.flatMap((handle, i) => overlay.circle(handle.point, REACH, {class: 'handle', 'data-handle': i}).map(circle => this.live(circle, i, overlay)))];
+    return [
+      ...lines.flatMap(([a, b]) => [
+        ...overlay.line(a, b, {class: 'crop-line under'}),
+        ...overlay.line(a, b, {class: 'crop-line'}),
+      ]),
+      ...handles.flatMap((handle, i) =>
+        overlay
+          .circle(handle.point, REACH, {class: 'handle', 'data-handle': i})
+          .map(circle => this.live(circle, i, overlay)),
+      ),
+    ];
   }
 
   // Handles are made anew in each frame, so that a drag listens to the window.
@@ -109,9 +178,13 @@ export class CropTool {
 
   // Moves a handle along its axis so that it follows the pointer.
   drag({point, axis, drag}, dx, dy, overlay) {
-    const small = 0.01 * this.viewer.scene.radius, from = overlay.place(point), to = overlay.place(point.clone().addScaledVector(axis, small));
+    const small = 0.01 * this.viewer.scene.radius,
+      from = overlay.place(point),
+      to = overlay.place(point.clone().addScaledVector(axis, small));
     if (!from || !to) return;
-    const ex = (to.x - from.x) / small, ey = (to.y - from.y) / small, square = ex * ex + ey * ey;
+    const ex = (to.x - from.x) / small,
+      ey = (to.y - from.y) / small,
+      square = ex * ex + ey * ey;
     if (square > 0) drag((dx * ex + dy * ey) / square);
     this.changed();
   }

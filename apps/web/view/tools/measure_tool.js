@@ -3,19 +3,29 @@
 import {el} from '../../shared/dom.js';
 import {significant} from '../../shared/format.js';
 
-const LINE = {class: 'measure-line'}, DOT = {class: 'measure-dot'};
+const LINE = {class: 'measure-line'},
+  DOT = {class: 'measure-dot'};
 
 export class MeasureTool {
   title = 'Measure';
-  picks = true;  // clicks into the picture are for this tool while it is open
+  picks = true; // clicks into the picture are for this tool while it is open
 
   constructor(viewer) {
     this.viewer = viewer;
     this.points = [];
     this.words = el('p.said', {'aria-live': 'polite'});
     this.places = el('dl.facts');
-    this.node = el('div.tool', {}, this.words, this.places,
-                   el('div.row.buttons', {}, el('button.button', {type: 'button', onclick: () => this.clear()}, 'Clear')));
+    this.node = el(
+      'div.tool',
+      {},
+      this.words,
+      this.places,
+      el(
+        'div.row.buttons',
+        {},
+        el('button.button', {type: 'button', onclick: () => this.clear()}, 'Clear'),
+      ),
+    );
     this.tell();
   }
 
@@ -41,18 +51,33 @@ export class MeasureTool {
 
   tell(trouble) {
     const [a, b] = this.points;
-    this.words.textContent = trouble ?? (b ? `Distance: ${this.length(a.distanceTo(b))}` : a ? 'Choose the second point.' : 'Click two points of the picture.');
+    this.words.textContent =
+      trouble ??
+      (b
+        ? `Distance: ${this.length(a.distanceTo(b))}`
+        : a
+          ? 'Choose the second point.'
+          : 'Click two points of the picture.');
     const row = (name, value) => el('div', {}, el('dt', {}, name), el('dd', {}, value));
     const at = point => [point.x, point.y, point.z].map(value => significant(value, 4)).join(', ');
-    this.places.replaceChildren(...this.points.map((point, i) => row('AB'[i], at(point))), ...(b ? [row('B - A', at(b.clone().sub(a)))] : []));
+    this.places.replaceChildren(
+      ...this.points.map((point, i) => row('AB'[i], at(point))),
+      ...(b ? [row('B - A', at(b.clone().sub(a)))] : []),
+    );
     this.viewer.stage.request();
   }
 
   draw(overlay) {
     const [a, b] = this.points;
     if (!a) return [];
-    const line = b ? [...overlay.line(a, b, {class: 'measure-line under'}), ...overlay.line(a, b, LINE)] : [];
-    const words = b ? overlay.words(a.clone().lerp(b, 0.5), this.length(a.distanceTo(b)), {class: 'measure-words'}) : [];
+    const line = b
+      ? [...overlay.line(a, b, {class: 'measure-line under'}), ...overlay.line(a, b, LINE)]
+      : [];
+    const words = b
+      ? overlay.words(a.clone().lerp(b, 0.5), this.length(a.distanceTo(b)), {
+          class: 'measure-words',
+        })
+      : [];
     return [...line, ...this.points.flatMap(point => overlay.circle(point, 5, DOT)), ...words];
   }
 }

@@ -4,14 +4,20 @@ import {NearestFilter, UnsignedByteType, WebGLRenderTarget} from 'three';
 import {fitted, projectionOf, resized} from '../picture/lens.js';
 import {askForPhoto} from '../server.js';
 
-const MOST_REMOTE = 4096;  // pixels on a side: the server's limit
+const MOST_REMOTE = 4096; // pixels on a side: the server's limit
 
 /// The lens's picture of the stage's present view as ImageData of width x height. The view has to be
 /// settled.
 export function pixelsOf(stage, lens, width, height) {
   const {renderer, splats, scene} = stage;
-  const target = new WebGLRenderTarget(width, height, {type: UnsignedByteType, minFilter: NearestFilter, magFilter: NearestFilter, depthBuffer: false});
-  const bottomUp = new Uint8Array(4 * width * height), image = new ImageData(width, height);
+  const target = new WebGLRenderTarget(width, height, {
+    type: UnsignedByteType,
+    minFilter: NearestFilter,
+    magFilter: NearestFilter,
+    depthBuffer: false,
+  });
+  const bottomUp = new Uint8Array(4 * width * height),
+    image = new ImageData(width, height);
   try {
     splats.place(stage.pose, projectionOf(lens, scene.near, scene.far));
     splats.draw(width, height, lens, target);
@@ -19,9 +25,13 @@ export function pixelsOf(stage, lens, width, height) {
   } finally {
     renderer.setRenderTarget(null);
     target.dispose();
-    stage.request();  // the canvas shows its own view again
+    stage.request(); // the canvas shows its own view again
   }
-  for (let y = 0; y < height; ++y) image.data.set(bottomUp.subarray(4 * width * (height - 1 - y), 4 * width * (height - y)), 4 * width * y);
+  for (let y = 0; y < height; ++y)
+    image.data.set(
+      bottomUp.subarray(4 * width * (height - 1 - y), 4 * width * (height - y)),
+      4 * width * y,
+    );
   return image;
 }
 
@@ -34,11 +44,16 @@ function canvasOf(image) {
 /// A PNG of what the window shows without interface, with `times` as many pixels on each side.
 export async function screenshot(stage, times) {
   await stage.settled();
-  const lens = stage.lens(), largest = stage.isRemote ? MOST_REMOTE : stage.renderer.capabilities.maxTextureSize;
+  const lens = stage.lens(),
+    largest = stage.isRemote ? MOST_REMOTE : stage.renderer.capabilities.maxTextureSize;
   const ratio = Math.min(stage.pixelRatio * times, largest / Math.max(stage.width, stage.height));
   const [width, height] = [stage.width, stage.height].map(side => Math.round(side * ratio));
-  if (!stage.isRemote) return canvasOf(pixelsOf(stage, lens, width, height)).convertToBlob({type: 'image/png'});
-  const frame = await stage.frames.frameOf({pose: stage.pose, time: stage.time}, resized(lens, width, height));
+  if (!stage.isRemote)
+    return canvasOf(pixelsOf(stage, lens, width, height)).convertToBlob({type: 'image/png'});
+  const frame = await stage.frames.frameOf(
+    {pose: stage.pose, time: stage.time},
+    resized(lens, width, height),
+  );
   const canvas = new OffscreenCanvas(width, height);
   canvas.getContext('2d').drawImage(frame, 0, 0);
   return canvas.convertToBlob({type: 'image/png'});
@@ -48,11 +63,13 @@ export async function screenshot(stage, times) {
 export async function psnrOf(stage, camera) {
   const photo = await askForPhoto(camera.photo);
   await stage.settled();
-  const {width, height} = camera, quantity = stage.splats.quantity;
+  const {width, height} = camera,
+    quantity = stage.splats.quantity;
   stage.splats.quantity = 'color';
   const picture = pixelsOf(stage, fitted(camera, width, height), width, height).data;
   stage.splats.quantity = quantity;
-  const canvas = new OffscreenCanvas(width, height), context = canvas.getContext('2d', {willReadFrequently: true});
+  const canvas = new OffscreenCanvas(width, height),
+    context = canvas.getContext('2d', {willReadFrequently: true});
   context.drawImage(photo, 0, 0, width, height);
   const wanted = context.getImageData(0, 0, width, height).data;
   let sum = 0;

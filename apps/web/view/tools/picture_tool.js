@@ -14,11 +14,37 @@ export class PictureTool {
     const {stage} = viewer;
     const take = times => () => this.take(times).catch(error => viewer.messages.fail(error));
     this.said = el('span.said', {'aria-live': 'polite'});
-    this.psnr = el('button.button', {type: 'button', title: 'M', onclick: () => this.measure().catch(error => viewer.messages.fail(error))}, 'PSNR against the photo');
-    this.node = el('div.tool', {},
-        row('Screenshot', el('span.pair', {}, el('button.button', {type: 'button', title: 'K', onclick: take(1)}, 'PNG'), el('button.button', {type: 'button', onclick: take(2)}, 'PNG, twice as large'))),
-        row('This view', copyButton('Copy its address', () => `${location.href.split('#')[0]}#${viewer.address.text}`)),
-        !stage.isRemote && row('This camera', this.psnr), this.said);
+    this.psnr = el(
+      'button.button',
+      {
+        type: 'button',
+        title: 'M',
+        onclick: () => this.measure().catch(error => viewer.messages.fail(error)),
+      },
+      'PSNR against the photo',
+    );
+    this.node = el(
+      'div.tool',
+      {},
+      row(
+        'Screenshot',
+        el(
+          'span.pair',
+          {},
+          el('button.button', {type: 'button', title: 'K', onclick: take(1)}, 'PNG'),
+          el('button.button', {type: 'button', onclick: take(2)}, 'PNG, twice as large'),
+        ),
+      ),
+      row(
+        'This view',
+        copyButton(
+          'Copy its address',
+          () => `${location.href.split('#')[0]}#${viewer.address.text}`,
+        ),
+      ),
+      !stage.isRemote && row('This camera', this.psnr),
+      this.said,
+    );
     this.show(null);
   }
 
@@ -27,7 +53,10 @@ export class PictureTool {
     if (camera === this.camera) return;
     this.camera = camera;
     this.psnr.disabled = !camera?.photo;
-    this.said.textContent = camera?.photo || this.viewer.stage.isRemote ? '' : 'PSNR needs the view of a camera with a photo.';
+    this.said.textContent =
+      camera?.photo || this.viewer.stage.isRemote
+        ? ''
+        : 'PSNR needs the view of a camera with a photo.';
   }
 
   async take(times) {
@@ -43,5 +72,7 @@ export class PictureTool {
     this.said.textContent = `${camera.name}: ${fixed(dB, 2)} dB`;
   }
 
-  draw() { return []; }
+  draw() {
+    return [];
+  }
 }

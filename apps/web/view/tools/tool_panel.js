@@ -8,7 +8,9 @@ import {PictureTool} from './picture_tool.js';
 
 /// The tools of a viewer by name. With frames from the server, those that need no Gaussians.
 export function makeTools(viewer) {
-  const drawn = viewer.stage.isRemote ? {} : {measure: new MeasureTool(viewer), crop: new CropTool(viewer)};
+  const drawn = viewer.stage.isRemote
+    ? {}
+    : {measure: new MeasureTool(viewer), crop: new CropTool(viewer)};
   return {picture: new PictureTool(viewer), ...drawn, path: new PathTool(viewer)};
 }
 
@@ -21,7 +23,12 @@ export class ToolPanel {
     this.changed = changed;
     this.isShown = false;
     this.holder = el('div.tool-holder');
-    this.choice = segmented('tool', tools.map(({title}) => [title, title]), tools[0].title, title => this.open(title));
+    this.choice = segmented(
+      'tool',
+      tools.map(({title}) => [title, title]),
+      tools[0].title,
+      title => this.open(title),
+    );
     this.node = el('div.tools-body', {}, this.choice, this.holder);
     this.open(tools[0].title);
   }
@@ -43,5 +50,7 @@ export class ToolPanel {
   }
 
   /// The tool that clicks into the picture are for, or null.
-  get picker() { return this.isShown && this.chosen.picks ? this.chosen : null; }
+  get picker() {
+    return this.isShown && this.chosen.picks ? this.chosen : null;
+  }
 }

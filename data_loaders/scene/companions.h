@@ -1,0 +1,30 @@
+// SPDX-License-Identifier: Apache-2.0
+// The files that other programs make for photos, one for each: masks and depth maps.
+#pragma once
+
+#include "data_loaders/scene/scene_model.h"
+
+namespace gs {
+
+/// A kind of such files, and its words in messages. Two exist: kMasks and kDepthMaps.
+struct CompanionKind;
+extern const CompanionKind kMasks, kDepthMaps;
+
+/// Where dataset.masks or dataset.depth says that they are. Throws Error if that is no folder.
+Companions find_companions(const CompanionKind& kind, const DatasetConfig& dataset);
+
+/// find_companions(), and the file of each photo, empty if it has none. For a photo a/b.jpg and the
+/// kind "mask" that is the first of these in the folder:
+///   a/b.jpg.png   COLMAP's        a/b.jpg       the same name
+///   a/b.png       another ending, if no other photo has that name
+///   a/b.mask.png, a/b.jpg.mask.png, a/b_mask.png, a/b.jpg_mask.png
+/// For a frame of the video a.mp4, they are followed by a.mp4.png, for all of its frames. Any other
+/// picture's ending may stand for .png, if there is one such file.
+///
+/// A file that the model names (ColmapImage::mask, ColmapImage::depth) goes before those of a folder
+/// that was only found, and is ignored if the setting names a folder. Warns with a count if some
+/// photos have no mask. Throws Error if a photo could have two files, and if none of the photos has
+/// one in the folder that the setting names.
+void match_companions(const CompanionKind& kind, const DatasetConfig& dataset, SceneModel& scene);
+
+}  // namespace gs
