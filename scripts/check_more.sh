@@ -42,12 +42,12 @@ check_sanitizers() {
   run_tests debug
 }
 
-# Each fuzz target reads the same 100,000 inputs, and the tests that damage files run, all under the
+# Each fuzz target reads the same 100,000 inputs, and corpus_test reads damaged ones, all under the
 # sanitizers and compiled by clang++.
 check_fuzz() {
   install_clang
-  build fuzz model_tests fuzz_targets
-  build/fuzz/tests/model_tests --gtest_filter='*FormatsFuzz*'
+  build fuzz fuzz_tests fuzz_targets
+  build/fuzz/tests/fuzz_tests
   scripts/fuzz.sh --runs 100000
 }
 

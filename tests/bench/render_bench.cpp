@@ -14,7 +14,7 @@ namespace gs {
 namespace {
 
 constexpr Recipe kSpread{.sigma_low = 0.5f, .sigma_high = 4, .stretch = 4, .reach = 1};
-constexpr LearningRates kRates{};  // with rates of 0 the scene does not change
+constexpr LearningRates kNoRates{};  // with rates of 0 the scene does not change
 constexpr LossSettings kLossSettings{.lambda_dssim = 0.2f};
 
 /// A scene of a given number of Gaussians and picture size, rendered and differentiated once.
@@ -37,8 +37,8 @@ struct BenchScene {
     backend->renderer().backward(model.gaussians.span(), view.camera, settings, pass,
                                  dL_dimage.span(), gradients.span(), dL_dmean2d.span());
   }
-  void adam() { update_by_adam(model, gradients, {kRates}); }
-  void step() { backend->step(model, view, settings, kLossSettings, kRates, {true}); }
+  void adam() { update_by_adam(model, gradients, {kNoRates}); }
+  void step() { backend->step(model, view, settings, kLossSettings, kNoRates, {true}); }
 
   std::unique_ptr<Backend> backend = make_scalar_backend();
   View view;

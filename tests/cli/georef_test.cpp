@@ -5,7 +5,7 @@
 
 #include "data_loaders/colmap/world_offset.h"
 #include "data_loaders/georef/georef_file.h"
-#include "tests/support/gps_photo.h"
+#include "tests/support/exif_photo.h"
 #include "tests/support/placed_scene.h"
 #include "tests/support/program.h"
 

@@ -2,13 +2,10 @@
 // Temporary files: their names cannot be guessed, and no link under such a name is followed.
 #include "gs_core/system/files/atomic_file.h"
 
-#include <gmock/gmock.h>
 #include <unistd.h>
 
-#include <set>
-#include <string>
-
 #include "tests/support/temp_folder.h"
+#include "tests/support/test.h"
 
 namespace gs {
 namespace {

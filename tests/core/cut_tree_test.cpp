@@ -2,14 +2,9 @@
 // Space in parts: every point is in exactly one, and the parts have equal shares of the points.
 #include "gs_core/geometry/cut_tree.h"
 
-#include <gtest/gtest.h>
-
-#include <algorithm>
-#include <cmath>
-#include <limits>
-
 #include "gs_core/geometry/vectors.h"
 #include "gs_core/math/random.h"
+#include "tests/support/test.h"
 
 namespace gs {
 namespace {

@@ -3,19 +3,14 @@
 // threads.
 #include "gs_model/edit/decimate.h"
 
-#include <gtest/gtest.h>
-
-#include <cmath>
-
-#include "gs_core/error.h"
 #include "gs_core/geometry/kd_tree.h"
 #include "gs_core/math/constants.h"
 #include "gs_core/math/render/activations.h"
 #include "gs_core/math/render/covariance.h"
 #include "gs_core/math/render/rotation.h"
-#include "gs_core/threads/parallel.h"
 #include "tests/support/random_model.h"
 #include "tests/support/same_bits.h"
+#include "tests/support/test.h"
 
 namespace gs {
 namespace {

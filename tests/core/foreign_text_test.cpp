@@ -1,14 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "gs_core/system/text/foreign_text.h"
 
-#include <gmock/gmock.h>
-
-#include "gs_core/error.h"
+#include "tests/support/test.h"
 
 namespace gs {
 namespace {
-
-using testing::HasSubstr;
 
 TEST(ForeignText, PlainTextAndUtf8StayAsTheyAre) {
   const std::string text = "cannot read photos/Münster €.jpg\t(日本, 😀)\n  a block of ours";

@@ -1,13 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 // Places on earth, against values that PROJ 9.1.1 (`cs2cs`, Debian proj-bin) has printed.
-#include <gtest/gtest.h>
-
-#include <cmath>
-#include <numbers>
-#include <vector>
-
 #include "gs_core/geodesy/utm.h"
 #include "gs_core/geometry/vectors.h"
+#include "tests/support/test.h"
 
 namespace gs {
 namespace {

@@ -2,40 +2,12 @@
 // Which way is up, what cameras look at, and the small geometry below that.
 #include "gs_core/geometry/vectors.h"
 
-#include <gmock/gmock.h>
-
-#include <cmath>
-#include <numbers>
-
 #include "gs_core/geometry/scene_frame.h"
 #include "gs_core/math/render/rotation.h"
-#include "gs_render/paths/camera_path.h"
+#include "tests/support/arc_cameras.h"
 
 namespace gs {
 namespace {
-
-const Vec3d kUp{0.0, 0.0, 1.0};
-
-double norm(const Vec3d& v) { return std::sqrt(inner(v, v)); }
-
-Camera looking(const Vec3d& from, const Vec3d& to) {
-  Camera camera;
-  camera.width = 40, camera.height = 30, camera.fx = camera.fy = 40, camera.cx = 20, camera.cy = 15;
-  return with_pose(camera, {from, looking_at(from, to, kUp)});
-}
-
-/// Cameras on a part of a circle of radius 4 at height 3 about (5, 6, 7), looking at its center
-/// from 5 units away.
-std::vector<Camera> arc(int count, double part) {
-  std::vector<Camera> cameras;
-  for (int i = 0; i < count; ++i) {
-    const double angle = 2 * std::numbers::pi * part * i / count;
-    const Vec3d center(5.0, 6.0, 7.0);
-    cameras.push_back(
-        looking(center + Vec3d(4 * std::cos(angle), 4 * std::sin(angle), 3.0), center));
-  }
-  return cameras;
-}
 
 TEST(Geometry, CrossIsAtRightAnglesByTheRightHandRule) {
   EXPECT_EQ(cross(Vec3d(1.0, 0.0, 0.0), Vec3d(0.0, 1.0, 0.0)), Vec3d(0.0, 0.0, 1.0));

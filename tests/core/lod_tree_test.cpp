@@ -3,16 +3,11 @@
 // and nothing depends on threads.
 #include "gs_model/lod/lod_tree.h"
 
-#include <gtest/gtest.h>
-
-#include <algorithm>
-
-#include "gs_core/error.h"
-#include "gs_core/threads/parallel.h"
 #include "gs_model/edit/merge_gaussians.h"
 #include "gs_model/lod/splat_tree.h"
 #include "tests/support/random_model.h"
 #include "tests/support/same_bits.h"
+#include "tests/support/test.h"
 
 namespace gs {
 namespace {

@@ -1,24 +1,19 @@
 // SPDX-License-Identifier: Apache-2.0
 // What may be moved aside, and the lock of a folder, which every path to the folder leads to.
-#include <gmock/gmock.h>
 #include <sys/wait.h>
 #include <unistd.h>
 
-#include <memory>
-
-#include "gs_core/error.h"
 #include "gs_core/system/files/atomic_file.h"
 #include "gs_core/system/files/move_aside.h"
 #include "gs_core/system/files/output_lock.h"
 #include "gs_core/system/files/output_names.h"
-#include "gs_core/system/files/scratch_folder.h"
 #include "tests/support/temp_folder.h"
+#include "tests/support/test.h"
 
 namespace gs {
 namespace {
 
 namespace fs = std::filesystem;
-using ::testing::HasSubstr;
 
 class Owned : public ::testing::Test {
  protected:

@@ -1,15 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "gs_core/threads/parallel.h"
 
-#include <gtest/gtest.h>
-
 #include <atomic>
 #include <mutex>
-#include <numeric>
-#include <set>
 #include <stdexcept>
 #include <thread>
-#include <vector>
+#include "tests/support/test.h"
 
 namespace gs {
 namespace {

@@ -3,23 +3,19 @@
 // outlive the parent.
 #include "gs_core/system/processes/process.h"
 
-#include <gmock/gmock.h>
 #include <signal.h>
 #include <unistd.h>
 
 #include <chrono>
-#include <fstream>
 #include <thread>
 
-#include "gs_core/error.h"
 #include "gs_core/system/processes/signals.h"
 #include "gs_core/system/processes/subprocess.h"
 #include "tests/support/temp_folder.h"
+#include "tests/support/test.h"
 
 namespace gs {
 namespace {
-
-using ::testing::HasSubstr;
 
 TEST(StartChild, FindsTheProgramOnThePathAndTellsItsExitCode) {
   const ProcessEnd end = wait_for_child(start_child({"sh", "-c", "exit 3"}));
@@ -37,12 +33,8 @@ TEST(StartChild, NoArgumentIsParsedAsACommand) {
 }
 
 TEST(StartChild, APathThatCannotRunIsAnErrorThatNamesIt) {
-  try {
-    start_child({"/no/such/program"});
-    FAIL();
-  } catch (const Error& error) {
-    EXPECT_THAT(error.what(), HasSubstr("cannot start /no/such/program: No such file"));
-  }
+  EXPECT_THAT(error_of([] { start_child({"/no/such/program"}); }),
+              HasSubstr("cannot start /no/such/program: No such file"));
 }
 
 TEST(StartChild, OutputAndErrorsGoToTheEndOfTheLogAndInputIsEmpty) {
@@ -121,12 +113,12 @@ TEST(RunProcess, GivesEachLineAndTheWholeOutputToTheLog) {
 }
 
 TEST(RunProcess, ASignalThatWeGetEndsTheProgramAndIsAnError) {
-  try {
-    run_process({"sh", "-c", "echo ready; sleep 600"}, {}, [](std::string_view) { raise(SIGINT); });
-    FAIL();
-  } catch (const Error& error) {
-    EXPECT_EQ(error.code(), ExitCode::interrupted);
-  }
+  EXPECT_THAT(
+      [&] {
+        run_process({"sh", "-c", "echo ready; sleep 600"}, {},
+                    [](std::string_view) { raise(SIGINT); });
+      },
+      FailsWith(ExitCode::interrupted));
 }
 
 }  // namespace

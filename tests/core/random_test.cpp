@@ -1,12 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "gs_core/math/random.h"
 
-#include <gtest/gtest.h>
-
-#include <algorithm>
-#include <array>
-#include <cmath>
-#include <vector>
+#include "tests/support/test.h"
 
 namespace gs {
 namespace {

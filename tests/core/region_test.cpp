@@ -2,12 +2,7 @@
 // density.region: half-spaces as text and in the coordinates of a scene.
 #include "gs_core/config/text/region_text.h"
 
-#include <gtest/gtest.h>
-
-#include <limits>
-
-#include "gs_core/error.h"
-#include "tests/support/error_of.h"
+#include "tests/support/test.h"
 
 namespace gs {
 namespace {

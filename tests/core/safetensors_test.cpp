@@ -2,19 +2,11 @@
 // Arrays in files of the safetensors format, whole and damaged.
 #include "gs_core/system/safetensors.h"
 
-#include <gmock/gmock.h>
-
-#include <limits>
-
-#include "tests/support/error_of.h"
 #include "tests/support/lpips_file.h"
+#include "tests/support/test.h"
 
 namespace gs {
 namespace {
-
-using testing::AllOf;
-using testing::ElementsAre;
-using testing::HasSubstr;
 
 class Safetensors : public testing::Test {
  protected:

@@ -3,17 +3,11 @@
 // and a remedy are named.
 #include "gs_core/geometry/scene_sight.h"
 
-#include <gmock/gmock.h>
-
-#include <cmath>
-
 #include "gs_core/math/random.h"
+#include "tests/support/test.h"
 
 namespace gs {
 namespace {
-
-using ::testing::AllOf;
-using ::testing::HasSubstr;
 
 /// Cameras around the y axis at a distance from the origin, which they look at.
 std::vector<Camera> ring(float distance, int count = 12) {

@@ -2,16 +2,10 @@
 // The extent of a set of cameras, and the outliers that it leaves out.
 #include "gs_core/scene.h"
 
-#include <gmock/gmock.h>
-#include <gtest/gtest.h>
-
-#include <cmath>
+#include "tests/support/test.h"
 
 namespace gs {
 namespace {
-
-using testing::ElementsAre;
-using testing::IsEmpty;
 
 View view_at(const Vec3f& position) {
   View view;

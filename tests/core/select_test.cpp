@@ -2,10 +2,6 @@
 // Which Gaussians lie where, how large they are, and which way is up among them.
 #include "gs_model/edit/select.h"
 
-#include <gmock/gmock.h>
-
-#include <cmath>
-
 #include "gs_core/geometry/vectors.h"
 #include "gs_model/edit/polygon.h"
 #include "gs_model/edit/upright.h"
@@ -13,10 +9,6 @@
 
 namespace gs {
 namespace {
-
-using ::testing::ElementsAre;
-
-constexpr float kNan = std::numeric_limits<float>::quiet_NaN();
 
 /// Spheres of size 0.1 and opacity 0.5 at these places.
 Gaussians spheres(const std::vector<Vec3f>& means) {

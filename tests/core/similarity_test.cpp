@@ -2,13 +2,10 @@
 // Similarities between two sets of positions, exact, noisy and with wrong pairs.
 #include "gs_core/geometry/similarity.h"
 
-#include <gtest/gtest.h>
-
-#include <cmath>
-
 #include "gs_core/geometry/vectors.h"
 #include "gs_core/math/random.h"
 #include "gs_core/math/render/rotation.h"
+#include "tests/support/test.h"
 
 namespace gs {
 namespace {

@@ -1,40 +1,22 @@
 // SPDX-License-Identifier: Apache-2.0
 // JSON and TOML of strangers: deep, large, of other types, or no regular files at all. Each ends in
 // an Error that names the file.
-#include <gmock/gmock.h>
 #include <sys/stat.h>
 #include <unistd.h>
 
 #include "gs_core/config/config.h"
 #include "gs_core/config/text/read_toml.h"
-#include "gs_core/error.h"
 #include "gs_core/system/files/access.h"
 #include "gs_core/system/files/text_file.h"
 #include "gs_core/system/text/json.h"
 #include "gs_core/system/text/read_json.h"
 #include "tests/support/temp_folder.h"
+#include "tests/support/test.h"
 
 namespace gs {
 namespace {
 
 namespace fs = std::filesystem;
-using testing::AllOf;
-using testing::HasSubstr;
-
-/// The message of the Error that `read` throws; anything else fails the test.
-template <class Read>
-std::string error_of(Read&& read) {
-  try {
-    read();
-  } catch (const Error& error) {
-    return error.what();
-  } catch (const std::exception& error) {
-    ADD_FAILURE() << "not an Error: " << error.what();
-    return "";
-  }
-  ADD_FAILURE() << "nothing was thrown";
-  return "";
-}
 
 std::string repeated(const std::string& text, std::size_t times) {
   std::string all;

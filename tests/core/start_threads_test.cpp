@@ -2,13 +2,11 @@
 // Pools where the system refuses threads: the work is done by those that started, or by the caller.
 #include "gs_core/threads/start_threads.h"
 
-#include <gtest/gtest.h>
-
 #include <atomic>
 #include <stdexcept>
 #include <system_error>
 
-#include "gs_core/threads/parallel.h"
+#include "tests/support/test.h"
 
 namespace gs {
 namespace {

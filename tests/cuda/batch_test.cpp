@@ -1,8 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
 // The fused step by several photos, which share one update, against the scalar backend.
-#include <gtest/gtest.h>
-
-#include "gs_core/config/config.h"
 #include "tests/cuda/fused_step.h"
 
 namespace gs {

@@ -1,11 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Stage 4 on tensor cores against blend.cu, from the same lists: the picture, the transmittance,
 // and the last fragment of each pixel.
-#include <gtest/gtest.h>
-
-#include <algorithm>
-#include <limits>
-
 #include "tests/support/cuda.h"
 #include "tests/support/frames.h"
 

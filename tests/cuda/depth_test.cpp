@@ -1,16 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
 // Steps on the GPU by photos with depth maps, against the scalar backend.
-#include "gs_train/loop/trainer.h"
-#include "gs_train/poses/poses.h"
 #include "tests/cuda/same_steps.h"
-#include "tests/support/cuda.h"
 #include "tests/support/posed_scene.h"
-#include "tests/support/scene_run.h"
 
 namespace gs {
 namespace {
 
-const LearningRates kRates{1e-4f, 5e-3f, 1e-3f, 2.5e-2f, 2.5e-3f, 1.25e-4f};
 constexpr float kWeight = 2;  // so that depth has a good part in the gradients
 // Relative, of gradients: one of the two backends may keep a fragment at a threshold, and the other
 // leave it out.

@@ -3,9 +3,6 @@
 // learning rate for every quantity.
 #pragma once
 
-#include <string>
-#include <vector>
-
 #include "gs_train/update.h"
 #include "tests/support/cuda.h"
 

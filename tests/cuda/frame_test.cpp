@@ -1,8 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Frames without a backward pass: launched at once for a number of instances that the frames before
 // them suggest, they show what a frame does that counts its instances.
-#include <gtest/gtest.h>
-
 #include "tests/support/cuda.h"
 #include "tests/support/frames.h"
 
@@ -163,12 +161,7 @@ TEST_F(CudaFrame, MoreThan2To32InstancesAreRefused) {
   const Gaussians many = on_gpu(gaussians_over_every_tile(65'537));
   const Camera camera = camera_of_65536_tiles(), away = looking_away(camera);
   for (int frame = 0; frame < 2; ++frame) picture(many, away, for_viewing());
-  try {
-    picture(many, camera, for_viewing());
-    ADD_FAILURE() << "nothing was refused";
-  } catch (const Error& error) {
-    EXPECT_EQ(error.code(), ExitCode::out_of_memory);
-  }
+  EXPECT_THAT([&] { picture(many, camera, for_viewing()); }, FailsWith(ExitCode::out_of_memory));
 }
 
 }  // namespace

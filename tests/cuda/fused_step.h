@@ -2,13 +2,9 @@
 // What the tests of the fused step share: views, batches, and both backends side by side.
 #pragma once
 
-#include <gtest/gtest.h>
-
 #include "tests/support/cuda.h"
 
 namespace gs {
-
-inline const LearningRates kRates{1e-4f, 5e-3f, 1e-3f, 2.5e-2f, 2.5e-3f, 1.25e-4f};
 
 inline std::vector<View> some_views(int width, int height, int count) {
   std::vector<View> views(count);

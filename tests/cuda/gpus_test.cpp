@@ -1,21 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 // Models that several GPUs train have the bytes of one GPU. Where there is only one, it counts as
 // several, each with a stream and buffers of its own.
-#include <gmock/gmock.h>
-#include <gtest/gtest.h>
-
-#include <string>
-#include <vector>
-
-#include "gs_train/photometric/photometric_start.h"
-#include "gs_train/poses/poses.h"
 #include "tests/cuda/fused_step.h"
-#include "tests/support/adaptive.h"
 #include "tests/support/gains.h"
 #include "tests/support/poses.h"
-#include "tests/support/same_bits.h"
-#include "tests/support/scene_run.h"
-#include "tests/support/small_scene.h"
 
 namespace gs {
 namespace {
@@ -279,25 +267,16 @@ TEST_F(CudaGpus, RunsWithDensityControlHaveTheBytesOfOneGpu) {
 // Stopped, and gone on with another number of GPUs.
 TEST_F(CudaGpus, RunsGoOnWithAnyNumberOfGpus) {
   const Scene scene = small_scene();
-  Config config = short_run();
+  Config config = growing_run(90);
   config.train.deterministic = true;
   config.train.batch = 3;
-  config.train.iterations = 90;
-  config.density.from_step = config.density.every = 20;
-  config.density.gradient_threshold = 1e-5f;
   config.photometric.model = "gains";
   config.poses.refine = true;
   const TrainingModel expected = model_of_run(scene, config, gpu());
   for (const int stop : {3, 27, 60})
     for (const auto& [before, after] : {std::pair{1, 2}, {2, 1}, {3, 2}}) {
       const auto first = backend_of(before, kOfCameras), second = backend_of(after, kOfCameras);
-      LastState kept;
-      StopAfter stopper(stop);
-      Trainer stopped(scene, config, *first);
-      stopped.keep_checkpoints_in(kept);
-      stopped.add_observer(stopper);
-      stopped.run();
-      Trainer resumed(scene, config, *second, *kept.newest());
+      Trainer resumed(scene, config, *second, stopped_after(stop, scene, config, *first));
       resumed.run();
       const TrainingModel actual = copy_to(host_memory(), resumed.model());
       EXPECT_TRUE(same_bits(actual, expected) && same_bits(actual.poses, expected.poses))

@@ -1,23 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
 // Methods that grow on the GPU: the same rows as the scalar twin, in the same order, and the
 // same sums over fragments. Children, opacities and sums may differ in their last bits.
-#include <gtest/gtest.h>
-
-#include <cmath>
-#include <limits>
-#include <string>
-
 #include "tests/support/cuda.h"
-#include "tests/support/scene_run.h"
-#include "tests/support/small_scene.h"
 
 namespace gs {
 namespace {
 
-constexpr float kNan = std::numeric_limits<float>::quiet_NaN();
 constexpr int kStep = 600;
 constexpr std::uint64_t kSeed = 5;
-constexpr LearningRates kRates{1e-4f, 2e-3f, 3e-3f, 4e-2f, 5e-3f, 6e-4f};
 constexpr GrowthScore kScores[] = {GrowthScore::gradient, GrowthScore::force, GrowthScore::error,
                                    GrowthScore::mask, GrowthScore::edge};
 
@@ -351,15 +341,7 @@ TEST_F(CudaGrowthRun, RepeatsItselfInDeterministicSteps) {
 TEST_F(CudaGrowthRun, GoesOnFromAnyStep) {
   const TrainingModel whole = trained();
   for (const int stop : {36, 57, 60, 63, 64, 77}) {
-    LastState kept;
-    StopAfter watcher(stop);
-    Trainer first(scene_, config_, gpu());
-    first.keep_checkpoints_in(kept);
-    first.add_observer(watcher);
-    first.run();
-    Trainer rest(scene_, config_, gpu(), std::move(kept.state));
-    rest.run();
-    EXPECT_TRUE(same_bits(on_host(rest.model()), whole)) << stop;
+    EXPECT_TRUE(same_bits(resumed_after(stop, scene_, config_, gpu()), whole)) << stop;
   }
 }
 
@@ -367,15 +349,7 @@ TEST_F(CudaGrowthRun, WithScorePassesRepeatsItselfAndGoesOn) {
   config_.density.strategy = "taming";
   const TrainingModel whole = trained();
   EXPECT_GT(whole.count(), scene_.points.size());
-  LastState kept;
-  StopAfter watcher(61);
-  Trainer first(scene_, config_, gpu());
-  first.keep_checkpoints_in(kept);
-  first.add_observer(watcher);
-  first.run();
-  Trainer rest(scene_, config_, gpu(), std::move(kept.state));
-  rest.run();
-  EXPECT_TRUE(same_bits(on_host(rest.model()), whole));
+  EXPECT_TRUE(same_bits(resumed_after(61, scene_, config_, gpu()), whole));
 }
 
 TEST_F(CudaGrowthRun, HasAboutAsManyGaussiansAsTheScalarTwin) {

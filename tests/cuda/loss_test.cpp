@@ -1,6 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
 // Stage 5 on the GPU against its scalar twin, and the ways in which photos get to the GPU.
-#include "gs_core/config/config.h"
 #include "gs_train/photometric/photometric_model.h"
 #include "tests/support/cuda.h"
 

@@ -1,13 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // The MCMC strategy and absolute gradients on the GPU: draws, copies, noise and steps are those of
 // the scalar twin.
-#include <gtest/gtest.h>
-
-#include <algorithm>
-#include <cmath>
-#include <limits>
-#include <string>
-
 #include "tests/support/cuda.h"
 
 namespace gs {
@@ -15,7 +8,6 @@ namespace {
 
 constexpr int kStep = 700;
 constexpr float kInfinity = std::numeric_limits<float>::infinity();
-const LearningRates kRates{1e-4f, 5e-3f, 1e-3f, 2.5e-2f, 2.5e-3f, 1.25e-4f};
 
 /// Rows of all opacities, including dead ones, and some with broken values. The last SH coefficient
 /// holds the number of the row, and the moments that number and more.

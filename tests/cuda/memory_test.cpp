@@ -1,11 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // What training takes of the GPU's memory, compared with training_bytes().
-#include <gtest/gtest.h>
-
 #include "data_loaders/scene/load_scene.h"
 #include "gs_core/forecast/training_memory.h"
-#include "gs_train/loop/trainer.h"
-#include "tests/support/adaptive.h"
 #include "tests/support/cuda.h"
 
 namespace gs {
@@ -13,7 +9,6 @@ namespace {
 
 constexpr double kTolerance = 0.1;  // what docs/develop/architecture.md promises
 constexpr double kMib = 1 << 20;
-const LearningRates kRates{1e-4f, 5e-3f, 1e-3f, 2.5e-2f, 2.5e-3f, 1.25e-4f};
 const Recipe kSmall{.sigma_low = 0.5f, .sigma_high = 2};
 
 /// The bytes that this process allocates on the GPU at most, from now on.

@@ -1,19 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 // HalfMoments (optimizer.moments) on the GPU: updates and row operations against the scalar twin, and
 // whole runs.
-#include <gtest/gtest.h>
-
-#include <cmath>
-#include <string>
-
-#include "gs_core/math/render/activations.h"
-#include "gs_train/poses/poses.h"
 #include "tests/cuda/every_model.h"
-#include "tests/support/adaptive.h"
-#include "tests/support/cuda.h"
 #include "tests/support/poses.h"
-#include "tests/support/scene_run.h"
-#include "tests/support/small_scene.h"
 
 namespace gs {
 namespace {

@@ -2,19 +2,12 @@
 // Where NCCL is looked for. No GPU is needed for that.
 #include "cuda/gpus/nccl.h"
 
-#include <gmock/gmock.h>
-#include <gtest/gtest.h>
-
 #include <cstdlib>
 
-#include "gs_core/error.h"
-#include "tests/support/error_of.h"
+#include "tests/support/test.h"
 
 namespace gs {
 namespace {
-
-using ::testing::AllOf;
-using ::testing::HasSubstr;
 
 class Nccl : public testing::Test {
  protected:

@@ -1,13 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Frames of a packed model against those of its parameters: shapes and lists to the last bit, and
 // colors within the rounding of their SH.
-#include <gtest/gtest.h>
-
-#include <algorithm>
-#include <cstring>
-#include <limits>
-
-#include "gs_core/error.h"
 #include "tests/support/cuda.h"
 #include "tests/support/frames.h"
 

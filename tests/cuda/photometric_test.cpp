@@ -1,14 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
 // Steps on the GPU with a photometric model, against the scalar backend. The loss under it is in
 // loss_test.cpp, whole runs are in photometric_run_test.cpp.
-#include "gs_core/error.h"
 #include "tests/support/cuda.h"
 #include "tests/support/gains.h"
 
 namespace gs {
 namespace {
 
-const LearningRates kRates{1e-4f, 5e-3f, 1e-3f, 2.5e-2f, 2.5e-3f, 1.25e-4f};
 constexpr float kRate = 5e-3f;  // of the photos' numbers
 
 /// Photos: a plain one, one with a mask, one over the background.

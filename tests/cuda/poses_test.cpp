@@ -1,19 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
-// Steps and runs on the GPU that refine poses, against the scalar backend.
+// Steps on the GPU that refine poses, against the scalar backend.
 #include "gs_train/poses/poses.h"
 
-#include "gs_train/loop/trainer.h"
 #include "tests/cuda/same_steps.h"
-#include "tests/support/adaptive.h"
-#include "tests/support/cuda.h"
-#include "tests/support/posed_scene.h"
 #include "tests/support/poses.h"
-#include "tests/support/scene_run.h"
 
 namespace gs {
 namespace {
 
-const LearningRates kRates{1e-4f, 5e-3f, 1e-3f, 2.5e-2f, 2.5e-3f, 1.25e-4f};
 constexpr float kRate = 1e-3f;  // of the poses
 
 /// Three views, of which two are those of a rig at one moment.
@@ -198,37 +192,6 @@ TEST_F(CudaPoses, ArePartOfTheirModel) {
     return on_host(model);
   };
   EXPECT_TRUE(same_bits(after(4, true), after(4, false)));
-}
-
-// ---- runs --------------------------------------------------------------------------------------
-
-class CudaPosesRun : public CudaTest {};
-
-TEST_F(CudaPosesRun, FindsDisturbedPoses) {
-  const PosedScene posed = posed_scene();
-  const Config config = of_known_gaussians(refining_run(kPosedSteps));
-  Trainer trainer(posed.disturbed, config, gpu(), state_of_truth(posed, config));
-  trainer.run();
-  const PoseError left =
-      pose_error(refined_cameras(trainer.model().poses, posed.disturbed.train_views), posed.truth);
-  EXPECT_LT(left.degrees, 0.05);
-  EXPECT_LT(left.shift, 0.001 * posed.disturbed.extent);
-}
-
-TEST_F(CudaPosesRun, GoesOnWhereItWasStopped) {
-  const PosedScene posed = posed_scene();
-  for (const int batch : {1, 4}) {
-    Config config = refining_run(90);
-    config.train.deterministic = true;
-    config.train.batch = batch;
-    Trainer trainer(posed.disturbed, config, gpu());
-    trainer.run();
-    const TrainingModel expected = on_host(trainer.model());
-    EXPECT_GT(expected.poses.adam_steps, 0);
-    for (const int stop : {5, 60})
-      EXPECT_TRUE(same_bits(resumed_after(stop, posed.disturbed, config, gpu()), expected))
-          << stop << ", batch " << batch;
-  }
 }
 
 }  // namespace

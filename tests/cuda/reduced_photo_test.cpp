@@ -1,7 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
 // The fused step on photos that are reduced while they are trained on, against the scalar backend.
-#include <gtest/gtest.h>
-
 #include "tests/cuda/fused_step.h"
 
 namespace gs {

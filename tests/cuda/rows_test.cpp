@@ -1,20 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
 // Stages 9 and 10 on the GPU: the same rows as the scalar twin, in the same order. Copies have the
 // same bits. Only the halves of split rows are computed, and may differ in their last bits.
-#include <gtest/gtest.h>
-
-#include <algorithm>
-#include <cmath>
-#include <limits>
-#include <string>
-
 #include "tests/support/cuda.h"
 
 namespace gs {
 namespace {
 
 constexpr float kInfinity = std::numeric_limits<float>::infinity();
-constexpr float kNan = std::numeric_limits<float>::quiet_NaN();
 constexpr float kTolerance = 1e-5f;  // of halves' means and log scales, which are of order one
 constexpr int kStep = 600;
 constexpr AdaptiveRules kRules{.gradient_threshold = 1,

@@ -2,9 +2,7 @@
 // Which rows of a model several GPUs have. No GPU is needed for that.
 #include "cuda/gpus/shard.h"
 
-#include <gtest/gtest.h>
-
-#include <vector>
+#include "tests/support/test.h"
 
 namespace gs::cuda {
 namespace {

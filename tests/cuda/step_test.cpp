@@ -2,12 +2,10 @@
 // The fused training step: compared with the contracts called one after the other, with buffers too
 // small for the instances, and in the steady state, in which it may not call the driver.
 #include <cuda_runtime_api.h>
-#include <gtest/gtest.h>
 
 #include "data_loaders/photos/photo_pool.h"
 #include "gs_train/poses/poses.h"
 #include "tests/cuda/fused_step.h"
-#include "tests/support/adaptive.h"
 #include "tests/support/gains.h"
 
 // The linker redirects these calls to this file (-Wl,--wrap), which counts them.

@@ -1,13 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // A short training run of the bundled scene gives the same quality on the GPU as on the CPU.
-#include <gtest/gtest.h>
-
 #include "data_loaders/scene/load_scene.h"
-#include "gs_eval/metrics.h"
-#include "gs_train/loop/trainer.h"
-#include "tests/support/adaptive.h"
 #include "tests/support/cuda.h"
-#include "tests/support/scene_run.h"
 
 namespace gs {
 namespace {
@@ -21,14 +15,10 @@ struct Outcome {
 
 Outcome trained(Backend& backend, const Scene& scene, const Config& config, int steps) {
   Trainer trainer(scene, config, backend);
-  StopAfter stop(steps);
+  After stop = stop_after(steps);
   trainer.add_observer(stop);
   trainer.run();
-  const TrainingModel& model = trainer.model();
-  return {evaluate(backend.renderer(), model.gaussians.span(), scene.test_views,
-                   trainer.evaluation_settings())
-              .psnr,
-          model.count()};
+  return {psnr_of(backend, trainer, scene.test_views), trainer.model().count()};
 }
 
 class CudaTrainCourtyard : public CudaTrain {

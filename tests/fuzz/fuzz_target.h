@@ -69,7 +69,7 @@ inline std::filesystem::path file_of(const std::string& name, std::string_view b
   return file;
 }
 
-/// Stands between the files of an input that stands for several. make_corpus.cpp writes it, too.
+/// Stands between the files of an input that stands for several.
 inline constexpr std::string_view kNextFile = "\n~~~~\n";
 
 /// Writes the files of such an input under these names. Those that the input lacks are removed, and

@@ -2,16 +2,6 @@
 // Adam's moments in 16 bits: what is exact, what is right on average, and how far rounding leads.
 #include "gs_core/math/update/adam_moments.h"
 
-#include <gtest/gtest.h>
-
-#include <algorithm>
-#include <cmath>
-#include <limits>
-#include <set>
-#include <string>
-#include <utility>
-#include <vector>
-
 #include "gs_core/math/update/adam.h"
 #include "gs_core/math/update/moment_rounding.h"
 #include "tests/support/scenes.h"
@@ -155,24 +145,6 @@ TEST(HalfMoments, LetsVDecayOverAThousandStepsAsAFloat) {
   EXPECT_GT(scatter, 0.3);
 }
 
-TEST(HalfMoments, LetsMDecayToZero) {
-  const AdamStep step = adam_step(1000, 1e-3f);
-  double mean = 0;
-  constexpr int kRows = 4000;
-  for (std::size_t i = 0; i < kRows; ++i) {
-    float parameter = 0;
-    HalfMoments code = HalfMoments::of(1e-3f, 1e-6f, 0);
-    for (int t = 1; t <= 20; ++t)
-      adam_update(parameter, code, 0, step, AdamRule(), MomentRounding{1, t}.of_row(i));
-    mean += opened(code).first / (1e-3 * std::pow(kAdamBeta1, 20)) / kRows;
-    for (int t = 21; t <= 1200; ++t)
-      adam_update(parameter, code, 0, step, AdamRule(), MomentRounding{1, t}.of_row(i));
-    ASSERT_LT(std::abs(opened(code).first), 1e-38f);
-  }
-  // 20 roundings of 5 % each, over 4,000 rows: 0.3 %
-  EXPECT_NEAR(mean, 1, 0.25 * Expected::kStepOfM);
-}
-
 // For floats the bound is sqrt(((1 - b1)^2 / (1 - b2)) / (1 - b1^2 / b2)) = 7.27, and gradients
 // that grow by b2 / b1 a step come to it. Codes have none above 15.
 TEST(HalfMoments, KeepsTheQuotientThatMovesParametersBounded) {
@@ -219,10 +191,6 @@ TEST(HalfMoments, MovesParametersAsFloatsDo) {
     difference += (double(by_codes) - p) * (double(by_codes) - p);
     error_of_v += std::pow(opened(code).second / moments.second - 1, 2) / kRows;
   }
-  this->RecordProperty("error_of_step", std::to_string(std::sqrt(step_errors / steps)));
-  this->RecordProperty("mean_step", std::to_string(along / steps));
-  this->RecordProperty("error_of_way", std::to_string(std::sqrt(difference / way)));
-  this->RecordProperty("error_of_v", std::to_string(std::sqrt(error_of_v)));
   EXPECT_LT(std::sqrt(step_errors / steps), 1.1 * Expected::kErrorOfStep);
   EXPECT_GT(std::sqrt(step_errors / steps), 0.7 * Expected::kErrorOfStep);
   EXPECT_NEAR(along / steps, 1, Expected::kErrorOfV / 8);  // 1 / sqrt(v) is larger on average

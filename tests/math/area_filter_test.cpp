@@ -1,19 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "gs_core/math/loss/area_filter.h"
 
-#include <gmock/gmock.h>
-#include <gtest/gtest.h>
-
-#include <cmath>
 #include <cstdlib>
-#include <vector>
 
 #include "gs_core/math/loss/photo_weight.h"
+#include "tests/support/test.h"
 
 namespace gs {
 namespace {
-
-using ::testing::ElementsAre;
 
 PinholeCamera<double> some_camera() {
   PinholeCamera<double> camera;
@@ -43,14 +37,6 @@ TEST(ReducedCamera, SeesEachPointAtAFractionOfItsPlace) {
     EXPECT_DOUBLE_EQ(place(small).x, place(whole).x / 4);
     EXPECT_DOUBLE_EQ(place(small).y, place(whole).y / 4);
   }
-}
-
-TEST(ReducedCamera, OfFactorOneIsTheCamera) {
-  const PinholeCamera<double> whole = some_camera(), same = reduced(whole, 1);
-  EXPECT_THAT((std::vector{same.fx, same.fy, same.cx, same.cy}),
-              ElementsAre(whole.fx, whole.fy, whole.cx, whole.cy));
-  EXPECT_EQ(same.width, whole.width);
-  EXPECT_EQ(same.height, whole.height);
 }
 
 // 5 x 3 pixels, reduced twice: two blocks side by side. The last column and row belong to none.

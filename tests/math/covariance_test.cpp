@@ -1,8 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "gs_core/math/render/covariance.h"
 
-#include <gtest/gtest.h>
-
 #include "tests/support/jet_oracle.h"
 
 namespace gs {

@@ -1,13 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "gs_core/math/density/density.h"
 
-#include <gtest/gtest.h>
-
-#include <cmath>
-#include <limits>
-
 #include "gs_core/math/random.h"
 #include "gs_core/math/render/covariance.h"
+#include "tests/support/test.h"
 
 namespace gs {
 namespace {

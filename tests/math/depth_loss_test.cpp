@@ -1,12 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "gs_core/math/loss/depth_loss.h"
 
-#include <gtest/gtest.h>
-
-#include <cmath>
-#include <limits>
-
-#include "gs_core/math/render/splat.h"
 #include "tests/support/jet_oracle.h"
 #include "tests/support/scenes.h"
 

@@ -2,11 +2,7 @@
 // The rules of growth, one Gaussian at a time: scores, children, opacities, counts.
 #include "gs_core/math/density/growth.h"
 
-#include <gtest/gtest.h>
-
-#include <cmath>
-#include <limits>
-#include <vector>
+#include "tests/support/test.h"
 
 namespace gs {
 namespace {

@@ -1,11 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "gs_core/math/view/packed_sh.h"
 
-#include <gtest/gtest.h>
-
-#include <limits>
-#include <vector>
-
 #include "tests/support/scenes.h"
 
 namespace gs {

@@ -2,10 +2,6 @@
 #include "gs_core/math/loss/photometric.h"
 #include "gs_core/math/loss/pull.h"
 
-#include <gtest/gtest.h>
-
-#include <cmath>
-
 #include "tests/support/jet_oracle.h"
 
 namespace gs {

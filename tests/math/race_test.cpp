@@ -2,13 +2,7 @@
 // The draw without replacement: its logarithm against that of long double, and the law of the draw.
 #include "gs_core/math/density/race.h"
 
-#include <gtest/gtest.h>
-
-#include <algorithm>
-#include <cmath>
-#include <limits>
-#include <numeric>
-#include <vector>
+#include "tests/support/test.h"
 
 namespace gs {
 namespace {

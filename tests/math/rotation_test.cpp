@@ -1,10 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "gs_core/math/render/rotation.h"
 
-#include <gtest/gtest.h>
-
-#include <limits>
-
 #include "gs_core/math/render/quaternion.h"
 #include "tests/support/jet_oracle.h"
 
@@ -22,13 +18,6 @@ TEST(Rotation, QuarterTurnAboutZTakesXToY) {
   EXPECT_NEAR(y.x, 0.0, 1e-15);
   EXPECT_NEAR(y.y, 1.0, 1e-15);
   EXPECT_NEAR(y.z, 0.0, 1e-15);
-}
-
-// A third of a turn about (1, 1, 1) permutes the axes: x to y, y to z, z to x. q = (1, 1, 1, 1) /
-// 2.
-TEST(Rotation, ThirdOfATurnAboutTheDiagonalPermutesTheAxes) {
-  expect_near(rotation_matrix(Quat<double>{1.0, 1.0, 1.0, 1.0}),
-              {{0.0, 0.0, 1.0}, {1.0, 0.0, 0.0}, {0.0, 1.0, 0.0}}, 1e-15);
 }
 
 // Rodrigues' formula R = cos I + sin [u]x + (1 - cos) u u^T with u = (2, -1, 2) / 3 and angle 0.7,
@@ -73,16 +62,6 @@ TEST(Rotation, IsOrthogonalInFloatForEveryLength) {
     EXPECT_NEAR(inner(R.row0, R.row1), 0.0f, 2e-6f);
     EXPECT_NEAR(inner(R.row1, R.row2), 0.0f, 2e-6f);
   }
-}
-
-TEST(Rotation, GradientMatchesJet) {
-  const double worst = worst_gradient_error(
-      [](const auto& q) { return flatten(rotation_matrix(Unflatten(q).quat())); },
-      [](const auto& q, const auto& g) {
-        return flatten(rotation_matrix_vjp(Unflatten(q).quat(), Unflatten(g).mat3()));
-      },
-      [](TestRandom& random) { return flatten(random.quaternion()); });
-  EXPECT_LT(worst, kJetTolerance);
 }
 
 TEST(Rotation, ShortQuaternionIsDegenerate) {

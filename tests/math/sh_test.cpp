@@ -1,19 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "gs_core/math/render/sh.h"
 
-#include <gtest/gtest.h>
-
 #include "tests/support/jet_oracle.h"
 
 namespace gs {
 namespace {
 
 constexpr std::size_t kRest = kShBasisCount - 1;
-
-Vec3d draw_direction(TestRandom& random) {
-  return unit_direction(Vec3d{0.0, 0.0, 0.0},
-                        Vec3d{random.normal(), random.normal(), random.normal()});
-}
 
 std::array<double, 16> basis_at(const Vec3d& direction) {
   std::array<double, 16> basis;
@@ -62,81 +55,11 @@ TEST(ShBasis, AgreesWithLegendrePolynomials) {
   }
 }
 
-// The product of two basis functions is a polynomial of degree 6: four Gauss-Legendre nodes in z
-// and eight equal steps around integrate it exactly.
-TEST(ShBasis, IsOrthonormalOnTheSphere) {
-  const double nodes[4] = {-0.8611363115940526, -0.3399810435848563, 0.3399810435848563,
-                           0.8611363115940526};
-  const double weights[4] = {0.3478548451374538, 0.6521451548625461, 0.6521451548625461,
-                             0.3478548451374538};
-  const double step = 2.0 * std::acos(-1.0) / 8.0;
-  double gram[16][16] = {};
-  for (int n = 0; n < 4; ++n) {
-    for (int turn = 0; turn < 8; ++turn) {
-      const double z = nodes[n], r = std::sqrt(1.0 - z * z), phi = (turn + 0.3) * step;
-      const std::array<double, 16> basis = basis_at({r * std::cos(phi), r * std::sin(phi), z});
-      for (int i = 0; i < 16; ++i) {
-        for (int j = 0; j < 16; ++j) gram[i][j] += weights[n] * step * basis[i] * basis[j];
-      }
-    }
-  }
-  for (int i = 0; i < 16; ++i) {
-    for (int j = 0; j < 16; ++j) EXPECT_NEAR(gram[i][j], i == j, 1e-14) << i << " " << j;
-  }
-}
-
-TEST(ShBasis, LeavesHigherDegreesUntouched) {
-  for (int degree = 0; degree <= 3; ++degree) {
-    std::array<double, 16> basis;
-    basis.fill(7.0);
-    sh_basis(degree, Vec3d{0.6, 0.0, 0.8}, basis.data());
-    for (int k = (degree + 1) * (degree + 1); k < 16; ++k) EXPECT_EQ(basis[k], 7.0);
-  }
-}
-
-TEST(ShBasis, GradientMatchesJetForEveryDegree) {
-  for (int degree = 0; degree <= 3; ++degree) {
-    const double worst = worst_gradient_error(
-        [&](const auto& x) {
-          using T = std::decay_t<decltype(x[0])>;
-          std::array<T, 16> basis;
-          basis.fill(T(0));
-          sh_basis(degree, Unflatten(x).vec3(), basis.data());
-          return basis;
-        },
-        [&](const auto& x, const auto& g) {
-          return flatten(sh_basis_vjp(degree, Unflatten(x).vec3(), g.data()));
-        },
-        // The polynomials are differentiated as they stand, so the direction need not have length
-        // 1.
-        [](TestRandom& random) { return flatten(random.uniform3(-1.2, 1.2)); });
-    EXPECT_LT(worst, kJetTolerance) << "degree " << degree;
-  }
-}
-
 TEST(UnitDirection, PointsFromTheFirstToTheSecondPoint) {
   const Vec3d d = unit_direction(Vec3d{1.0, 2.0, 3.0}, Vec3d{1.0, 5.0, -1.0});
   EXPECT_NEAR(d.x, 0.0, 1e-15);
   EXPECT_NEAR(d.y, 0.6, 1e-15);
   EXPECT_NEAR(d.z, -0.8, 1e-15);
-}
-
-TEST(UnitDirection, GradientMatchesJet) {
-  Vec3d from;
-  const double worst = worst_gradient_error(
-      [&](const auto& x) {
-        using T = std::decay_t<decltype(x[0])>;
-        return flatten(
-            unit_direction(Vec3<T>{T(from.x), T(from.y), T(from.z)}, Unflatten(x).vec3()));
-      },
-      [&](const auto& x, const auto& g) {
-        return flatten(unit_direction_vjp(from, Unflatten(x).vec3(), Unflatten(g).vec3()));
-      },
-      [&](TestRandom& random) {
-        from = random.uniform3(-3.0, 3.0);
-        return flatten(from + draw_direction(random) * random.uniform(0.1, 10.0));
-      });
-  EXPECT_LT(worst, kJetTolerance);
 }
 
 TEST(ShColor, OfZeroCoefficientsIsGray) {
@@ -151,34 +74,6 @@ TEST(ShColor, ReadsOnlyTheCoefficientsOfItsDegree) {
     const int used = (degree + 1) * (degree + 1) - 1;
     for (int k = 0; k < int(kRest); ++k) rest[k] = Vec3d(k < used ? 0.0 : std::nan(""));
     EXPECT_EQ(sh_color(degree, Vec3d{0.6, 0.0, 0.8}, Vec3d{0.0, 0.0, 0.0}, rest.data()).x, 0.5);
-  }
-}
-
-TEST(ShColor, GradientMatchesJetForEveryDegree) {
-  for (int degree = 0; degree <= 3; ++degree) {
-    const double worst = worst_gradient_error(
-        [&](const auto& x) {
-          Unflatten in(x);
-          const auto direction = in.vec3(), sh0 = in.vec3();
-          const auto rest = in.template vec3s<kRest>();
-          return flatten(sh_color(degree, direction, sh0, rest.data()));
-        },
-        [&](const auto& x, const auto& g) {
-          Unflatten in(x);
-          const Vec3d direction = in.vec3();
-          in.vec3();  // sh0 has no part in its gradient
-          const auto rest = in.template vec3s<kRest>();
-          std::array<Vec3d, kRest> dL_drest{};
-          const auto dL =
-              sh_color_vjp(degree, direction, rest.data(), Unflatten(g).vec3(), dL_drest.data());
-          return flatten(dL.direction, dL.sh0, dL_drest);
-        },
-        [](TestRandom& random) {
-          std::array<Vec3d, kRest> rest;
-          for (Vec3d& c : rest) c = random.uniform3(-1.0, 1.0);
-          return flatten(draw_direction(random), random.uniform3(-2.0, 2.0), rest);
-        });
-    EXPECT_LT(worst, kJetTolerance) << "degree " << degree;
   }
 }
 

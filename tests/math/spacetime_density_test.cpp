@@ -1,11 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "gs_core/math/density/spacetime_density.h"
 
-#include <gtest/gtest.h>
-
-#include <algorithm>
-#include <cmath>
-
 #include "tests/support/jet_oracle.h"
 
 namespace gs {

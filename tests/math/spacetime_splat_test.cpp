@@ -1,8 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "gs_core/math/density/spacetime_regularizer.h"
 
-#include <gtest/gtest.h>
-
 #include "gs_core/camera.h"
 #include "tests/support/jet_oracle.h"
 

@@ -1,8 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "gs_core/math/loss/ssim.h"
 
-#include <gtest/gtest.h>
-
 #include "tests/support/jet_oracle.h"
 
 namespace gs {
@@ -24,22 +22,6 @@ TEST(SsimWindow, IsTheNormalizedGaussianOfSigmaOneAndAHalf) {
   for (int d = -kSsimRadius; d <= kSsimRadius; ++d) sum += std::exp(-d * d / 4.5);
   for (int d = 0; d <= kSsimRadius; ++d) {
     EXPECT_NEAR(kSsimWindow[d], std::exp(-d * d / 4.5) / sum, 2e-8) << d;  // rounding to float
-  }
-}
-
-TEST(SsimWindow, SumsToOne) {
-  double sum = kSsimWindow[0];
-  for (int d = 1; d <= kSsimRadius; ++d) sum += 2.0 * kSsimWindow[d];
-  EXPECT_NEAR(sum, 1.0, 1e-7);  // rounding of eleven floats
-}
-
-TEST(SsimIndex, OfAPictureWithItselfIsOne) {
-  TestRandom random;
-  for (int i = 0; i < 1000; ++i) {
-    WindowMeans<double> m = draw_moments(random);
-    m.y = m.x;
-    m.yy = m.xy = m.xx;
-    EXPECT_NEAR(ssim_index(m), 1.0, 1e-12);
   }
 }
 

@@ -2,10 +2,6 @@
 // Ellipsoids project as their Gaussians do, and a box outside of a view hides nothing.
 #include "gs_core/math/view/view_box.h"
 
-#include <gtest/gtest.h>
-
-#include <cstring>
-
 #include "tests/support/scenes.h"
 
 namespace gs {

@@ -1,8 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "gs_core/math/view/view_splat.h"
 
-#include <gtest/gtest.h>
-
 #include "tests/support/scenes.h"
 
 namespace gs {

@@ -1,21 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
 // The gradient of the whole pipeline by a camera's pose, in float and by tiles, equals the slope of
 // the brute-force picture in double.
-#include <gtest/gtest.h>
-
-#include <array>
-#include <cmath>
-
-#include "gs_core/threads/parallel.h"
 #include "gs_render/renderer.h"
 #include "gs_render/stages.h"
-#include "tests/support/brute_force.h"
-#include "tests/support/models.h"
+#include "tests/stages/slopes.h"
 
 namespace gs {
 namespace {
-
-constexpr int kWidth = 37, kHeight = 26;  // 3 x 2 tiles, the last ones cut
 
 using Numbers = std::array<double, 6>;
 
@@ -23,16 +14,12 @@ RigidMotion<double> motion_of(const Numbers& x) { return {{x[0], x[1], x[2]}, {x
 
 /// Gaussians before a camera that its frame has moved a little.
 struct Case {
-  Camera given = random_camera(kWidth, kHeight, 3);
+  Camera given = slope_camera();
   Numbers motion{0.01, -0.02, 0.015, 0.03, -0.02, 0.04};
   RenderSettings settings;
-  Gaussians gaussians = random_gaussians(kTypical, 12, given, 21);
-  std::vector<float> weights = std::vector<float>(3 * kWidth * kHeight);  // of the linear loss
+  Gaussians gaussians = random_gaussians(kTypical, 9, given, 21);
+  std::vector<float> weights = loss_weights(9);
 
-  Case() {
-    Draws draws(9);
-    for (float& weight : weights) weight = draws.uniform(-1, 1);
-  }
   RigidFrame<double> frame() const {
     const auto camera = camera_as<double>(given);
     return {camera.cam_from_world_rotation, camera.position()};
@@ -47,8 +34,7 @@ CameraGradient<double> pipeline_gradient(const Case& scene) {
   const auto renderer = make_scalar_renderer();
   RenderPass pass;
   renderer->forward(scene.gaussians.span(), camera, scene.settings, pass);
-  Buffer<float> dL_dimage;
-  dL_dimage.upload(scene.weights);
+  const Buffer<float> dL_dimage = uploaded(scene.weights);
   Gaussians gradients = rows_like(scene.gaussians, scene.gaussians.count(), host_memory());
   Buffer<Vec2f> dL_dmean2d;
   dL_dmean2d.resize(scene.gaussians.count());
@@ -62,10 +48,7 @@ double reference_loss(const Case& scene, const Numbers& x, std::uint64_t& decisi
       reference_splats<double>(in_double(scene.gaussians), scene.camera(x), scene.settings),
       scene.settings, kWidth, kHeight);
   decisions = picture.decisions();
-  const std::vector<double> planes = picture.planes();
-  double sum = 0;
-  for (std::size_t i = 0; i < planes.size(); ++i) sum += double(scene.weights[i]) * planes[i];
-  return sum;
+  return linear_loss(scene.weights, picture.planes());
 }
 
 /// A splat's faint edge may move over a pixel center: its last contribution is 1/255 of a color. So
@@ -84,7 +67,7 @@ double slope(const Case& scene, std::size_t k) {
   return 0;
 }
 
-void expect_slopes(const Case& scene, const char* what) {
+void expect_slopes(const Case& scene) {
   const RigidMotion<double> dL = moved_vjp(camera_as<double>(scene.given), scene.frame(),
                                            motion_of(scene.motion), pipeline_gradient(scene));
   const Numbers gradient{dL.turn.x, dL.turn.y, dL.turn.z, dL.shift.x, dL.shift.y, dL.shift.z};
@@ -95,59 +78,27 @@ void expect_slopes(const Case& scene, const char* what) {
     largest = std::max(largest, std::abs(slopes[k]));
   }
   for (std::size_t k = 0; k < 6; ++k)  // floats round at 6e-8, and terms of all Gaussians cancel
-    EXPECT_NEAR(gradient[k] / largest, slopes[k] / largest, 5e-5) << what << ", number " << k;
+    EXPECT_NEAR(gradient[k] / largest, slopes[k] / largest, 5e-5) << "number " << k;
 }
 
-TEST(CameraGradient, IsTheSlopeOfThePicture) { expect_slopes({}, "usual"); }
-
-TEST(CameraGradient, IsTheSlopeAtEveryShDegree) {
-  for (int degree = 0; degree < kMaxShDegree; ++degree) {
+TEST(CameraGradient, IsTheSlopeInEveryScene) {
+  for (const SceneChange& change : kSceneChanges) {
+    SCOPED_TRACE(change.name);
     Case scene;
-    scene.settings.sh_degree = degree;
-    expect_slopes(scene, "degree");
+    change.apply(scene.given, scene.settings, scene.gaussians);
+    expect_slopes(scene);
   }
-}
-
-TEST(CameraGradient, IsTheSlopeInAntialiasedModeWithItsFactorAttached) {
-  Case scene;
-  scene.settings.antialias = true;
-  scene.settings.antialias_detach = false;
-  expect_slopes(scene, "antialiased");
-}
-
-TEST(CameraGradient, IsTheSlopeWithA3dFilter) {
-  Case scene;
-  scene.gaussians = with_filters(scene.gaussians, 44);
-  expect_slopes(scene, "filter");
-}
-
-TEST(CameraGradient, IsTheSlopeInSpaceAndTime) {
-  Case scene;
-  scene.gaussians = in_spacetime(scene.gaussians, 41);
-  scene.given.time = 0.5f;
-  expect_slopes(scene, "in time");
-}
-
-TEST(CameraGradient, IsTheSlopeBeyondTheFrustumWhereTheJacobianIsClamped) {
-  Case scene;
-  scene.gaussians =
-      random_gaussians({.sigma_low = 10, .sigma_high = 20, .reach = 1.9f}, 9, scene.given, 24);
-  expect_slopes(scene, "clamped");
 }
 
 TEST(CameraGradient, HasTheSameBitsWithAnyNumberOfThreads) {
   Case scene;
   scene.gaussians = random_gaussians(kTypical, 3000, scene.given, 5);
-  const int threads = thread_count();
-  std::vector<CameraGradient<double>> results;
-  for (const int count : {1, 2, 7}) {
-    set_thread_count(count);
-    results.push_back(pipeline_gradient(scene));
-  }
-  set_thread_count(threads);
-  for (const auto& result : results) {
-    EXPECT_EQ(result.turn, results[0].turn);
-    EXPECT_EQ(result.center, results[0].center);
+  const auto gradient = [&] { return pipeline_gradient(scene); };
+  const CameraGradient<double> one = with_threads(1, gradient);
+  for (const int threads : {2, 7}) {
+    const CameraGradient<double> other = with_threads(threads, gradient);
+    EXPECT_EQ(other.turn, one.turn);
+    EXPECT_EQ(other.center, one.center);
   }
 }
 

@@ -2,43 +2,11 @@
 // Orbits and tours: where they lead for cameras at known positions.
 #include "gs_render/paths/camera_path.h"
 
-#include <gmock/gmock.h>
-#include <gtest/gtest.h>
-
-#include <algorithm>
-#include <cmath>
-#include <numbers>
-
 #include "gs_core/math/render/rotation.h"
-#include "tests/support/scenes.h"
+#include "tests/support/arc_cameras.h"
 
 namespace gs {
 namespace {
-
-using ::testing::ElementsAre;
-
-const Vec3d kUp{0.0, 0.0, 1.0};
-
-double norm(const Vec3d& v) { return std::sqrt(inner(v, v)); }
-
-Camera looking(const Vec3d& from, const Vec3d& to) {
-  Camera camera;
-  camera.width = 40, camera.height = 30, camera.fx = camera.fy = 40, camera.cx = 20, camera.cy = 15;
-  return with_pose(camera, {from, looking_at(from, to, kUp)});
-}
-
-/// Cameras on a part of a circle of radius 4 at height 3 about (5, 6, 7), looking at its middle
-/// from 5 units away.
-std::vector<Camera> arc(int count, double part) {
-  std::vector<Camera> cameras;
-  for (int i = 0; i < count; ++i) {
-    const double angle = 2 * std::numbers::pi * part * i / count;
-    const Vec3d center(5.0, 6.0, 7.0);
-    cameras.push_back(
-        looking(center + Vec3d(4 * std::cos(angle), 4 * std::sin(angle), 3.0), center));
-  }
-  return cameras;
-}
 
 TEST(LookingAt, PutsTheTargetOnTheAxisAndUpAtTheTop) {
   const Vec3d from(1.0, 2.0, 3.0), to(-4.0, 0.5, 2.0);

@@ -2,11 +2,6 @@
 // The curve that films follow: it passes its keys, without jumps in position, speed or rotation.
 #include "gs_render/paths/camera_spline.h"
 
-#include <gtest/gtest.h>
-
-#include <cmath>
-#include <numbers>
-
 #include "gs_core/math/render/rotation.h"
 #include "tests/support/scenes.h"
 

@@ -1,38 +1,28 @@
 // SPDX-License-Identifier: Apache-2.0
 // The gradient of the depth loss through the whole pipeline, in float and by tiles, equals the
 // slope of the brute-force depth in double, together with the gradient of a picture.
-#include <gtest/gtest.h>
-
-#include <array>
-#include <cmath>
-
 #include "gs_core/math/loss/depth_loss.h"
-#include "gs_core/threads/parallel.h"
 #include "gs_render/renderer.h"
 #include "gs_render/stages.h"
 #include "gs_render/surface_renderer.h"
 #include "gs_train/stages/scalar_stages.h"
-#include "tests/support/brute_force.h"
-#include "tests/support/models.h"
+#include "tests/stages/slopes.h"
 
 namespace gs {
 namespace {
 
-constexpr int kWidth = 37, kHeight = 26;  // 3 x 2 tiles, the last ones cut
-constexpr std::size_t kPixels = std::size_t(kWidth) * kHeight;
 constexpr float kWeight = 40;  // so that depth and colors have gradients of about one size
 
 /// Gaussians, and a view with a depth map that has holes and a mask.
 struct DepthScene {
-  Camera camera = random_camera(kWidth, kHeight, 3);
+  Camera camera = slope_camera();
   RenderSettings settings;
   Gaussians gaussians = random_gaussians(kTypical, 9, camera, 21);
   View view;
-  std::vector<float> weights = std::vector<float>(3 * kPixels);  // of the linear loss of colors
+  std::vector<float> weights = loss_weights(9);  // of the linear loss of colors
 
   explicit DepthScene(DepthKind kind = DepthKind::inverse) {
-    Draws draws(9);
-    for (float& weight : weights) weight = draws.uniform(-1, 1);
+    Draws draws(10);
     view.depth = ImageF(kWidth, kHeight, 1);
     view.mask = Image8(kWidth, kHeight, 1);
     view.depth_kind = kind;
@@ -57,8 +47,7 @@ struct Pipeline {
     blend_depth(scene.settings, pass, planes);
     loss = compare_depth(scene.view, kWeight, planes, dL_dplanes);
     blend_depth_backward(scene.settings, dL_dplanes.span(), planes, pass);
-    Buffer<float> dL_dimage;
-    dL_dimage.upload(scene.weights);
+    const Buffer<float> dL_dimage = uploaded(scene.weights);
     gradients.has_time = scene.gaussians.has_time;
     gradients.resize(scene.gaussians.count());
     dL_dmean2d.resize(scene.gaussians.count());
@@ -100,9 +89,7 @@ double reference_loss(const std::vector<DoubleGaussian>& gaussians, const DepthS
   ReferenceSplats splats = reference_splats<double>(gaussians, camera, scene.settings);
   const ReferencePicture picture = reference_picture(splats, scene.settings, kWidth, kHeight);
   decisions = picture.decisions();
-  const std::vector<double> colors = picture.planes();
-  double loss = 0;
-  for (std::size_t i = 0; i < colors.size(); ++i) loss += double(scene.weights[i]) * colors[i];
+  double loss = linear_loss(scene.weights, picture.planes());
   for (auto& entry : splats.entries) entry.splat.color = {entry.depth, 1, 0};
   RenderSettings of_depth = scene.settings;
   of_depth.background = Vec3f(0);
@@ -116,49 +103,17 @@ double reference_loss(const std::vector<DoubleGaussian>& gaussians, const DepthS
   return loss;
 }
 
-struct Kind {
-  const char* name;
-  int begin, end;
-};
-constexpr Kind kKinds[] = {
-    {"mean", 0, 3},  {"log_scale", 3, 6},        {"rotation", 6, 10},   {"logit_opacity", 10, 11},
-    {"sh0", 11, 14}, {"right_rotation", 59, 63}, {"time_mean", 63, 64}, {"log_time_scale", 64, 65}};
-
 void expect_slopes(const DepthScene& scene, const char* what) {
+  SCOPED_TRACE(what);
   const Pipeline pipeline(scene);
   const Constants constants(scene, pipeline);
   const auto camera = camera_as<double>(scene.camera);
-  std::vector<DoubleGaussian> gaussians = in_double(scene.gaussians);
-  std::vector<DoubleGaussian> gradients = in_double(pipeline.gradients);
-  constexpr double h = 2e-6;
-  std::uint64_t here, above, below;
-  reference_loss(gaussians, scene, camera, constants, here);
-  int unknown = 0, known = 0;
-  for (const Kind& kind : kKinds) {
-    double largest = 0, worst = 0;
-    for (std::size_t i = 0; i < gaussians.size(); ++i)
-      for (int k = kind.begin; k < kind.end; ++k) {
-        const double value = gaussians[i].number(k);
-        gaussians[i].number(k) = value + h;
-        const double high = reference_loss(gaussians, scene, camera, constants, above);
-        gaussians[i].number(k) = value - h;
-        const double low = reference_loss(gaussians, scene, camera, constants, below);
-        gaussians[i].number(k) = value;
-        if (above != here || below != here) {  // an edge of a splat, or of |q - t|, is crossed
-          ++unknown;
-          continue;
-        }
-        ++known;
-        const double slope = (high - low) / (2 * h);
-        largest = std::max(largest, std::abs(slope));
-        worst = std::max(worst, std::abs(slope - gradients[i].number(k)));
-      }
-    if (largest == 0)
-      EXPECT_EQ(worst, 0) << what << " " << kind.name;
-    else  // floats round at 6e-8, and the terms of a gradient cancel
-      EXPECT_LT(worst / largest, 5e-5) << what << " " << kind.name;
-  }
-  EXPECT_LT(unknown, known / 20) << what;
+  // Floats round at 6e-8, and the terms of a gradient cancel. An edge of a splat, or of |q - t|, is
+  // crossed now and then.
+  expect_slopes(scene.gaussians, pipeline.gradients, {2e-6, 5e-5, 0.05, false},
+                [&](const std::vector<DoubleGaussian>& gaussians, std::uint64_t& decisions) {
+                  return reference_loss(gaussians, scene, camera, constants, decisions);
+                });
 }
 
 TEST(DepthGradient, IsTheSlopeForEachKindOfMap) {
@@ -187,27 +142,12 @@ TEST(DepthGradient, IsTheSlopeForMapsUpToScaleAndShift) {
   expect_slopes(scene_with_fit(DepthKind::inverse), "inverse");
 }
 
-TEST(DepthGradient, IsTheSlopeUnderTheClassicRuleOverABackground) {
-  DepthScene scene = scene_with_fit(DepthKind::inverse);
-  scene.settings.blend_rule = BlendRule::classic;
-  scene.settings.background = {0.3f, 0.6f, 0.4f};
-  for (std::size_t i = 0; i < 4; ++i) scene.gaussians.logit_opacity[i] = logit(0.997f);
-  expect_slopes(scene, "classic");
-}
-
-TEST(DepthGradient, IsTheSlopeInSpaceAndTime) {
-  DepthScene scene(DepthKind::metric);
-  scene.gaussians = in_spacetime(scene.gaussians, 41);
-  scene.camera.time = 0.5f;
-  expect_slopes(scene, "in time");
-}
-
-TEST(DepthGradient, IsTheSlopeWithA3dFilter) {
-  DepthScene scene(DepthKind::metric);
-  scene.settings.antialias = true;
-  scene.settings.antialias_detach = false;
-  scene.gaussians = with_filters(scene.gaussians, 44);
-  expect_slopes(scene, "filter");
+TEST(DepthGradient, IsTheSlopeInEveryScene) {
+  for (const SceneChange& change : kSceneChanges) {
+    DepthScene scene(DepthKind::metric);
+    change.apply(scene.camera, scene.settings, scene.gaussians);
+    expect_slopes(scene, change.name);
+  }
 }
 
 TEST(DepthGradient, IsTheSlopeByThePoseOfTheCamera) {
@@ -270,14 +210,8 @@ TEST(DepthGradient, IsOfTheDepthThatIsRendered) {
 TEST(DepthGradient, HasTheSameBitsWithAnyNumberOfThreads) {
   DepthScene scene;
   scene.gaussians = random_gaussians(kTypical, 3000, scene.camera, 5);
-  const int threads = thread_count();
-  std::vector<Gaussians> results;
-  for (const int count : {1, 2, 7}) {
-    set_thread_count(count);
-    results.push_back(copy_of(Pipeline(scene).gradients));
-  }
-  set_thread_count(threads);
-  for (const Gaussians& result : results) EXPECT_TRUE(same_bits(result, results[0]));
+  const auto gradients = [&] { return copy_of(Pipeline(scene).gradients); };
+  EXPECT_TRUE(same_bits(with_threads(1, gradients), with_threads(7, gradients)));
 }
 
 // Statistics of density control see both.

@@ -4,12 +4,6 @@
 // splats, and exchanges the same values as blend_gemm.cu.
 #include "cuda/render/blend/gemm_layout.h"
 
-#include <gtest/gtest.h>
-
-#include <array>
-#include <set>
-#include <vector>
-
 #include "gs_core/math/render/blend.h"
 #include "tests/support/scenes.h"
 

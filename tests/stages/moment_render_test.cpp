@@ -1,8 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // The picture of Gaussians in space and time at a moment is, bit for bit, what the stages of 3D make
 // of the Gaussians in space that they are at that moment.
-#include <gtest/gtest.h>
-
 #include "gs_core/math/render/tile_bounds.h"
 #include "gs_core/math/spacetime/spacetime_splat.h"
 #include "gs_render/renderer.h"

@@ -2,15 +2,11 @@
 // The times of the scalar stages: measured while profiling is on, and kept until they are read.
 #include "gs_render/stage_clock.h"
 
-#include <gmock/gmock.h>
-
 #include "gs_render/renderer.h"
 #include "tests/support/scenes.h"
 
 namespace gs {
 namespace {
-
-using testing::ElementsAre;
 
 std::vector<std::string> stages() {
   std::vector<std::string> names;

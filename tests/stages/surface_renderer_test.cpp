@@ -2,10 +2,6 @@
 // Depth, alpha and normals of Gaussians with known results.
 #include "gs_render/surface_renderer.h"
 
-#include <gtest/gtest.h>
-
-#include <cmath>
-
 #include "tests/support/scenes.h"
 
 namespace gs {

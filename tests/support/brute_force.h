@@ -4,16 +4,11 @@
 // end the pixel) depends on the last digits of a float.
 #pragma once
 
-#include <algorithm>
-#include <cmath>
-#include <cstddef>
-#include <cstdint>
-#include <vector>
-
 #include "gs_core/gaussians.h"
 #include "gs_core/math/render/blend.h"
 #include "gs_core/math/spacetime/spacetime_splat.h"
 #include "gs_render/render_pass.h"
+#include "tests/support/test.h"
 
 namespace gs {
 

@@ -2,15 +2,8 @@
 // What the tests of the CUDA backend share. Without a GPU they are skipped, with a reason.
 #pragma once
 
-#include <gtest/gtest.h>
-
-#include <cmath>
-#include <limits>
-#include <memory>
-#include <vector>
-
 #include "cuda/backend.h"
-#include "tests/support/models.h"
+#include "tests/support/scene_run.h"
 
 namespace gs {
 

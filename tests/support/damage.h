@@ -90,7 +90,7 @@ inline std::string trouble_of(const std::function<void()>& read, double most_sec
 
 /// GS_FUZZ_FIRST, GS_FUZZ_CASES: the cases to try.
 struct FuzzCases {
-  unsigned first = number_in("GS_FUZZ_FIRST", 0), count = number_in("GS_FUZZ_CASES", 10'000);
+  unsigned first = number_in("GS_FUZZ_FIRST", 0), count = number_in("GS_FUZZ_CASES", 1'000);
 
  private:
   static unsigned number_in(const char* variable, unsigned otherwise) {

@@ -2,8 +2,6 @@
 // Training models with the numbers of photometric.model, for tests of single steps.
 #pragma once
 
-#include <vector>
-
 #include "gs_train/photometric/photometric_start.h"
 #include "tests/support/adaptive.h"
 #include "tests/support/scenes.h"

@@ -13,15 +13,9 @@
 
 #include <ceres/jet.h>
 
-#include <algorithm>
-#include <array>
-#include <cmath>
-#include <cstddef>
-#include <limits>
-#include <random>
-
 #include "gs_core/math/render/splat.h"
 #include "gs_core/types.h"
+#include "tests/support/test.h"
 
 namespace gs {
 

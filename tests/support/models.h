@@ -5,6 +5,7 @@
 
 #include "gs_train/opened_moments.h"
 #include "gs_train/training_model.h"
+#include "gs_train/update.h"
 #include "tests/support/same_bits.h"
 #include "tests/support/scenes.h"
 
@@ -67,6 +68,9 @@ inline Gaussians random_gradients(std::size_t count, std::uint64_t seed, float z
       gradients);
   return gradients;
 }
+
+/// The rates of the schedule in its middle.
+inline constexpr LearningRates kRates{1e-4f, 5e-3f, 1e-3f, 2.5e-2f, 2.5e-3f, 1.25e-4f};
 
 inline constexpr MomentStorage kMomentStorages[] = {MomentStorage::floats, MomentStorage::halves};
 

@@ -2,15 +2,8 @@
 // A scene whose training photos have disturbed poses, for runs that refine them.
 #pragma once
 
-#include <cmath>
-#include <numbers>
-#include <string>
-#include <vector>
-
-#include "gs_train/loop/checkpoint.h"
-#include "gs_train/loop/view_sampler.h"
-#include "tests/support/adaptive.h"
 #include "tests/support/poses.h"
+#include "tests/support/scene_run.h"
 
 namespace gs {
 
@@ -59,12 +52,8 @@ inline PosedScene posed_scene() {
   for (std::size_t k = 0; k < kPosedViews; ++k) {
     const Camera camera = posed_camera(k);
     renderer->forward(truth.span(), camera, {}, pass);
-    const ImageF picture = image_of(pass);
-    Image8 photo(camera.width, camera.height, 3);
-    for (std::size_t i = 0; i < photo.pixels.size(); ++i)
-      photo.pixels[i] = std::uint8_t(std::lround(255 * picture.pixels[i]));
     auto& views = k % (kPosedViews / kHeldOut) == 0 ? given.test_views : given.train_views;
-    views.push_back({"view " + std::to_string(10 + k), camera, photo});
+    views.push_back({"view " + std::to_string(10 + k), camera, to_image8(image_of(pass))});
   }
   given.extent = camera_extent(given.train_views);
   for (const View& view : given.train_views) scenes.truth.push_back(view.camera);
@@ -100,27 +89,16 @@ inline Config refining_run(int steps) {
   return config;
 }
 
-/// The same run where the Gaussians are known and stay.
+/// The same run where the Gaussians are known and stay, with their colors.
 inline Config of_known_gaussians(Config config) {
-  for (float* rate : {&config.optimizer.position_lr_initial, &config.optimizer.position_lr_final,
-                      &config.optimizer.log_scale_lr, &config.optimizer.rotation_lr,
-                      &config.optimizer.opacity_lr, &config.optimizer.sh0_lr})
-    *rate = 1e-9f;
-  return config;
+  config.optimizer.sh0_lr = 1e-9f;
+  return of_known_shape(config);
 }
+
 /// The Gaussians that the photos show, to start from.
 inline TrainingState state_of_truth(const PosedScene& posed, const Config& config) {
-  TrainingState state;
   std::vector<ScenePoint> points;
-  state.model.store_moments_as(config.optimizer.moments);
-  state.model.gaussians = posed_truth(points);
-  clear_history(state.model);
-  const std::size_t photos = posed.truth.size();
-  state.progress.strikes.assign(photos, 0);
-  ViewSampler views(photos, config.train.seed);
-  views.view_of(1);
-  state.progress.view_order = {views.order().begin(), views.order().end()};
-  return state;
+  return state_of(posed_truth(points), posed.truth.size(), config);
 }
 
 }  // namespace gs

@@ -2,11 +2,6 @@
 // Poses that are disturbed, for tests of runs that refine them.
 #pragma once
 
-#include <algorithm>
-#include <cmath>
-#include <numbers>
-#include <vector>
-
 #include "gs_train/poses/poses.h"
 #include "tests/support/small_scene.h"
 

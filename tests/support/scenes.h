@@ -2,13 +2,6 @@
 // Random Gaussians in front of random cameras, from fixed seeds, for the tests of the stages.
 #pragma once
 
-#include <algorithm>
-#include <cmath>
-#include <cstdint>
-#include <limits>
-#include <utility>
-#include <vector>
-
 #include "gs_core/camera.h"
 #include "gs_core/gaussians.h"
 #include "gs_core/image.h"
@@ -16,6 +9,7 @@
 #include "gs_core/math/random.h"
 #include "gs_core/math/render/activations.h"
 #include "gs_core/math/spacetime/spacetime.h"
+#include "tests/support/test.h"
 
 namespace gs {
 

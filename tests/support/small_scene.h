@@ -2,11 +2,6 @@
 // A small scene for whole runs, rendered from known Gaussians.
 #pragma once
 
-#include <cmath>
-#include <string>
-#include <vector>
-
-#include "gs_core/config/config.h"
 #include "gs_core/scene.h"
 #include "gs_render/renderer.h"
 #include "tests/support/adaptive.h"
@@ -52,14 +47,19 @@ inline Scene small_scene() {
   for (int k = 0; k < 8; ++k) {
     const Camera camera = orbit_camera(0.785f * float(k));
     renderer->forward(truth.span(), camera, {}, pass);
-    const ImageF picture = image_of(pass);
-    Image8 photo(camera.width, camera.height, 3);
-    for (std::size_t i = 0; i < photo.pixels.size(); ++i)
-      photo.pixels[i] = std::uint8_t(std::lround(255 * picture.pixels[i]));
-    scene.train_views.push_back({"view " + std::to_string(k), camera, photo});
+    scene.train_views.push_back({"view " + std::to_string(k), camera, to_image8(image_of(pass))});
   }
   scene.extent = camera_extent(scene.train_views);
   return scene;
+}
+
+/// Views of random cameras, with photos of noise.
+inline std::vector<View> random_views(std::size_t count, int width, int height) {
+  std::vector<View> views;
+  for (std::uint64_t seed = 1; seed <= count; ++seed)
+    views.push_back({"view " + std::to_string(seed), random_camera(width, height, seed),
+                     random_photo(width, height, seed)});
+  return views;
 }
 
 /// The small scene twice, far above each other. Each photo shows one half, as do photos of a city.
@@ -88,6 +88,24 @@ inline Config short_run() {
   config.optimizer.position_lr_initial = 1e-3f;
   config.optimizer.log_scale_lr = 0.02f;
   config.optimizer.sh0_lr = 0.02f;
+  return config;
+}
+
+/// A short run of so many steps, with a refinement every 20 in which much grows.
+inline Config growing_run(int steps) {
+  Config config = short_run();
+  config.train.iterations = steps;
+  config.density.from_step = config.density.every = 20;
+  config.density.gradient_threshold = 1e-5f;
+  return config;
+}
+
+/// The same run where the Gaussians are known and stay, but for their colors.
+inline Config of_known_shape(Config config) {
+  for (float* rate : {&config.optimizer.position_lr_initial, &config.optimizer.position_lr_final,
+                      &config.optimizer.log_scale_lr, &config.optimizer.rotation_lr,
+                      &config.optimizer.opacity_lr})
+    *rate = 1e-9f;
   return config;
 }
 

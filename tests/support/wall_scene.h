@@ -2,15 +2,8 @@
 // A scene for photometric models: a wall whose photos are multiplied by known gains.
 #pragma once
 
-#include <algorithm>
-#include <cmath>
-
 #include "gs_core/math/loss/photometric.h"
-#include "gs_train/loop/checkpoint.h"
-#include "gs_train/loop/view_sampler.h"
-#include "tests/support/adaptive.h"
-#include "tests/support/models.h"
-#include "tests/support/small_scene.h"
+#include "tests/support/scene_run.h"
 
 namespace gs {
 
@@ -46,23 +39,7 @@ inline Camera wall_camera(std::size_t k) {
   return camera;
 }
 
-/// The photo of what a camera sees; without gains unless `is_varied`.
-inline Image8 wall_photo(const RenderPass& pass, const Camera& camera, std::size_t k,
-                         bool is_varied) {
-  const Vec3f a = is_varied ? true_log_gain(k) : Vec3f(0);
-  Image8 photo(camera.width, camera.height, 3);
-  for (int y = 0; y < camera.height; ++y)
-    for (int x = 0; x < camera.width; ++x) {
-      const std::size_t i = std::size_t(y) * std::size_t(camera.width) + std::size_t(x);
-      for (int c = 0; c < 3; ++c) {
-        const float value = gained(pass.image[std::size_t(c) * pass.pixel_count() + i], a[c]);
-        photo.at(x, y, c) = std::uint8_t(std::lround(255 * std::min(value, 1.0f)));
-      }
-    }
-  return photo;
-}
-
-/// All photos, as wall_photo() has them.
+/// All photos of the wall; without gains unless `is_varied`.
 inline Scene wall_scene(bool is_varied) {
   Scene scene;
   scene.source = "a scene of the test";
@@ -73,8 +50,11 @@ inline Scene wall_scene(bool is_varied) {
   for (std::size_t k = 0; k < kWallViews; ++k) {
     const Camera camera = wall_camera(k);
     renderer->forward(truth.span(), camera, {}, pass);
-    scene.train_views.push_back(
-        {"view " + std::to_string(10 + k), camera, wall_photo(pass, camera, k, is_varied)});
+    ImageF picture = image_of(pass);
+    const Vec3f a = is_varied ? true_log_gain(k) : Vec3f(0);
+    for (std::size_t i = 0; i < picture.pixels.size(); ++i)
+      picture.pixels[i] = std::min(gained(picture.pixels[i], a[int(i % 3)]), 1.0f);
+    scene.train_views.push_back({"view " + std::to_string(10 + k), camera, to_image8(picture)});
   }
   scene.extent = camera_extent(scene.train_views);
   return scene;
@@ -93,24 +73,9 @@ inline Config gains_run(int steps) {
 
 /// The wall in gray, to start from: colors and gains are to be found.
 inline TrainingState gray_wall(const Config& config) {
-  TrainingState state;
-  state.model.store_moments_as(config.optimizer.moments);
-  state.model.gaussians = wall();
-  state.model.gaussians.sh0.fill_zero();
-  clear_history(state.model);
-  state.progress.strikes.assign(kWallViews, 0);
-  ViewSampler views(kWallViews, config.train.seed);
-  views.view_of(1);
-  state.progress.view_order = {views.order().begin(), views.order().end()};
-  return state;
-}
-/// The same run where the shape of the wall is known and stays.
-inline Config of_known_shape(Config config) {
-  for (float* rate : {&config.optimizer.position_lr_initial, &config.optimizer.position_lr_final,
-                      &config.optimizer.log_scale_lr, &config.optimizer.rotation_lr,
-                      &config.optimizer.opacity_lr})
-    *rate = 1e-9f;
-  return config;
+  Gaussians gray = wall();
+  gray.sh0.fill_zero();
+  return state_of(gray, kWallViews, config);
 }
 
 /// The worst error of a gain.

@@ -9,7 +9,7 @@
 #include "gs_core/geodesy/utm.h"
 #include "gs_core/geometry/vectors.h"
 #include "tests/support/error_of.h"
-#include "tests/support/gps_photo.h"
+#include "tests/support/exif_photo.h"
 #include "tests/support/placed_scene.h"
 
 namespace gs {

@@ -55,7 +55,7 @@ TEST(Exif, OwnReaderFindsTheTags) {
 // Whatever is cut off or overwritten, nothing is read beyond the end; the sanitizers would say so.
 TEST(Exif, OwnReaderSurvivesDamage) {
   const std::string whole = exposed_photo(16, 8, kExposed);
-  const std::size_t head = 2 + exif_segment(ExposureTiff(kExposed).tiff()).size();
+  const std::size_t head = 2 + exif_segment(exposure_tiff(kExposed)).size();
   for (std::size_t size = 0; size <= head; ++size) {
     const ExposureTags tags = own_tags_of(std::string(whole.data(), size));
     EXPECT_EQ(tags.seconds * tags.f_number * tags.iso > 0, size == head) << size;

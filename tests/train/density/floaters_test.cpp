@@ -2,14 +2,8 @@
 // What each Gaussian contributes to a view, and which ones float between cameras and what they see.
 #include "gs_train/density/floaters.h"
 
-#include <gtest/gtest.h>
-
-#include <numeric>
-
-#include "gs_core/math/render/activations.h"
 #include "gs_train/density/contribution.h"
 #include "gs_train/loop/trainer.h"
-#include "tests/support/adaptive.h"
 #include "tests/support/models.h"
 #include "tests/support/small_scene.h"
 

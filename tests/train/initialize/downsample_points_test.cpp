@@ -1,11 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "gs_train/initialize/downsample_points.h"
 
-#include <gtest/gtest.h>
-
-#include <algorithm>
-#include <limits>
-
 #include "tests/support/scenes.h"
 
 namespace gs {

@@ -1,16 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "gs_train/initialize/initialize.h"
 
-#include <gtest/gtest.h>
-
-#include <algorithm>
-#include <cmath>
-
 #include "gs_core/config/config_diff.h"
 #include "gs_core/config/scene_settings.h"
-#include "gs_core/error.h"
 #include "gs_core/math/render/projection.h"
-#include "gs_core/threads/parallel.h"
 #include "tests/support/models.h"
 
 namespace gs {
@@ -159,25 +152,20 @@ TEST(InitialModel, WithoutPointsDependsOnTheSeedAlone) {
   Config config;
   config.model.random_points = 500;
   const Scene scene = scene_with({});
-  const TrainingModel first = initial_model(scene, config, host_memory());
-  set_thread_count(1);
-  EXPECT_TRUE(same_bits(initial_model(scene, config, host_memory()), first));
-  set_thread_count(0);
+  const auto begun = [&] { return initial_model(scene, config, host_memory()); };
+  const TrainingModel first = begun();
+  EXPECT_TRUE(same_bits(with_threads(1, begun), first));
   config.train.seed = 43;
-  EXPECT_FALSE(same_bits(initial_model(scene, config, host_memory()), first));
+  EXPECT_FALSE(same_bits(begun(), first));
 }
 
 TEST(InitialModel, ThrowsWhereNoCameraSeesAnyRandomPoint) {
   Scene scene = scene_with({});
   for (View& view : scene.train_views) view.camera.cx = 1e9f;
   scene.source = "the/scene";
-  try {
-    initial_model(scene, {}, host_memory());
-    FAIL();
-  } catch (const Error& error) {
-    EXPECT_NE(std::string(error.what()).find("the/scene"), std::string::npos);
-    EXPECT_EQ(error.code(), ExitCode::bad_data);
-  }
+  EXPECT_THAT([&] { initial_model(scene, {}, host_memory()); },
+              ThrowsMessage<Error>(HasSubstr("the/scene")));
+  EXPECT_THAT([&] { initial_model(scene, {}, host_memory()); }, FailsWith(ExitCode::bad_data));
 }
 
 TEST(SceneSettings, BecomeNumbers) {

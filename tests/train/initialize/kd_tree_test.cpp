@@ -1,10 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "gs_core/geometry/kd_tree.h"
 
-#include <gtest/gtest.h>
-
-#include <algorithm>
-
 #include "tests/support/scenes.h"
 
 namespace gs {

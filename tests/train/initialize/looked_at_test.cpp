@@ -1,10 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "gs_train/initialize/looked_at.h"
 
-#include <gtest/gtest.h>
-
-#include <cmath>
-
 #include "gs_train/initialize/initialize.h"
 #include "tests/support/scenes.h"
 

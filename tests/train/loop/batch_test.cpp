@@ -1,18 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 // Steps of several photos, and runs in batches.
-#include <gtest/gtest.h>
-
-#include <algorithm>
-#include <cmath>
-
-#include "gs_core/threads/parallel.h"
 #include "tests/support/scene_run.h"
-#include "tests/support/small_scene.h"
 
 namespace gs {
 namespace {
-
-constexpr LearningRates kRates{1e-4f, 2e-3f, 3e-3f, 4e-2f, 5e-3f, 6e-4f};
 
 class BatchStep : public ::testing::Test {
  protected:
@@ -80,16 +71,6 @@ TEST_F(BatchStep, CountsTheStepsForWhichItStands) {
 
 // ---- runs --------------------------------------------------------------------------------------
 
-/// Records the steps that it is told of, and how far the run was then.
-class Steps : public Observer {
- public:
-  void after_step(int step, Trainer& trainer) override {
-    told.push_back(step);
-    reached.push_back(trainer.step());
-  }
-  std::vector<int> told, reached;
-};
-
 class BatchRun : public SceneRun {
  protected:
   BatchRun() : SceneRun(small_scene()) {}
@@ -104,10 +85,7 @@ TEST_F(BatchRun, BringsThePicturesCloseToThePhotos) {
   for (const int batch : {2, 4, 7}) {
     Trainer trainer(scene_, run_of(batch), *backend_);
     trainer.run();
-    const double psnr = evaluate(backend_->renderer(), trainer.model().gaussians.span(),
-                                 scene_.train_views, trainer.evaluation_settings())
-                            .psnr;
-    EXPECT_GT(psnr, 21) << "batches of " << batch;
+    EXPECT_GT(psnr_of(*backend_, trainer, scene_.train_views), 21) << "batches of " << batch;
     EXPECT_EQ(trainer.model().adam_steps, 250);
   }
 }
@@ -124,21 +102,22 @@ TEST_F(BatchRun, GivesTheSameBitsForAnyNumberOfThreads) {
   config.train.iterations = 90;
   config.density.from_step = config.density.every = 20;
   config.render.background = Background::random;
-  set_thread_count(1);
-  const TrainingModel one = trained(config);
-  set_thread_count(0);
-  EXPECT_TRUE(same_bits(trained(config), one));
+  expect_same_bits_on_any_threads(config);
 }
 
 TEST_F(BatchRun, TellsItsObserversOfEveryStepOnceItsBatchIsTaken) {
   Config config = run_of(4);
   config.train.iterations = 10;
-  Steps steps;
+  std::vector<int> told, reached;
+  After steps([&](int step, Trainer& trainer) {
+    told.push_back(step);
+    reached.push_back(trainer.step());
+  });
   Trainer trainer(scene_, config, *backend_);
   trainer.add_observer(steps);
   trainer.run();
-  EXPECT_EQ(steps.told, (std::vector{1, 2, 3, 4, 5, 6, 7, 8, 9, 10}));
-  EXPECT_EQ(steps.reached, (std::vector{4, 4, 4, 4, 8, 8, 8, 8, 10, 10}));
+  EXPECT_EQ(told, (std::vector{1, 2, 3, 4, 5, 6, 7, 8, 9, 10}));
+  EXPECT_EQ(reached, (std::vector{4, 4, 4, 4, 8, 8, 8, 8, 10, 10}));
   EXPECT_EQ(trainer.step(), 10);
 }
 

@@ -1,18 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
 // Runs with depth maps: the step, the schedule, resuming, ranks, and what they gain with few
 // photos.
-#include <gmock/gmock.h>
-
-#include <cmath>
-
-#include "gs_core/error.h"
 #include "gs_core/math/loss/depth_loss.h"
-#include "gs_core/threads/parallel.h"
 #include "gs_eval/depth_error.h"
 #include "gs_render/surface_renderer.h"
 #include "gs_train/reduced_view.h"
 #include "tests/support/scene_run.h"
-#include "tests/support/small_scene.h"
 
 namespace gs {
 namespace {
@@ -29,25 +22,25 @@ ImageF true_depth(const Gaussians& truth, const Camera& camera) {
   return depth;
 }
 
-/// A view's map made from its true depth. Each view has a scale and a shift of its own.
-void add_map(View& view, const Gaussians& truth, DepthKind kind, std::size_t k) {
-  view.depth = true_depth(truth, view.camera);
+/// Turns exact depth into a map of the kind, with a scale and a shift of its own.
+void disturb_map(View& view, DepthKind kind, float scale, float shift) {
   view.depth_kind = kind;
   view.has_depth_map = true;
-  const float scale = 1 + 0.3f * float(k % 4), shift = 0.2f * float(k % 3);
   for (float& value : view.depth.pixels) {
     if (value == 0 || kind == DepthKind::metric) continue;
-    value = kind == DepthKind::scaled     ? scale * value
-            : kind == DepthKind::relative ? scale * value + shift
-                                          : scale / value + shift;
+    value = kind == DepthKind::inverse ? scale / value + shift : scale * value;
+    if (kind == DepthKind::relative) value += shift;
   }
 }
 
 Scene scene_with_maps(DepthKind kind) {
   Scene scene = small_scene();
   const Gaussians truth = small_truth();
-  for (std::size_t k = 0; k < scene.train_views.size(); ++k)
-    add_map(scene.train_views[k], truth, kind, k);
+  for (std::size_t k = 0; k < scene.train_views.size(); ++k) {
+    View& view = scene.train_views[k];
+    view.depth = true_depth(truth, view.camera);
+    disturb_map(view, kind, 1 + 0.3f * float(k % 4), 0.2f * float(k % 3));
+  }
   return scene;
 }
 
@@ -55,29 +48,17 @@ class DepthRun : public SceneRun {
  protected:
   DepthRun() : SceneRun(scene_with_maps(DepthKind::inverse)) {}
   static Config depth_run(int steps = 120) {
-    Config config = short_run();
-    config.train.iterations = steps;
+    Config config = growing_run(steps);
     config.loss.depth_weight = 1;
-    config.density.from_step = config.density.every = 20;
-    config.density.gradient_threshold = 1e-5f;
     return config;
   }
 };
-
-TEST_F(DepthRun, ChangesTheModel) {
-  Config without = depth_run();
-  without.loss.depth_weight = 0;
-  EXPECT_FALSE(same_bits(trained(depth_run()), trained(without)));
-}
 
 TEST_F(DepthRun, IsAnyOtherRunWithoutMaps) {
   const Scene plain = small_scene();
   Config without = depth_run();
   without.loss.depth_weight = 0;
-  Trainer with_weight(plain, depth_run(), *backend_), never(scene_, without, *backend_);
-  with_weight.run();
-  never.run();
-  EXPECT_TRUE(same_bits(with_weight.model(), never.model()));
+  EXPECT_TRUE(same_bits(model_of_run(plain, depth_run(), *backend_), trained(without)));
 }
 
 TEST_F(DepthRun, IsAnyOtherRunWithMapsThatKnowNothing) {
@@ -86,13 +67,11 @@ TEST_F(DepthRun, IsAnyOtherRunWithMapsThatKnowNothing) {
     view.depth = ImageF(view.camera.width, view.camera.height, 1);
     view.has_depth_map = true;
   }
-  const Scene plain = small_scene();
-  Trainer unknown(blank, depth_run(), *backend_), without(plain, depth_run(), *backend_);
-  unknown.run();
-  without.run();
+  const TrainingModel unknown = model_of_run(blank, depth_run(), *backend_),
+                      without = model_of_run(small_scene(), depth_run(), *backend_);
   // Zeros are added, which may turn -0 into 0.
-  for (std::size_t i = 0; i < unknown.model().count(); ++i)
-    EXPECT_EQ(unknown.model().gaussians.mean[i], without.model().gaussians.mean[i]);
+  for (std::size_t i = 0; i < unknown.count(); ++i)
+    EXPECT_EQ(unknown.gaussians.mean[i], without.gaussians.mean[i]);
 }
 
 TEST_F(DepthRun, GoesOnWhereItWasStopped) {
@@ -106,11 +85,7 @@ TEST_F(DepthRun, GoesOnWhereItWasStopped) {
 }
 
 TEST_F(DepthRun, HasTheSameBitsWithAnyNumberOfThreads) {
-  const int threads = thread_count();
-  const TrainingModel expected = trained(depth_run(50));
-  set_thread_count(threads == 1 ? 3 : 1);
-  EXPECT_TRUE(same_bits(trained(depth_run(50)), expected));
-  set_thread_count(threads);
+  expect_same_bits_on_any_threads(depth_run(50));
 }
 
 // The weight of the loss falls from the first to the last step.
@@ -237,15 +212,9 @@ Camera corner_camera(float turn, float shift) {
   return camera;
 }
 
-/// Turns exact depth into a map of the kind, with a scale and a shift of its own.
 void disturb_map(View& view, DepthKind kind, Draws& draws) {
   const float scale = draws.uniform(0.5f, 2), shift = draws.uniform(0.1f, 0.5f);
-  view.depth_kind = kind;
-  for (float& value : view.depth.pixels) {
-    if (kind == DepthKind::scaled) value *= scale;
-    if (kind == DepthKind::relative) value = scale * value + shift;
-    if (kind == DepthKind::inverse) value = scale / value + shift;
-  }
+  disturb_map(view, kind, scale, shift);
 }
 
 /// Four views to train on, and two that are held out, with maps of the kind. The points are off by

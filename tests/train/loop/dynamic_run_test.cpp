@@ -1,14 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 // Runs with Gaussians in space and time: they learn a scene that changes, repeat to the last bit, go
 // on from any step, and obey the rules of density control in time, too.
-#include <gmock/gmock.h>
-#include <gtest/gtest.h>
-
-#include "gs_core/threads/parallel.h"
 #include "gs_train/row_rules.h"
-#include "tests/support/error_of.h"
 #include "tests/support/scene_run.h"
-#include "tests/support/small_scene.h"
 
 namespace gs {
 namespace {
@@ -28,11 +22,8 @@ Scene fading_scene() {
 }
 
 Config dynamic_run() {
-  Config config = short_run();
+  Config config = growing_run(200);
   config.model.dynamic = true;
-  config.train.iterations = 200;
-  config.density.from_step = config.density.every = 20;
-  config.density.gradient_threshold = 1e-5f;
   config.density.time_scale_regularizer = 1e-5f;
   config.density.velocity_regularizer = 1e-5f;
   config.train.checkpoint_every = 10;
@@ -75,12 +66,10 @@ TEST_F(DynamicRunOfAStillScene, StaysFiniteAndLosesLittle) {
 
 TEST_F(DynamicRun, GivesTheSameBitsForAnyNumberOfThreads) {
   for (const Config& config : {dynamic_run(), dynamic_mcmc_run()}) {
-    set_thread_count(1);
     const TrainingModel one = trained(config);
     EXPECT_TRUE(one.gaussians.has_time);
     EXPECT_EQ(one.gaussians.time_mean.size(), one.count());
-    set_thread_count(0);
-    EXPECT_TRUE(same_bits(trained(config), one));
+    expect_same_bits_on_any_threads(config);
   }
 }
 

@@ -1,16 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 // Every preset trains, and so do the defaults: a few steps of each on a small scene, with
 // refinements and opacity resets in them.
-#include <gtest/gtest.h>
-
-#include <algorithm>
-#include <string>
-#include <string_view>
-#include <vector>
-
 #include "gs_core/config/config_presets.h"
 #include "tests/support/scene_run.h"
-#include "tests/support/small_scene.h"
 
 namespace gs {
 namespace {
@@ -60,18 +52,13 @@ TEST_P(PresetRun, LearnsInAFewSteps) {
   validate(config);
   const Scene scene = scene_of(config);
   const auto backend = make_scalar_backend();
-  const auto psnr_of = [&](Trainer& trainer) {
-    return evaluate(backend->renderer(), trainer.model().gaussians.span(), scene.train_views,
-                    trainer.evaluation_settings())
-        .psnr;
-  };
   Trainer trainer(scene, config, *backend);
   const std::size_t first = trainer.gaussian_count();
-  const double first_psnr = psnr_of(trainer);
+  const double first_psnr = psnr_of(*backend, trainer, scene.train_views);
   trainer.run();
   EXPECT_NE(trainer.gaussian_count(), first);
   EXPECT_EQ(backend->rows().count_not_finite(trainer.model()), 0u);
-  EXPECT_GT(psnr_of(trainer), first_psnr);
+  EXPECT_GT(psnr_of(*backend, trainer, scene.train_views), first_psnr);
 }
 
 INSTANTIATE_TEST_SUITE_P(Each, PresetRun, ::testing::ValuesIn(presets_and_defaults()),

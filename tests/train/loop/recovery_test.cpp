@@ -1,149 +1,30 @@
 // SPDX-License-Identifier: Apache-2.0
 // How the trainer handles trouble: stops, breakdowns, and a lack of memory at every single
 // allocation.
-#include <gtest/gtest.h>
-
-#include <cmath>
-#include <functional>
-#include <limits>
-#include <memory>
-
-#include "gs_core/error.h"
-#include "gs_train/loop/trainer.h"
-#include "gs_train/stages/scalar_stages.h"
-#include "tests/support/models.h"
 #include "tests/support/scene_run.h"
-#include "tests/support/small_scene.h"
 
 namespace gs {
 namespace {
 
-constexpr float kNan = std::numeric_limits<float>::quiet_NaN();
-
-// ---- memory that runs out when it is told to ---------------------------------------------------
-
-int allocations = 0;          // since the last count_from_here()
-int first_failure = 0;        // which fails; 0: none
-bool all_after_fail = false;  // and those that follow
-
-void fail_on_purpose(std::size_t) {
-  ++allocations;
-  if (first_failure == 0 || allocations < first_failure) return;
-  if (allocations == first_failure || all_after_fail)
-    throw Error("out of memory, says the test", ExitCode::out_of_memory);
-}
-
-/// While it lives, one allocation of a Memory fails, the one with number `failure` counted from
-/// here, or all from that one on.
-class FailingMemory {
- public:
-  explicit FailingMemory(int failure, bool for_good = false) {
-    allocations = 0;
-    first_failure = failure;
-    all_after_fail = for_good;
-    set_allocation_hook(fail_on_purpose);
-  }
-  ~FailingMemory() { set_allocation_hook(nullptr); }
-  bool has_failed() const { return allocations >= first_failure; }
-};
-
-/// Checkpoints in memory that never runs out.
-class KeptStates final : public CheckpointStore {
- public:
-  bool save(const RunProgress& progress, const TrainingModel& model) override {
-    set_allocation_hook(nullptr);
-    states.push_back({progress, copy_to(host_memory(), model)});
-    if (first_failure) set_allocation_hook(fail_on_purpose);
-    return true;
-  }
-  std::optional<TrainingState> newest() override {
-    if (states.empty()) return std::nullopt;
-    return copy(states.back());
-  }
-  static TrainingState copy(const TrainingState& state) {
-    return {state.progress, copy_to(host_memory(), state.model)};
-  }
-
-  std::vector<TrainingState> states;
-};
-
-/// Calls a function after each step.
-class After : public Observer {
- public:
-  using Function = std::function<void(int step, Trainer& trainer)>;
-  explicit After(Function f) : f_(std::move(f)) {}
-  void after_step(int step, Trainer& trainer) override { f_(step, trainer); }
-  void after_rollback(int step, Trainer&) override { rollbacks.push_back(step); }
-  std::vector<int> rollbacks;
-
- private:
-  Function f_;
-};
-
 /// 120 steps with refinements after 20, 40, ..., and a checkpoint after every tenth step.
 Config eventful_run() {
-  Config config = short_run();
-  config.train.iterations = 120;
+  Config config = growing_run(120);
   config.train.checkpoint_every = 10;
-  config.density.from_step = 20;
-  config.density.every = 20;
-  config.density.gradient_threshold = 1e-5f;
   config.render.background = Background::random;
   return config;
 }
 
-class Recovery : public ::testing::Test {
+class Recovery : public SceneRun {
  protected:
-  void SetUp() override { first_failure = 0; }
-  TrainingModel undisturbed(const Config& config) {
-    return model_of_run(scene_, config, *backend_);
-  }
-
-  Scene scene_ = small_scene();
-  const std::unique_ptr<Backend> backend_ = make_scalar_backend();
+  Recovery() : SceneRun(small_scene()) {}
 };
 
 // ---- stop and resume ---------------------------------------------------------------------------
-
 TEST_F(Recovery, ARunThatIsStoppedAnywhereAndResumedEndsWithTheSameBits) {
-  const Config config = eventful_run();
-  const TrainingModel expected = undisturbed(config);
-  for (const int stop : {1, 19, 20, 63, 118}) {
-    KeptStates kept;
-    After stopper([&](int step, Trainer& trainer) {
-      if (step == stop) trainer.stop();
-    });
-    Trainer first(scene_, config, *backend_);
-    first.keep_checkpoints_in(kept);
-    first.add_observer(stopper);
-    first.run();
-    EXPECT_EQ(first.step(), stop + 1);  // the step after stop() is the last
-    const auto other_backend = make_scalar_backend();
-    Trainer second(scene_, config, *other_backend, *kept.newest());
-    second.run();
-    EXPECT_TRUE(same_bits(second.model(), expected)) << "stopped after step " << stop;
-  }
-}
-
-TEST_F(Recovery, ARunInBatchesThatIsStoppedAnywhereAndResumedEndsWithTheSameBits) {
   Config config = eventful_run();
+  expect_goes_on_after({1, 19, 20, 63, 118}, config);
   config.train.batch = 7;
-  const TrainingModel expected = undisturbed(config);
-  for (const int stop : {1, 7, 20, 63}) {
-    KeptStates kept;
-    After stopper([&](int step, Trainer& trainer) {
-      if (step == stop) trainer.stop();
-    });
-    Trainer first(scene_, config, *backend_);
-    first.keep_checkpoints_in(kept);
-    first.add_observer(stopper);
-    first.run();
-    EXPECT_EQ(first.step(), (stop + 6) / 7 * 7 + 7);  // the batch after stop() is the last
-    const auto other_backend = make_scalar_backend();
-    Trainer second(scene_, config, *other_backend, *kept.newest());
-    second.run();
-    EXPECT_TRUE(same_bits(second.model(), expected)) << "stopped after step " << stop;
-  }
+  expect_goes_on_after({1, 7, 20, 63}, config);
 }
 
 TEST_F(Recovery, EveryCheckpointLeadsToTheSameBits) {
@@ -170,7 +51,7 @@ TEST_F(Recovery, ExtraStepsGoOnAfterTheScheduleWithoutChangingIt) {
   shorter.keep_checkpoints_in(kept);
   shorter.run();
   config.train.extra_steps = 30;
-  const TrainingModel longer = undisturbed(config);
+  const TrainingModel longer = trained(config);
   Trainer extended(scene_, config, *backend_, *kept.newest());
   extended.run();
   EXPECT_EQ(extended.step(), 150);
@@ -213,37 +94,23 @@ TEST_F(Recovery, AStateOfAnotherSceneOrSeedIsRefused) {
 
 // ---- breakdowns --------------------------------------------------------------------------------
 
-TEST_F(Recovery, ParametersThatBreakOnceAreMendedByTheLastCheckpoint) {
-  const Config config = eventful_run();
-  const TrainingModel expected = undisturbed(config);
-  bool is_done = false;
-  After poison([&](int step, Trainer& trainer) {
-    if (step != 55 || std::exchange(is_done, true)) return;
-    for (Vec3f& mean : trainer.model().gaussians.mean) mean.y = kNan;
-  });
-  KeptStates kept;
-  Trainer trainer(scene_, config, *backend_);
-  trainer.keep_checkpoints_in(kept);
-  trainer.add_observer(poison);
-  trainer.run();
-  EXPECT_EQ(poison.rollbacks, std::vector<int>{50});
-  EXPECT_TRUE(same_bits(trainer.model(), expected));
-}
-
-TEST_F(Recovery, WithoutACheckpointTheRunGoesBackToItsStart) {
-  Config config = eventful_run();
-  config.train.checkpoint_every = -1;
-  const TrainingModel expected = undisturbed(config);
-  bool is_done = false;
-  After poison([&](int step, Trainer& trainer) {
-    if (step != 15 || std::exchange(is_done, true)) return;
-    for (Vec3f& sh0 : trainer.model().gaussians.sh0) sh0.x = kNan;
-  });
-  Trainer trainer(scene_, config, *backend_);
-  trainer.add_observer(poison);
-  trainer.run();
-  EXPECT_EQ(poison.rollbacks, std::vector<int>{0});
-  EXPECT_TRUE(same_bits(trainer.model(), expected));
+TEST_F(Recovery, ParametersThatBreakOnceAreMendedByTheLastCheckpointOrTheStart) {
+  for (const bool has_checkpoints : {true, false}) {
+    Config config = eventful_run();
+    if (!has_checkpoints) config.train.checkpoint_every = -1;
+    bool is_done = false;
+    After poison([&](int step, Trainer& trainer) {
+      if (step != 55 || std::exchange(is_done, true)) return;
+      for (Vec3f& mean : trainer.model().gaussians.mean) mean.y = kNan;
+    });
+    KeptStates kept;
+    Trainer trainer(scene_, config, *backend_);
+    if (has_checkpoints) trainer.keep_checkpoints_in(kept);
+    trainer.add_observer(poison);
+    trainer.run();
+    EXPECT_EQ(poison.rollbacks, std::vector<int>{has_checkpoints ? 50 : 0});
+    EXPECT_TRUE(same_bits(trainer.model(), trained(config)));
+  }
 }
 
 TEST_F(Recovery, AViewThatBreaksTheModelIsSkippedAfterTwoStrikes) {
@@ -266,7 +133,7 @@ TEST_F(Recovery, AViewThatBreaksTheModelIsSkippedAfterTwoStrikes) {
 
 TEST_F(Recovery, AModelThatCollapsesOnceIsMendedAndTwiceEndsTheRun) {
   const Config config = eventful_run();
-  const TrainingModel expected = undisturbed(config);
+  const TrainingModel expected = trained(config);
   for (const bool again : {false, true}) {
     int collapses = 0;
     After drain([&](int step, Trainer& trainer) {
@@ -307,51 +174,46 @@ Config brief_run() {
 }
 
 // While the run finishes, the state before that is kept: see the next test.
-void expect_any_failure_is_survived(const Scene& scene, const Config& config) {
-  int failures = 0, while_finishing = 0;
-  for (int k = 1;; ++k, ++failures) {
-    const auto backend = make_scalar_backend();
-    KeptStates kept;
-    Trainer trainer(scene, config, *backend);
-    trainer.keep_checkpoints_in(kept);
-    FailingMemory memory(k);
-    ASSERT_NO_THROW(trainer.run()) << "allocation " << k;
-    if (!memory.has_failed()) break;
-    EXPECT_EQ(trainer.step(), 12) << "allocation " << k;
-    ASSERT_FALSE(kept.states.empty());
-    while_finishing += kept.states.back().progress.growth_cap == 0;
-    EXPECT_EQ(backend->rows().count_not_finite(trainer.model()), 0u);
+TEST_F(Recovery, AFailureOfAnySingleAllocationIsSurvived) {
+  for (const int batch : {1, 5}) {
+    Config config = brief_run();
+    config.train.batch = batch;
+    int failures = 0, while_finishing = 0;
+    for (int k = 1;; ++k, ++failures) {
+      const auto backend = make_scalar_backend();
+      KeptStates kept;
+      Trainer trainer(scene_, config, *backend);
+      trainer.keep_checkpoints_in(kept);
+      FailingMemory memory(k);
+      ASSERT_NO_THROW(trainer.run()) << "allocation " << k;
+      if (!memory.has_failed()) break;
+      EXPECT_EQ(trainer.step(), 12) << "allocation " << k;
+      ASSERT_FALSE(kept.states.empty());
+      while_finishing += kept.states.back().progress.growth_cap == 0;
+      EXPECT_EQ(backend->rows().count_not_finite(trainer.model()), 0u);
+    }
+    EXPECT_GT(failures, 50);
+    EXPECT_LT(while_finishing, 10);
   }
-  EXPECT_GT(failures, 50);
-  EXPECT_LT(while_finishing, 10);
 }
 
-TEST_F(Recovery, AFailureOfAnySingleAllocationIsSurvived) {
-  expect_any_failure_is_survived(scene_, brief_run());
-}
-TEST_F(Recovery, AFailureOfAnySingleAllocationInBatchesIsSurvived) {
-  Config config = brief_run();
-  config.train.batch = 5;
-  expect_any_failure_is_survived(scene_, config);
-}
 /// Keeps states; after that of the last step is kept, memory runs out.
 class ThenNoMemory final : public CheckpointStore {
  public:
   explicit ThenNoMemory(Backend& backend) : backend_(backend) {}
-  ~ThenNoMemory() override { set_allocation_hook(nullptr); }
   bool save(const RunProgress& progress, const TrainingModel& model) override {
     kept.save(progress, model);
     if (progress.step < 12) return true;
     backend_.release_caches();
-    starving_ = std::make_unique<FailingMemory>(1, true);
+    starving = std::make_unique<FailingMemory>(1, true);
     return true;
   }
   std::optional<TrainingState> newest() override { return kept.newest(); }
   KeptStates kept;
+  std::unique_ptr<FailingMemory> starving;
 
  private:
   Backend& backend_;
-  std::unique_ptr<FailingMemory> starving_;
 };
 
 // The final prune and Morton order turn the model into a result, from which a run cannot go on.
@@ -361,8 +223,8 @@ TEST_F(Recovery, WhereMemoryRunsOutWhileTheRunFinishesTheStateBeforeIsKept) {
   Trainer trainer(scene_, brief_run(), *backend);
   trainer.keep_checkpoints_in(store);
   ASSERT_NO_THROW(trainer.run());
-  EXPECT_GT(allocations, 0);  // that failed
-  set_allocation_hook(nullptr);
+  EXPECT_GT(store.starving->allocations(), 0);  // that failed
+  store.starving.reset();
   EXPECT_EQ(std::count_if(store.kept.states.begin(), store.kept.states.end(),
                           [](const TrainingState& state) { return state.progress.step == 12; }),
             1);
@@ -393,13 +255,9 @@ TEST_F(Recovery, AResultThatCannotBeSavedForLackOfMemoryIsStillInTheCheckpoint) 
   trainer.keep_checkpoints_in(kept);
   trainer.run();
   FailingMemory memory(1, true);
-  try {
-    trainer.guarded("saving the model", [&] { trained_model(trainer); });
-    FAIL();
-  } catch (const Error& error) {
-    EXPECT_EQ(error.code(), ExitCode::out_of_memory);
-    EXPECT_NE(std::string(error.what()).find("saving the model"), std::string::npos);
-  }
+  const auto save = [&] { trainer.guarded("saving the model", [&] { trained_model(trainer); }); };
+  EXPECT_THAT(save, FailsWith(ExitCode::out_of_memory));
+  EXPECT_THAT(save, ThrowsMessage<Error>(HasSubstr("saving the model")));
   EXPECT_EQ(kept.states.back().progress.step, 12);
 }
 
@@ -420,7 +278,6 @@ TEST_F(Recovery, WhereMemoryIsGoneForGoodThereIsACheckpoint) {
         EXPECT_EQ(error.code(), ExitCode::out_of_memory) << error.what();
       }
     }
-    first_failure = 0;
     ASSERT_FALSE(kept.states.empty()) << "allocation " << k;
     Trainer second(scene_, brief_run(), *backend, *kept.newest());
     second.run();

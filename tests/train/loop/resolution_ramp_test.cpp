@@ -1,12 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Runs that train on reduced photos first.
-#include <gtest/gtest.h>
-
-#include "gs_core/error.h"
-#include "gs_core/threads/parallel.h"
 #include "gs_train/reduced_view.h"
 #include "tests/support/scene_run.h"
-#include "tests/support/small_scene.h"
 
 namespace gs {
 namespace {
@@ -50,11 +45,8 @@ class ResolutionRamp : public SceneRun {
 
   /// 90 steps with refinements, of which each factor has 30.
   static Config run_with(const std::vector<int>& ramp) {
-    Config config = short_run();
-    config.train.iterations = 90;
-    config.density.from_step = config.density.every = 20;
+    Config config = growing_run(90);
     config.density.until_step = 30000;
-    config.density.gradient_threshold = 1e-5f;
     config.train.resolution_ramp = ramp;
     config.train.resolution_every = 10000;
     config.train.resolution_least = 1;
@@ -78,18 +70,7 @@ TEST_F(ResolutionRamp, GoesOnWithTheNextFactorAndThenWithWholePhotos) {
   std::optional<TrainingState> state;
   for (const int factor : {4, 2}) {
     const Scene scene = reduced_scene(scene_, factor);
-    LastState kept;
-    StopAfter stopper(factor == 4 ? 29 : 59);  // the step after it is the last
-    std::optional<Trainer> trainer;
-    if (state)
-      trainer.emplace(scene, run_with({}), *backend_, std::move(*state));
-    else
-      trainer.emplace(scene, run_with({}), *backend_);
-    trainer->keep_checkpoints_in(kept);
-    trainer->add_observer(stopper);
-    trainer->run();
-    EXPECT_EQ(kept.state.progress.step, factor == 4 ? 30 : 60);
-    state = kept.newest();
+    state = stopped_after(factor == 4 ? 29 : 59, scene, run_with({}), *backend_, std::move(state));
   }
   Trainer last(scene_, run_with({}), *backend_, std::move(*state));
   last.run();
@@ -105,18 +86,12 @@ TEST_F(ResolutionRamp, OfFactorOneIsARunWithoutARamp) {
 }
 
 TEST_F(ResolutionRamp, GivesTheSameBitsForAnyNumberOfThreads) {
-  set_thread_count(1);
-  const TrainingModel one = trained(run_with({4, 2}));
-  set_thread_count(0);
-  EXPECT_TRUE(same_bits(trained(run_with({4, 2})), one));
+  expect_same_bits_on_any_threads(run_with({4, 2}));
 }
 
 TEST_F(ResolutionRamp, GoesOnAfterAnyStep) {
-  expect_goes_on_after({10, 28, 29, 30, 31, 59, 60, 75}, run_with({4, 2}));
-}
-
-TEST_F(ResolutionRamp, GoesOnAfterAnyStepInBatches) {
   Config config = run_with({4, 2});
+  expect_goes_on_after({10, 28, 29, 30, 31, 59, 60, 75}, config);
   config.train.batch = 7;  // photos of one batch have two sizes
   expect_goes_on_after({10, 23, 27, 30, 59, 75}, config);
 }

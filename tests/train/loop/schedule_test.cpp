@@ -3,23 +3,18 @@
 // schedule of twice its length.
 #include "gs_train/schedule.h"
 
-#include <gmock/gmock.h>
-#include <gtest/gtest.h>
-
-#include <cmath>
 #include "tests/support/adaptive.h"
+#include "tests/support/test.h"
 
 namespace gs {
 namespace {
-
-using ::testing::ElementsAre;
 
 /// The steps of a run at which something happens.
 template <class Happens>
 std::vector<int> steps_where(const Schedule& schedule, Happens&& happens) {
   std::vector<int> steps;
   for (int step = 1; step <= schedule.steps(); ++step)
-    if (happens(step)) steps.push_back(step);
+    if (std::invoke(happens, schedule, step)) steps.push_back(step);
   return steps;
 }
 std::vector<int> from_to_every(int from, int to, int every) {
@@ -36,12 +31,11 @@ class StandardSchedule : public ::testing::Test {
 TEST_F(StandardSchedule, Has30000Steps) { EXPECT_EQ(schedule_.steps(), 30'000); }
 
 TEST_F(StandardSchedule, RefinesEvery100thStepFrom600To14900) {
-  EXPECT_EQ(steps_where(schedule_, [&](int step) { return schedule_.refine(step); }),
-            from_to_every(600, 14'900, 100));
+  EXPECT_EQ(steps_where(schedule_, &Schedule::refine), from_to_every(600, 14'900, 100));
 }
 
 TEST_F(StandardSchedule, ResetsOpacitiesFourTimes) {
-  EXPECT_THAT(steps_where(schedule_, [&](int step) { return schedule_.reset_opacity(step); }),
+  EXPECT_THAT(steps_where(schedule_, &Schedule::reset_opacity),
               ElementsAre(3000, 6000, 9000, 12'000));
 }
 
@@ -49,26 +43,23 @@ TEST_F(StandardSchedule, ResetsOpacitiesOnceMoreOnWhite) {
   Config config = adaptive_config();
   config.render.background = Background::white;
   const Schedule schedule(config, 2.0f);
-  EXPECT_THAT(steps_where(schedule, [&](int step) { return schedule.reset_opacity(step); }),
+  EXPECT_THAT(steps_where(schedule, &Schedule::reset_opacity),
               ElementsAre(500, 3000, 6000, 9000, 12'000));
 }
 
 // The trainer stops at the degree of the config, so later steps do not count.
 TEST_F(StandardSchedule, RaisesTheShDegreeAt1000And2000And3000) {
-  std::vector<int> steps =
-      steps_where(schedule_, [&](int step) { return schedule_.raise_sh_degree(step); });
+  std::vector<int> steps = steps_where(schedule_, &Schedule::raise_sh_degree);
   steps.resize(3);
   EXPECT_THAT(steps, ElementsAre(1000, 2000, 3000));
 }
 
 TEST_F(StandardSchedule, SortsAlongTheMortonCurveThreeTimes) {
-  EXPECT_THAT(steps_where(schedule_, [&](int step) { return schedule_.reorder(step); }),
-              ElementsAre(5000, 10'000, 15'000));
+  EXPECT_THAT(steps_where(schedule_, &Schedule::reorder), ElementsAre(5000, 10'000, 15'000));
 }
 
 TEST_F(StandardSchedule, GathersStatisticsAsLongAsTheyAreUsed) {
-  EXPECT_EQ(steps_where(schedule_, [&](int step) { return schedule_.gather_statistics(step); }),
-            from_to_every(1, 14'900, 1));
+  EXPECT_EQ(steps_where(schedule_, &Schedule::gather_statistics), from_to_every(1, 14'900, 1));
 }
 
 TEST_F(StandardSchedule, DropsHugeGaussiansOnlyAfterTheFirstReset) {
@@ -100,12 +91,10 @@ TEST(ScheduleOfTwiceTheSteps, DoublesEveryPointInTime) {
   config.train.steps_scaler = 2;
   const Schedule schedule(config, 2.0f);
   EXPECT_EQ(schedule.steps(), 60'000);
-  EXPECT_EQ(steps_where(schedule, [&](int step) { return schedule.refine(step); }),
-            from_to_every(1200, 29'800, 200));
-  EXPECT_THAT(steps_where(schedule, [&](int step) { return schedule.reset_opacity(step); }),
+  EXPECT_EQ(steps_where(schedule, &Schedule::refine), from_to_every(1200, 29'800, 200));
+  EXPECT_THAT(steps_where(schedule, &Schedule::reset_opacity),
               ElementsAre(6000, 12'000, 18'000, 24'000));
-  EXPECT_THAT(steps_where(schedule, [&](int step) { return schedule.reorder(step); }),
-              ElementsAre(10'000, 20'000, 30'000));
+  EXPECT_THAT(steps_where(schedule, &Schedule::reorder), ElementsAre(10'000, 20'000, 30'000));
   EXPECT_TRUE(schedule.raise_sh_degree(2000));
   EXPECT_FALSE(schedule.raise_sh_degree(1000));
   EXPECT_NEAR(schedule.learning_rates(60'000).mean / 3.2e-6, 1, 1e-6);
@@ -115,20 +104,16 @@ TEST(ScheduleOfEpochs, RefinesAfterSoManyPassesOverThePhotos) {
   Config config = adaptive_config();
   config.density.strategy = "litegs";  // every second epoch
   const Schedule schedule(config, 2.0f, 250), few(config, 2.0f, 40), unknown(config, 2.0f);
-  EXPECT_EQ(steps_where(schedule, [&](int step) { return schedule.refine(step); }),
-            from_to_every(1000, 14'500, 500));
-  EXPECT_EQ(steps_where(few, [&](int step) { return few.refine(step); }),
-            from_to_every(600, 14'900, 100));
-  EXPECT_EQ(steps_where(unknown, [&](int step) { return unknown.refine(step); }),
-            from_to_every(600, 14'900, 100));
+  EXPECT_EQ(steps_where(schedule, &Schedule::refine), from_to_every(1000, 14'500, 500));
+  EXPECT_EQ(steps_where(few, &Schedule::refine), from_to_every(600, 14'900, 100));
+  EXPECT_EQ(steps_where(unknown, &Schedule::refine), from_to_every(600, 14'900, 100));
 }
 
 TEST(ScheduleOfEpochs, RefinesTenTimesHoweverManyPhotosThereAre) {
   Config config = adaptive_config();
   config.density.strategy = "litegs";           // every second epoch
   const Schedule schedule(config, 2.0f, 5000);  // 10,000 steps, of which the window has 14,300
-  EXPECT_EQ(steps_where(schedule, [&](int step) { return schedule.refine(step); }),
-            from_to_every(1430, 14'300, 1430));
+  EXPECT_EQ(steps_where(schedule, &Schedule::refine), from_to_every(1430, 14'300, 1430));
 }
 
 TEST(ScheduleOfAShortRun, MayKeepThePositionRateAtFirst) {
@@ -280,16 +265,14 @@ Config with_method(const std::string& strategy) {
 TEST(RecoveryPrune, ComesSoManyStepsAfterTheFirstResetsInsteadOfARefinement) {
   Config config = with_method("improved_gs");
   const Schedule schedule(config, 2.0f);
-  EXPECT_THAT(steps_where(schedule, [&](int step) { return schedule.recovery_prune(step) > 0; }),
-              ElementsAre(3300, 6300));
+  EXPECT_THAT(steps_where(schedule, &Schedule::recovery_prune), ElementsAre(3300, 6300));
   EXPECT_FLOAT_EQ(float(schedule.recovery_prune(3300)), 0.2f);
   EXPECT_FALSE(schedule.refine(3300));
   EXPECT_TRUE(schedule.refine(3200) && schedule.refine(3400));
   config.train.iterations =
       7000;  // resets after 1,000 and 2,000 steps; the last one scales to 1,400
   const Schedule shorter(config, 2.0f);
-  EXPECT_THAT(steps_where(shorter, [&](int step) { return shorter.recovery_prune(step) > 0; }),
-              ElementsAre(1300));
+  EXPECT_THAT(steps_where(shorter, &Schedule::recovery_prune), ElementsAre(1300));
   config.density.strategy = "adaptive";
   EXPECT_EQ(Schedule(config, 2.0f).recovery_prune(3300), 0.0);
   EXPECT_TRUE(Schedule(config, 2.0f).refine(3300));
@@ -297,7 +280,7 @@ TEST(RecoveryPrune, ComesSoManyStepsAfterTheFirstResetsInsteadOfARefinement) {
 
 TEST(SensitivityPrune, IsSoftBeforeTheLastRefinementAndHardAfterwards) {
   const Schedule schedule(with_method("speedy_splat"), 2.0f, 200);
-  EXPECT_THAT(steps_where(schedule, [&](int step) { return schedule.sensitivity_prune(step) > 0; }),
+  EXPECT_THAT(steps_where(schedule, &Schedule::sensitivity_prune),
               ElementsAre(6000, 9000, 12'000, 15'000, 18'000, 21'000, 24'000, 27'000));
   for (const int step : {6000, 9000, 12'000})
     EXPECT_FLOAT_EQ(float(schedule.sensitivity_prune(step)), 0.8f);
@@ -308,8 +291,8 @@ TEST(SensitivityPrune, IsSoftBeforeTheLastRefinementAndHardAfterwards) {
 TEST(SensitivityPrune, IsMeasuredInTheLastWholeEpochWithoutRefinements) {
   const Schedule schedule(with_method("speedy_splat"), 2.0f, 280);  // an epoch ends at 5880
   EXPECT_EQ(
-      steps_where(schedule,
-                  [&](int step) { return step < 8000 && schedule.measure_sensitivity(step); }),
+      steps_where(schedule, [](const Schedule& s,
+                               int step) { return step < 8000 && s.measure_sensitivity(step); }),
       from_to_every(5601, 5880, 1));
   EXPECT_TRUE(schedule.refine(5600));
   for (int step = 5601; step <= 6000; ++step) EXPECT_FALSE(schedule.refine(step)) << step;
@@ -331,8 +314,8 @@ TEST(SensitivityPrune, NeedsAnEpochSinceTheOneBefore) {
 
 TEST(LatePrune, ComesAtTheIntervalsOfResetsAfterTheRefinements) {
   const Schedule none(adaptive_config(), 2.0f), schedule(with_method("fastgs"), 2.0f);
-  EXPECT_TRUE(steps_where(none, [&](int step) { return none.prune_late(step); }).empty());
-  EXPECT_THAT(steps_where(schedule, [&](int step) { return schedule.prune_late(step); }),
+  EXPECT_TRUE(steps_where(none, &Schedule::prune_late).empty());
+  EXPECT_THAT(steps_where(schedule, &Schedule::prune_late),
               ElementsAre(18'000, 21'000, 24'000, 27'000));
 }
 

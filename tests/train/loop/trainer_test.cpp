@@ -2,37 +2,21 @@
 // Whole runs on a small scene that the test renders from known Gaussians.
 #include "gs_train/loop/trainer.h"
 
-#include <gmock/gmock.h>
 #include <spdlog/fmt/fmt.h>
 
-#include <cmath>
-
 #include "gs_core/config/config_words.h"
-#include "gs_core/error.h"
-#include "gs_core/threads/parallel.h"
-#include "gs_eval/metrics.h"
-#include "gs_train/stages/scalar_stages.h"
-#include "tests/support/adaptive.h"
-#include "tests/support/models.h"
-#include "tests/support/small_scene.h"
+#include "tests/support/scene_run.h"
 
 namespace gs {
 namespace {
 
-class SmallRun : public ::testing::Test {
+class SmallRun : public SceneRun {
  protected:
+  SmallRun() : SceneRun(small_scene()) {}
   double psnr_of(const Gaussians& gaussians, const RenderSettings& settings) {
     return evaluate(backend_->renderer(), gaussians.span(), scene_.train_views, settings).psnr;
   }
-  /// The Gaussians after a run.
-  Gaussians trained(const Config& config) {
-    Trainer trainer(scene_, config, *backend_);
-    trainer.run();
-    return copy_of(trainer.model().gaussians);
-  }
-
-  const Scene scene_ = small_scene();
-  const std::unique_ptr<Backend> backend_ = make_scalar_backend();
+  Gaussians gaussians_after(const Config& config) { return copy_of(trained(config).gaussians); }
 };
 
 TEST_F(SmallRun, BringsThePicturesCloseToThePhotos) {
@@ -47,29 +31,28 @@ TEST_F(SmallRun, BringsThePicturesCloseToThePhotos) {
 TEST_F(SmallRun, GivesTheSameBitsForTheSameSeedAndAnyNumberOfThreads) {
   Config config = short_run();
   config.render.background = Background::random;
-  set_thread_count(1);
-  const Gaussians one = trained(config);
-  set_thread_count(2);
-  EXPECT_TRUE(same_bits(trained(config), one));
-  set_thread_count(0);
-  EXPECT_TRUE(same_bits(trained(config), one));
+  expect_same_bits_on_any_threads(config);
+  config = short_mcmc_run();
+  config.train.iterations = 120;
+  expect_same_bits_on_any_threads(config);
 }
 
 TEST_F(SmallRun, RefusesAModelToStartFromThatItCannotRead) {
   Config config = short_run();
   config.model.start_from = "trained.ply";
   const auto make = [&] { Trainer(scene_, config, *backend_); };
-  EXPECT_THAT(make, testing::ThrowsMessage<UsageError>(
-                        testing::AllOf(testing::HasSubstr("model.start_from is \"trained.ply\""),
-                                       testing::HasSubstr("state_from_model"))));
+  EXPECT_THAT(make,
+              ThrowsMessage<UsageError>(AllOf(HasSubstr("model.start_from is \"trained.ply\""),
+                                              HasSubstr("state_from_model"))));
 }
 
 TEST_F(SmallRun, DependsOnTheSeed) {
-  Config config = short_run();
-  config.train.iterations = 20;
-  const Gaussians one = trained(config);
-  config.train.seed += 1;
-  EXPECT_FALSE(same_bits(trained(config), one));
+  for (Config config : {short_run(), short_mcmc_run()}) {
+    config.train.iterations = 40;
+    const TrainingModel one = trained(config);
+    config.train.seed += 1;
+    EXPECT_FALSE(same_bits(trained(config), one));
+  }
 }
 
 TEST_F(SmallRun, UnderMcmcGrowsToTheCapAndBringsThePicturesCloseToThePhotos) {
@@ -80,23 +63,12 @@ TEST_F(SmallRun, UnderMcmcGrowsToTheCapAndBringsThePicturesCloseToThePhotos) {
   EXPECT_LE(trainer.gaussian_count(), 80u);
 }
 
-TEST_F(SmallRun, UnderMcmcGivesTheSameBitsForTheSameSeedAndAnyNumberOfThreads) {
-  Config config = short_mcmc_run();
-  config.train.iterations = 120;
-  set_thread_count(1);
-  const Gaussians one = trained(config);
-  set_thread_count(0);
-  EXPECT_TRUE(same_bits(trained(config), one));
-  config.train.seed += 1;
-  EXPECT_FALSE(same_bits(trained(config), one));
-}
-
 TEST_F(SmallRun, WithAbsoluteGradientsGrowsMoreAtTheSameThreshold) {
   Config config = short_run();
   config.density.from_step = config.density.every = 50;
-  const Gaussians plain = trained(config);
+  const std::size_t plain = trained(config).count();
   config.density.strategy = "absgs";
-  EXPECT_GT(trained(config).count(), plain.count());
+  EXPECT_GT(trained(config).count(), plain);
 }
 
 TEST_F(SmallRun, FindsOutHowManyGaussiansThereIsMemoryFor) {
@@ -107,43 +79,39 @@ TEST_F(SmallRun, FindsOutHowManyGaussiansThereIsMemoryFor) {
   EXPECT_GT(trainer.config().density.max_gaussians, 100);
 }
 
-/// Records what it sees, and asks for the end after one step.
-class Watcher : public Observer {
+/// Counts the ends of runs, besides.
+class Watcher final : public After {
  public:
-  explicit Watcher(int stop_after = 0) : stop_after_(stop_after) {}
-  void after_step(int step, Trainer& trainer) override {
-    steps.push_back(step);
-    EXPECT_TRUE(std::isfinite(trainer.loss()));
-    if (step == stop_after_) trainer.stop();
-  }
+  using After::After;
   void after_run(Trainer&) override { ++runs; }
-
-  std::vector<int> steps;
   int runs = 0;
-
- private:
-  int stop_after_;
 };
 
 TEST_F(SmallRun, ShowsEveryStepAndTheEndToItsObservers) {
   Config config = short_run();
   config.train.iterations = 12;
-  Watcher watcher;
+  std::vector<int> steps;
+  Watcher watcher([&](int step, Trainer& trainer) {
+    steps.push_back(step);
+    EXPECT_TRUE(std::isfinite(trainer.loss()));
+  });
   Trainer trainer(scene_, config, *backend_);
   trainer.add_observer(watcher);
   trainer.run();
-  EXPECT_EQ(watcher.steps, (std::vector<int>{1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12}));
+  EXPECT_THAT(steps, ElementsAre(1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12));
   EXPECT_EQ(watcher.runs, 1);
   EXPECT_FALSE(trainer.stopped_early());
 }
 
 TEST_F(SmallRun, EndsWithTheStepAfterStopAndAsIfThatWereTheLast) {
-  Watcher watcher(5);
+  Watcher watcher([](int step, Trainer& trainer) {
+    if (step == 5) trainer.stop();
+  });
   Trainer stopped(scene_, short_run(), *backend_);
   stopped.add_observer(watcher);
   stopped.run();
   EXPECT_TRUE(stopped.stopped_early());
-  EXPECT_EQ(watcher.steps.back(), 6);
+  EXPECT_EQ(stopped.step(), 6);
   EXPECT_EQ(watcher.runs, 1);
   TrainingModel finished = model_of(stopped.model().gaussians);
   EXPECT_EQ(backend_->rows().prune(finished, kMinAlpha), 0u);
@@ -160,8 +128,7 @@ TEST_F(SmallRun, TrainsUnderEverySettingOfTheRenderer) {
       config.render.antialias = antialias;
       config.render.blend_rule = antialias ? BlendRule::classic : BlendRule::faster_gs;
       config.render.truncation = antialias ? Truncation::sigma3 : Truncation::alpha;
-      const Gaussians gaussians = trained(config);
-      for (const float value : numbers_of(gaussians.mean)) EXPECT_TRUE(std::isfinite(value));
+      psnr_after(config);  // all its numbers are finite
     }
 }
 
@@ -187,16 +154,12 @@ Scene masked_scene(const Scene& scene, std::uint8_t garbage) {
 TEST_F(SmallRun, DoesNotSeeWhatMasksIgnore) {
   const Scene clean = masked_scene(scene_, 0), dirty = masked_scene(scene_, 0xb7);
   ASSERT_NE(clean.train_views[0].photo.pixels, dirty.train_views[0].photo.pixels);
-  Trainer on_clean(clean, short_run(), *backend_);
-  on_clean.run();
-  const Gaussians of_clean = copy_of(on_clean.model().gaussians);
+  const TrainingModel of_clean = model_of_run(clean, short_run(), *backend_);
   Trainer on_dirty(dirty, short_run(), *backend_);
   on_dirty.run();
-  EXPECT_TRUE(same_bits(copy_of(on_dirty.model().gaussians), of_clean));
-  EXPECT_FALSE(same_bits(trained(short_run()), of_clean));  // masks do matter
-  const Evaluation evaluation = evaluate(backend_->renderer(), on_dirty.model().gaussians.span(),
-                                         dirty.train_views, on_dirty.evaluation_settings());
-  EXPECT_GT(evaluation.psnr, 22);  // measured on trained pixels
+  EXPECT_TRUE(same_bits(on_dirty.model(), of_clean));
+  EXPECT_FALSE(same_bits(trained(short_run()), of_clean));             // masks do matter
+  EXPECT_GT(gs::psnr_of(*backend_, on_dirty, dirty.train_views), 22);  // of trained pixels
 }
 
 /// The Gaussians of the scene without background: color, and alpha as mask.
@@ -240,14 +203,14 @@ TEST_F(SmallRun, OnRandomBackgroundsLearnsWhatAlphaCovers) {
 }
 
 TEST_F(SmallRun, EndsWithoutFaintGaussians) {
-  for (const float logit : trained(short_run()).logit_opacity)
+  for (const float logit : gaussians_after(short_run()).logit_opacity)
     EXPECT_GE(sigmoid(logit), 1.0f / 255);
 }
 
 TEST_F(SmallRun, KeepsShDegreesThatWereNotReachedAtZero) {
   Config config = short_run();
   config.model.sh_degree = 0;
-  const Gaussians gaussians = trained(config);
+  const Gaussians gaussians = gaussians_after(config);
   for (std::size_t i = 0; i < gaussians.count(); ++i)
     EXPECT_TRUE(row_is(gaussians.sh_rest, i, 0.0f));
 }
@@ -256,14 +219,8 @@ TEST(Trainer, ALossThatTheBackendLacksIsRefusedWhenARunIsMade) {
   const auto backend = make_scalar_backend();
   Config config = adaptive_config();
   config.loss.kind = "l2";
-  try {
-    const Trainer trainer(small_scene(), config, *backend);
-    FAIL();
-  } catch (const UsageError& error) {
-    EXPECT_NE(std::string(error.what()).find("no loss.kind l2 on cpu; it is one of l1_ssim"),
-              std::string::npos)
-        << error.what();
-  }
+  EXPECT_THAT([&] { Trainer(small_scene(), config, *backend); },
+              ThrowsMessage<UsageError>(HasSubstr("no loss.kind l2 on cpu; it is one of l1_ssim")));
 }
 
 TEST(Losses, TheSettingTakesEveryLossOfTheTableAndNoOther) {

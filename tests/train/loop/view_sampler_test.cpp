@@ -1,10 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "gs_train/loop/view_sampler.h"
 
-#include <gtest/gtest.h>
-
-#include <algorithm>
-#include <numeric>
+#include "tests/support/test.h"
 
 namespace gs {
 namespace {

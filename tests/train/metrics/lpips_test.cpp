@@ -3,21 +3,12 @@
 // that do not hold such a network.
 #include "gs_eval/lpips/lpips.h"
 
-#include <gmock/gmock.h>
-
-#include <limits>
-
-#include "gs_core/threads/parallel.h"
 #include "gs_eval/metrics.h"
-#include "tests/support/error_of.h"
 #include "tests/support/lpips_file.h"
-#include "tests/support/scenes.h"
+#include "tests/support/small_scene.h"
 
 namespace gs {
 namespace {
-
-using testing::AllOf;
-using testing::HasSubstr;
 
 constexpr double kRounding = 1e-6;  // relative: OpenCV's convolutions are in float
 
@@ -129,13 +120,10 @@ TEST_F(LpipsTest, OfIdenticalPicturesIsZero) {
 
 TEST_F(LpipsTest, DoesNotDependOnTheNumberOfThreads) {
   const ComparedPictures pictures{pattern(90, 77, 1), pattern(90, 77, 2), {}};
-  const int threads = thread_count();
   Lpips network(write(patterned_network("vgg", {4, 3, 5, 6, 4})));
-  set_thread_count(1);
-  const double first = network.distance(pictures);
-  set_thread_count(5);
-  EXPECT_NEAR(network.distance(pictures), first, kRounding * first);
-  set_thread_count(threads);
+  const auto measured = [&] { return network.distance(pictures); };
+  const double first = with_threads(1, measured);
+  EXPECT_NEAR(with_threads(5, measured), first, kRounding * first);
 }
 
 // Features see the middle of their places, so none of those that count sees the black half. Where
@@ -238,10 +226,7 @@ TEST_F(LpipsTest, SettingsNameTheNetworkOrNone) {
 
 TEST_F(LpipsTest, IsMeasuredWhereItIsAskedFor) {
   const Gaussians gaussians = random_gaussians(kTypical, 50, random_camera(40, 36, 1), 3);
-  std::vector<View> views;
-  for (const std::uint64_t seed : {1, 2})
-    views.push_back(
-        {"view " + std::to_string(seed), random_camera(40, 36, seed), random_photo(40, 36, seed)});
+  std::vector<View> views = random_views(2, 40, 36);
   views[0].exposure = Vec3f(0.5f);
   Lpips network(write(patterned_network("alex", {4, 6, 5, 3, 4})));
   const auto renderer = make_scalar_renderer();

@@ -1,16 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 // FLIP against known values and against its definition, computed here term by term with
 // two-dimensional filters, without any code or constant of ours.
-#include <gtest/gtest.h>
-
-#include <algorithm>
-#include <array>
-#include <cmath>
-
-#include "gs_core/threads/parallel.h"
 #include "gs_eval/flip/flip.h"
 #include "gs_eval/metrics.h"
-#include "tests/support/scenes.h"
+#include "tests/support/small_scene.h"
 
 namespace gs {
 namespace {
@@ -184,12 +177,8 @@ TEST(Flip, CountsAPixelAsMuchAsItsWeight) {
 TEST(PerceptualMetrics, DoNotDependOnTheNumberOfThreads) {
   const ImageF photo = pattern(70, 150, 0.1f, 11), render = pattern(70, 150, 0.5f, 12);
   const ComparedPictures pictures{render, photo, {}};
-  const int threads = thread_count();
-  set_thread_count(1);
-  const double first_flip = flip(pictures);
-  set_thread_count(5);
-  EXPECT_EQ(flip(pictures), first_flip);
-  set_thread_count(threads);
+  const auto measured = [&] { return flip(pictures); };
+  EXPECT_EQ(with_threads(1, measured), with_threads(5, measured));
 }
 
 TEST(PerceptualMetrics, OfAMaskedViewDoNotSeeTheRest) {
@@ -223,10 +212,7 @@ TEST(PerceptualMetrics, GiveThePhotosExposureToTheRender) {
 
 TEST(PerceptualMetrics, AreMeasuredWhereTheyAreAskedFor) {
   const Gaussians gaussians = random_gaussians(kTypical, 50, random_camera(40, 30, 1), 3);
-  std::vector<View> views;
-  for (const std::uint64_t seed : {1, 2})
-    views.push_back(
-        {"view " + std::to_string(seed), random_camera(40, 30, seed), random_photo(40, 30, seed)});
+  std::vector<View> views = random_views(2, 40, 30);
   views[0].exposure = Vec3f(0.5f);
   const auto renderer = make_scalar_renderer();
   const auto measured = [&](MetricSet metrics, std::vector<ImageF>* pictures) {

@@ -1,10 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
 // Runs with a photometric model on a rendered scene whose photos are multiplied by known gains.
-#include <gmock/gmock.h>
-
-#include <cmath>
-
-#include "gs_core/threads/parallel.h"
 #include "tests/support/scene_run.h"
 #include "tests/support/wall_scene.h"
 
@@ -72,13 +67,7 @@ TEST_F(PhotometricRun, GoesOnWhereItWasStopped) {
 TEST_F(PhotometricRun, GivesTheSameBitsForAnyNumberOfThreads) {
   Config config = gains_run(40);
   config.train.batch = 3;
-  set_thread_count(1);
-  const TrainingModel one = trained(config);
-  set_thread_count(3);
-  const TrainingModel three = trained(config);
-  set_thread_count(0);
-  EXPECT_TRUE(same_bits(three, one));
-  EXPECT_FALSE(one.photometric.empty());
+  expect_same_bits_on_any_threads(config);
 }
 
 TEST_F(PhotometricRun, BeginsWithTheExposuresThatWereSolvedFor) {

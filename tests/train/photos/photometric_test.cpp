@@ -1,27 +1,18 @@
 // SPDX-License-Identifier: Apache-2.0
 // The parts of photometric models: appearances, the loss under them, updates, held-out photos, and
 // the metrics. photometric_run_test.cpp trains.
-#include <gmock/gmock.h>
 #include <spdlog/fmt/fmt.h>
 #include <spdlog/fmt/ranges.h>
 
-#include <cmath>
-
-#include "gs_core/error.h"
-#include "gs_core/threads/parallel.h"
 #include "gs_eval/color_correction.h"
 #include "gs_eval/metrics.h"
 #include "gs_train/photometric/photometric_start.h"
 #include "gs_train/stages/scalar_stages.h"
-#include "tests/support/adaptive.h"
 #include "tests/support/models.h"
 #include "tests/support/small_scene.h"
 
 namespace gs {
 namespace {
-
-using testing::ElementsAre;
-using testing::HasSubstr;
 
 const PhotometricConfig kGains{"gains", 2e-3f};
 const LossSettings kLoss{0.2f};
@@ -151,13 +142,11 @@ TEST_F(GainsOfAPhoto, LearnNothingFromMaskedPixelsNorFromTheBackground) {
 }
 
 TEST_F(GainsOfAPhoto, AreSummedInOneOrder) {
-  set_thread_count(1);
-  loss();
-  const std::vector<double> one(appearance_->gradient().begin(), appearance_->gradient().end());
-  set_thread_count(3);
-  loss();
-  set_thread_count(0);
-  EXPECT_THAT(one, testing::ElementsAreArray(appearance_->gradient()));
+  const auto gradient = [&] {
+    loss();
+    return std::vector<double>(appearance_->gradient().begin(), appearance_->gradient().end());
+  };
+  EXPECT_EQ(with_threads(1, gradient), with_threads(3, gradient));
 }
 
 TEST_F(GainsOfAPhoto, WeighThePixelValuesOfDensityControl) {

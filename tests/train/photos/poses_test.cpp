@@ -2,18 +2,11 @@
 // Poses that are refined: which photos move as one, an update, and what all have in common.
 #include "gs_train/poses/poses.h"
 
-#include <gmock/gmock.h>
-
 #include "gs_core/geometry/vectors.h"
-#include "tests/support/adaptive.h"
-#include "tests/support/error_of.h"
 #include "tests/support/poses.h"
 
 namespace gs {
 namespace {
-
-using ::testing::ElementsAre;
-using ::testing::HasSubstr;
 
 Config refining() {
   Config config = adaptive_config();

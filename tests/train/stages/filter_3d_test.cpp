@@ -3,24 +3,12 @@
 // what a camera sees that comes closer than those of the photos.
 #include "gs_core/math/render/filter_3d.h"
 
-#include <gmock/gmock.h>
-#include <gtest/gtest.h>
-
-#include <algorithm>
-#include <cmath>
-
 #include "gs_core/bake_filter.h"
-#include "gs_core/error.h"
 #include "gs_train/row_rules.h"
 #include "tests/support/scene_run.h"
-#include "tests/support/small_scene.h"
 
 namespace gs {
 namespace {
-
-using ::testing::AllOf;
-using ::testing::HasSubstr;
-using ::testing::ThrowsMessage;
 
 constexpr float kNear = 0.2f;
 const float kUnit = std::sqrt(kFilter3dVariance);  // the filter at a sampling rate of 1

@@ -1,21 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
 // The sums over fragments that scores of density control are made of: against sums in double over
 // the pixels of a brute-force picture, through whole steps, and through score passes.
-#include <gtest/gtest.h>
-
-#include <cmath>
-#include <vector>
-
-#include "gs_core/error.h"
 #include "gs_core/memory.h"
-#include "gs_core/threads/parallel.h"
-#include "gs_render/renderer.h"
 #include "gs_render/stages.h"
 #include "gs_train/backend.h"
 #include "gs_train/stages/scalar_stages.h"
 #include "tests/support/brute_force.h"
 #include "tests/support/models.h"
-#include "tests/support/small_scene.h"
+#include "tests/support/scene_run.h"
 
 namespace gs {
 namespace {
@@ -289,10 +281,30 @@ TEST(PixelValues, OfAViewWithoutContrastAreZero) {
 
 // ---- steps -------------------------------------------------------------------------------------
 
-/// The number of allocations after which one fails.
-int allocations_left = 0;
-void fail_once(std::size_t) {
-  if (allocations_left-- == 0) throw Error("out of memory, says the test", ExitCode::out_of_memory);
+/// `action` on a new backend with each single allocation failing leaves a model as `start` made it,
+/// and then succeeds: `check` looks at the result.
+template <class Start, class Action, class Check>
+void expect_repeatable(int least_failures, Start&& start, Action&& action, Check&& check) {
+  for (int k = 1;; ++k) {
+    const auto backend = make_scalar_backend();  // without the buffers of an earlier step
+    TrainingModel model = start();
+    bool has_failed = false;
+    {
+      const FailingMemory memory(k);
+      try {
+        action(*backend, model);
+      } catch (const Error&) {
+        has_failed = true;
+      }
+    }
+    if (!has_failed) {
+      EXPECT_GT(k, least_failures);
+      return;
+    }
+    EXPECT_TRUE(same_bits(model, start())) << "allocation " << k;
+    action(*backend, model);
+    check(model);
+  }
 }
 
 class GatheringStep : public ::testing::Test {
@@ -305,7 +317,6 @@ class GatheringStep : public ::testing::Test {
   /// One step on some views.
   void step(Backend& backend, TrainingModel& model, const std::vector<int>& views,
             GrowthScore score) const {
-    constexpr LearningRates kRates{1e-4f, 2e-3f, 3e-3f, 4e-2f, 5e-3f, 6e-4f};
     std::vector<TrainingPhoto> batch;
     for (const int view : views) batch.push_back({&scene_.train_views[std::size_t(view)], {}});
     DensityStep density;
@@ -324,28 +335,16 @@ class GatheringStep : public ::testing::Test {
 };
 
 TEST_F(GatheringStep, ChangesNothingWhereMemoryRunsOut) {
-  const TrainingModel before = start();
   const TrainingModel expected = after({1, 4}, GrowthScore::force);
-  int failures = 0;
-  for (bool has_failed = true; has_failed; ++failures) {
-    const auto backend = make_scalar_backend();  // without the buffers of an earlier step
-    TrainingModel model = start();
-    allocations_left = failures;
-    set_allocation_hook(fail_once);
-    has_failed = false;
-    try {
-      step(*backend, model, {1, 4}, GrowthScore::force);
-    } catch (const Error&) {
-      has_failed = true;
-    }
-    set_allocation_hook(nullptr);
-    if (!has_failed) break;
-    EXPECT_TRUE(same_bits(model, before)) << "allocation " << failures;
-    step(*backend, model, {1, 4}, GrowthScore::force);
-    EXPECT_TRUE(same_bits(model, expected));
-    EXPECT_TRUE(same_bits(model.statistics.sums, expected.statistics.sums));
-  }
-  EXPECT_GT(failures, 20);
+  expect_repeatable(
+      20, start,
+      [&](Backend& backend, TrainingModel& model) {
+        step(backend, model, {1, 4}, GrowthScore::force);
+      },
+      [&](const TrainingModel& model) {
+        EXPECT_TRUE(same_bits(model, expected));
+        EXPECT_TRUE(same_bits(model.statistics.sums, expected.statistics.sums));
+      });
 }
 
 TEST_F(GatheringStep, HasNoSumsForOtherScores) {
@@ -364,25 +363,28 @@ TEST_F(GatheringStep, UpdatesTheModelAsWithoutSums) {
   EXPECT_TRUE(model.statistics.has_sums);
 }
 
-TEST_F(GatheringStep, AddsTheSumsOfTheViewsOfABatch) {
-  const GrowthScore score = GrowthScore::force;
-  const TrainingModel a = after({1}, score), b = after({4}, score), both = after({1, 4}, score);
+/// The sums of a model are those of two others together.
+void expect_added_sums(const TrainingModel& both, const TrainingModel& a, const TrainingModel& b) {
   double total = 0;
   for (std::size_t i = 0; i < both.count(); ++i) {
     FragmentSums sum = a.statistics.sums[i];
     add_to(sum, b.statistics.sums[i]);
     EXPECT_EQ(both.statistics.sums[i].count, sum.count);
+    EXPECT_FLOAT_EQ(both.statistics.sums[i].first, sum.first);
     EXPECT_FLOAT_EQ(both.statistics.sums[i].second, sum.second);
     total += sum.second;
   }
   EXPECT_GT(total, 0);
 }
 
+TEST_F(GatheringStep, AddsTheSumsOfTheViewsOfABatch) {
+  const GrowthScore score = GrowthScore::force;
+  expect_added_sums(after({1, 4}, score), after({1}, score), after({4}, score));
+}
+
 TEST_F(GatheringStep, GivesTheSameBitsForAnyNumberOfThreads) {
-  set_thread_count(1);
-  const TrainingModel one = after({2, 5, 6}, GrowthScore::force);
-  set_thread_count(0);
-  EXPECT_TRUE(same_bits(after({2, 5, 6}, GrowthScore::force).statistics.sums, one.statistics.sums));
+  const auto sums = [&] { return after({2, 5, 6}, GrowthScore::force).statistics.sums; };
+  EXPECT_TRUE(same_bits(with_threads(1, sums), with_threads(3, sums)));
 }
 
 // ---- a score pass ------------------------------------------------------------------------------
@@ -425,46 +427,25 @@ TEST_F(ScorePass, ReplacesTheSumsAndNothingElse) {
 TEST_F(ScorePass, AddsUpItsPhotos) {
   for (const GrowthScore score : {GrowthScore::error, GrowthScore::mask, GrowthScore::edge}) {
     const PixelRule rule{score, 0.1f};
-    const TrainingModel a = scored({1}, rule), b = scored({4}, rule), both = scored({1, 4}, rule);
-    for (std::size_t i = 0; i < both.count(); ++i) {
-      FragmentSums sum = a.statistics.sums[i];
-      add_to(sum, b.statistics.sums[i]);
-      EXPECT_EQ(both.statistics.sums[i].count, sum.count);
-      EXPECT_FLOAT_EQ(both.statistics.sums[i].first, sum.first);
-      EXPECT_FLOAT_EQ(both.statistics.sums[i].second, sum.second);
-    }
+    expect_added_sums(scored({1, 4}, rule), scored({1}, rule), scored({4}, rule));
   }
 }
 
 TEST_F(ScorePass, GivesTheSameBitsForAnyNumberOfThreads) {
-  set_thread_count(1);
-  const TrainingModel one = scored({2, 5, 6}, {GrowthScore::mask, 0.1f});
-  set_thread_count(0);
-  EXPECT_TRUE(
-      same_bits(scored({2, 5, 6}, {GrowthScore::mask, 0.1f}).statistics.sums, one.statistics.sums));
+  const auto sums = [&] { return scored({2, 5, 6}, {GrowthScore::mask, 0.1f}).statistics.sums; };
+  EXPECT_TRUE(same_bits(with_threads(1, sums), with_threads(3, sums)));
 }
 
 TEST_F(ScorePass, CanBeRepeatedWhereMemoryRunsOut) {
   const TrainingModel expected = scored({1, 4}, {GrowthScore::edge});
-  int failures = 0;
-  for (bool has_failed = true; has_failed; ++failures) {
-    const auto backend = make_scalar_backend();
-    TrainingModel model = start();
-    allocations_left = failures;
-    set_allocation_hook(fail_once);
-    has_failed = false;
-    try {
-      score(*backend, model, {1, 4}, {GrowthScore::edge});
-    } catch (const Error&) {
-      has_failed = true;
-    }
-    set_allocation_hook(nullptr);
-    if (!has_failed) break;
-    EXPECT_TRUE(same_bits(model, start())) << "allocation " << failures;
-    score(*backend, model, {1, 4}, {GrowthScore::edge});
-    EXPECT_TRUE(same_bits(model.statistics.sums, expected.statistics.sums));
-  }
-  EXPECT_GT(failures, 10);
+  expect_repeatable(
+      10, start,
+      [&](Backend& backend, TrainingModel& model) {
+        score(backend, model, {1, 4}, {GrowthScore::edge});
+      },
+      [&](const TrainingModel& model) {
+        EXPECT_TRUE(same_bits(model.statistics.sums, expected.statistics.sums));
+      });
 }
 
 }  // namespace

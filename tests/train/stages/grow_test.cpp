@@ -1,27 +1,15 @@
 // SPDX-License-Identifier: Apache-2.0
 // Stage 9 of the methods that grow on hand-made statistics, and their runs.
-#include <gmock/gmock.h>
-#include <gtest/gtest.h>
-
-#include <cmath>
-#include <limits>
-#include <map>
-#include <set>
 #include <stdexcept>
 
-#include "gs_core/threads/parallel.h"
 #include "gs_train/density/density_control.h"
 #include "tests/support/scene_run.h"
-#include "tests/support/small_scene.h"
 
 namespace gs {
 namespace {
 
-using ::testing::ElementsAre;
-
 constexpr std::uint64_t kSeed = 3;
 constexpr int kStep = 600;
-constexpr float kNan = std::numeric_limits<float>::quiet_NaN();
 
 /// Rows of all kinds: small, large and huge, faint and broken, with and without gradients. The last
 /// SH coefficient holds the number of the row.
@@ -111,15 +99,6 @@ TEST(Grow, TakesTheLargestScores) {
   TrainingModel model = scored_model(10);
   EXPECT_EQ(grow_by(model, by_error(13, GrowthSelection::top_k)).cloned, 3u);
   EXPECT_THAT(origins(model), ElementsAre(0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 7, 8, 9));
-}
-
-TEST(Grow, TakesNoRowOutsideOfTheRegion) {
-  TrainingModel model = scored_model(10);
-  GrowthRules rules = by_error(13, GrowthSelection::top_k);
-  rules.limits.region.half_spaces[0] = {{-1, 0, 0}, -5};  // rows 0 to 5
-  rules.limits.region.count = 1;
-  EXPECT_EQ(grow_by(model, rules).cloned, 3u);
-  EXPECT_THAT(origins(model), ElementsAre(0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 3, 4, 5));
 }
 
 TEST(Grow, DrawsByTheScoreAndNeverARowWithoutOne) {
@@ -239,9 +218,7 @@ TEST(Grow, GivesTheSameBitsForAnyNumberOfThreads) {
     rules.split = {SplitPlacement::axis, 1, 0.5f, 0.9f, false, 0.6f};
     TrainingModel a = random_model(9000, 4), b = random_model(9000, 4), c = random_model(9000, 4);
     grow_by(a, rules);
-    set_thread_count(1);
-    grow_by(b, rules);
-    set_thread_count(0);
+    with_threads(1, [&] { return grow_by(b, rules); });
     grow_by(c, rules, kStep + 1);
     EXPECT_TRUE(same_bits(a, b));
     EXPECT_FALSE(same_bits(a, c));
@@ -254,20 +231,6 @@ TEST(Grow, TakesAModelWithoutRows) {
 }
 
 // ---- runs --------------------------------------------------------------------------------------
-
-/// Notes the number of Gaussians after each step, and stops the run after one.
-class Watcher : public Observer {
- public:
-  explicit Watcher(int last_step = 0) : last_step_(last_step) {}
-  void after_step(int step, Trainer& trainer) override {
-    counts[step] = trainer.gaussian_count();
-    if (step == last_step_) trainer.stop();
-  }
-  std::map<int, std::size_t> counts;
-
- private:
-  int last_step_;
-};
 
 class GrowthRun : public SceneRun {
  protected:
@@ -285,6 +248,14 @@ class GrowthRun : public SceneRun {
     density.reset_opacity_until = 0;
     return config;
   }
+  /// The number of Gaussians after each step of a run.
+  static std::map<int, std::size_t> counts_of(Trainer& trainer) {
+    std::map<int, std::size_t> counts;
+    After watcher([&](int step, Trainer& now) { counts[step] = now.gaussian_count(); });
+    trainer.add_observer(watcher);
+    trainer.run();
+    return counts;
+  }
 };
 
 TEST_F(GrowthRun, FollowsTheCurveOfItsMethod) {
@@ -292,23 +263,17 @@ TEST_F(GrowthRun, FollowsTheCurveOfItsMethod) {
     const Config config = run_of(strategy);
     const Schedule schedule(config, scene_.extent, scene_.train_views.size());
     const GrowthMethod& method = growth_method(strategy);
-    Watcher watcher;
     Trainer trainer(scene_, config, *backend_);
-    trainer.add_observer(watcher);
-    trainer.run();
+    std::map<int, std::size_t> counts = counts_of(trainer);
     for (int step = 100; step < 200; step += 20) {
       const std::int64_t target =
           growth_target(method.curve, schedule.growth_share(step),
                         std::int64_t(scene_.points.size()), 200, double(method.ramp_from));
       // Faint children go at once, and a small model cannot always grow enough.
-      EXPECT_LE(std::int64_t(watcher.counts[step]), target) << strategy << " " << step;
-      EXPECT_GE(double(watcher.counts[step]), 0.8 * double(target)) << strategy << " " << step;
+      EXPECT_LE(std::int64_t(counts[step]), target) << strategy << " " << step;
+      EXPECT_GE(double(counts[step]), 0.8 * double(target)) << strategy << " " << step;
     }
-    EXPECT_GT(evaluate(backend_->renderer(), trainer.model().gaussians.span(), scene_.train_views,
-                       trainer.evaluation_settings())
-                  .psnr,
-              20)
-        << strategy;
+    EXPECT_GT(psnr_of(*backend_, trainer, scene_.train_views), 20) << strategy;
   }
 }
 
@@ -316,17 +281,7 @@ TEST_F(GrowthRun, GoesOnFromACheckpointAsIfItHadNeverStopped) {
   for (const char* strategy : {"growth", "improved_gs"}) {
     Config config = run_of(strategy);
     config.train.iterations = 130;
-    LastState kept;
-    Watcher watcher(66);  // between two refinements
-    Trainer first(scene_, config, *backend_);
-    first.keep_checkpoints_in(kept);
-    first.add_observer(watcher);
-    first.run();
-    EXPECT_EQ(kept.state.progress.step, 67);
-    EXPECT_TRUE(kept.state.model.statistics.has_sums);
-    Trainer rest(scene_, config, *backend_, std::move(kept.state));
-    rest.run();
-    EXPECT_TRUE(same_bits(copy_to(host_memory(), rest.model()), trained(config)));
+    expect_goes_on_after({66}, config);  // between two refinements
   }
 }
 
@@ -337,11 +292,9 @@ TEST_F(GrowthRun, OfImprovedGsRemovesTheFaintestAfterAReset) {
   config.density.every = 10;
   config.density.reset_opacity_every = 30;
   config.density.reset_opacity_until = 30000;
-  Watcher watcher;
   Trainer trainer(scene_, config, *backend_);
-  trainer.add_observer(watcher);
-  trainer.run();
-  EXPECT_EQ(watcher.counts[330], watcher.counts[329] - share_of(watcher.counts[329], double(0.2f)));
+  std::map<int, std::size_t> counts = counts_of(trainer);
+  EXPECT_EQ(counts[330], counts[329] - share_of(counts[329], double(0.2f)));
 }
 
 /// A run of Speedy-Splat that removes 80 % at step 1000, by sensitivities that the epoch before has.
@@ -357,40 +310,21 @@ class SpeedyRun : public GrowthRun {
 };
 
 TEST_F(SpeedyRun, RemovesTheLeastSensitiveWithoutARefinementInBetween) {
-  Watcher watcher;
   Trainer trainer(scene_, config_, *backend_);
-  trainer.add_observer(watcher);
-  trainer.run();
-  EXPECT_EQ(watcher.counts[999], watcher.counts[measured_ - epoch_]);
-  EXPECT_EQ(watcher.counts[1000],
-            watcher.counts[999] - share_of(watcher.counts[999], double(0.8f)));
-  EXPECT_GT(watcher.counts[1040], watcher.counts[1000]);
+  std::map<int, std::size_t> counts = counts_of(trainer);
+  EXPECT_EQ(counts[999], counts[measured_ - epoch_]);
+  EXPECT_EQ(counts[1000], counts[999] - share_of(counts[999], double(0.8f)));
+  EXPECT_GT(counts[1040], counts[1000]);
 }
 
 TEST_F(SpeedyRun, GoesOnFromAnyStepOfAMeasurement) {
-  const TrainingModel whole = trained(config_);
-  for (const int stop : {measured_ - epoch_, measured_ - 1, 1000}) {
-    LastState kept;
-    StopAfter watcher(stop);
-    Trainer first(scene_, config_, *backend_);
-    first.keep_checkpoints_in(kept);
-    first.add_observer(watcher);
-    first.run();
-    Trainer rest(scene_, config_, *backend_, std::move(kept.state));
-    rest.run();
-    EXPECT_TRUE(same_bits(copy_to(host_memory(), rest.model()), whole)) << stop;
-  }
+  expect_goes_on_after({measured_ - epoch_, measured_ - 1, 1000}, config_);
 }
 
 TEST_F(GrowthRun, GivesTheSameBitsForAnyNumberOfThreads) {
   Config edges = run_of("improved_gs");
   edges.train.iterations = 90;
-  for (const Config& config : {busy_run(), edges}) {
-    set_thread_count(1);
-    const TrainingModel one = trained(config);
-    set_thread_count(0);
-    EXPECT_TRUE(same_bits(trained(config), one));
-  }
+  for (const Config& config : {busy_run(), edges}) expect_same_bits_on_any_threads(config);
 }
 
 TEST_F(GrowthRun, AddsGaussiansInTheRegionOfTheSettingAlone) {

@@ -1,10 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
 // Stage 8 under the MCMC strategy: regularizers in the gradient, and noise on the means.
-#include <gtest/gtest.h>
-
-#include <cmath>
-
-#include "gs_core/threads/parallel.h"
 #include "gs_train/stages/scalar_stages.h"
 #include "tests/support/models.h"
 
@@ -73,9 +68,7 @@ TEST(AddNoise, LeavesOpaqueMeansAlone) {
 TEST(AddNoise, DrawsBySeedStepAndRowAlone) {
   const Gaussians few = some_gaussians(100, 1e-4f), many = some_gaussians(9000, 1e-4f);
   const Gaussians a = with_noise(few, noise_of(1, 7));
-  set_thread_count(1);
-  const Gaussians b = with_noise(many, noise_of(1, 7));
-  set_thread_count(0);
+  const Gaussians b = with_threads(1, [&] { return with_noise(many, noise_of(1, 7)); });
   const Gaussians later = with_noise(few, noise_of(1, 8)), other = with_noise(few, noise_of(2, 7));
   for (std::size_t i = 0; i < 100; ++i) {
     EXPECT_EQ(a.mean[i], b.mean[i]);

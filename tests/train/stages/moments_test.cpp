@@ -1,29 +1,14 @@
 // SPDX-License-Identifier: Apache-2.0
 // Models whose moments are HalfMoments (optimizer.moments): their updates, their row operations, and
 // whole runs.
-#include <gmock/gmock.h>
-#include <gtest/gtest.h>
-
-#include <cmath>
-#include <string>
-
 #include "gs_core/config/config_words.h"
-#include "gs_core/error.h"
 #include "gs_core/math/update/moment_rounding.h"
-#include "gs_core/threads/parallel.h"
 #include "gs_train/initialize/initialize.h"
 #include "gs_train/row_rules.h"
-#include "tests/support/error_of.h"
 #include "tests/support/scene_run.h"
-#include "tests/support/small_scene.h"
 
 namespace gs {
 namespace {
-
-using ::testing::AllOf;
-using ::testing::HasSubstr;
-
-constexpr LearningRates kRates{1e-4f, 2e-3f, 3e-3f, 4e-2f, 5e-3f, 6e-4f};
 
 /// Row i has the moments numbered(1 + i).
 TrainingModel numbered_model(std::size_t count) {
@@ -109,13 +94,6 @@ TEST(HalfMomentsOfAModel, AreClearedAsTheOpacityRuleSays) {
   }
 }
 
-TEST(HalfMomentsOfAModel, AreCopiedBetweenMemories) {
-  const TrainingModel model = numbered_model(9);
-  const TrainingModel copy = copy_to(host_memory(), model);
-  EXPECT_EQ(copy.moment_storage(), MomentStorage::halves);
-  EXPECT_TRUE(same_bits(copy, model));
-}
-
 // ---- runs --------------------------------------------------------------------------------------
 
 class HalfRun : public SceneRun {
@@ -153,22 +131,10 @@ TEST_F(HalfRun, EndsAsGoodAsWithFloats) {
   }
 }
 
-TEST_F(HalfRun, HasHalfMomentsToItsEnd) {
-  Config config = with(MomentStorage::halves, short_run());
-  config.train.iterations = 20;
-  const TrainingModel model = trained(config);
-  EXPECT_EQ(model.moment_storage(), MomentStorage::halves);
-  EXPECT_EQ(std::get<AdamMoments<HalfMoments>>(model.moments).sh_rest.size(), model.count());
-}
-
 TEST_F(HalfRun, GivesTheSameBitsForAnyNumberOfThreads) {
   for (const Config& config :
-       {with(MomentStorage::halves, busy_run()), with(MomentStorage::halves, busy_batches())}) {
-    set_thread_count(1);
-    const TrainingModel one = trained(config);
-    set_thread_count(0);
-    EXPECT_TRUE(same_bits(trained(config), one));
-  }
+       {with(MomentStorage::halves, busy_run()), with(MomentStorage::halves, busy_batches())})
+    expect_same_bits_on_any_threads(config);
 }
 
 TEST_F(HalfRun, StoppedAndResumedEndsWithTheSameBits) {
@@ -181,18 +147,14 @@ TEST_F(HalfRun, RefusesAStateWithMomentsInAnotherStorage) {
   Config config = short_run();
   config.train.iterations = 10;
   for (const MomentStorage storage : kMomentStorages) {
-    LastState kept;
-    StopAfter stopper(5);
-    Trainer first(scene_, with(storage, config), *backend_);
-    first.keep_checkpoints_in(kept);
-    first.add_observer(stopper);
-    first.run();
+    const TrainingState state = stopped_after(5, scene_, with(storage, config), *backend_);
     for (const MomentStorage other : kMomentStorages) {
       if (other == storage) continue;
-      EXPECT_THAT(
-          error_of([&] { Trainer(scene_, with(other, config), *backend_, *kept.newest()); }),
-          AllOf(HasSubstr("set optimizer.moments=" + std::string(word_of(storage)) + ","),
-                HasSubstr("start a new run")));
+      EXPECT_THAT(error_of([&] {
+                    Trainer(scene_, with(other, config), *backend_, KeptStates::copy(state));
+                  }),
+                  AllOf(HasSubstr("set optimizer.moments=" + std::string(word_of(storage)) + ","),
+                        HasSubstr("start a new run")));
     }
   }
 }

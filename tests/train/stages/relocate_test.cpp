@@ -1,21 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
 // Stage 9 under the MCMC strategy: dead rows become copies of live ones, and copies are added up to
 // a number.
-#include <gmock/gmock.h>
-#include <gtest/gtest.h>
-
-#include <cmath>
-#include <limits>
-#include <map>
-
-#include "gs_core/threads/parallel.h"
 #include "gs_train/stages/scalar_stages.h"
 #include "tests/support/models.h"
 
 namespace gs {
 namespace {
-
-using ::testing::ElementsAre;
 
 constexpr float kDead = 0.001f;
 constexpr RelocationRules kMoveOnly{0.005f, 0};
@@ -146,7 +136,6 @@ TEST(Relocate, AddsNoneWhereThereAreEnough) {
 
 TEST(Relocate, TakesBrokenRowsForDead) {
   TrainingModel model = model_with({0.5f, 0.5f, 0.5f, 0.5f, 0.5f});
-  constexpr float kNan = std::numeric_limits<float>::quiet_NaN();
   model.gaussians.mean[0].x = kNan;
   model.gaussians.rotation[1] = {0, 0, 0, 0};
   model.gaussians.logit_opacity[2] = kNan;
@@ -170,17 +159,15 @@ TEST(Relocate, DrawsTheSameForTheSameSeedAndStepOnAnyNumberOfThreads) {
   std::vector<float> opacities;
   Draws draws(5);
   for (int i = 0; i < 3000; ++i) opacities.push_back(draws.log_uniform(0.001f, 0.99f));
-  const auto relocated = [&](std::uint64_t seed, int step, int threads) {
-    set_thread_count(threads);
+  const auto relocated = [&](std::uint64_t seed, int step) {
     TrainingModel model = model_with(opacities);
     relocate_rows(model, {0.005f, 3150}, seed, step);
-    set_thread_count(0);
     return model;
   };
-  const TrainingModel one = relocated(1, 600, 1);
-  EXPECT_TRUE(same_bits(one, relocated(1, 600, 4)));
-  EXPECT_NE(origins(one), origins(relocated(1, 700, 0)));
-  EXPECT_NE(origins(one), origins(relocated(2, 600, 0)));
+  const TrainingModel one = with_threads(1, [&] { return relocated(1, 600); });
+  EXPECT_TRUE(same_bits(one, with_threads(4, [&] { return relocated(1, 600); })));
+  EXPECT_NE(origins(one), origins(relocated(1, 700)));
+  EXPECT_NE(origins(one), origins(relocated(2, 600)));
 }
 
 }  // namespace

@@ -1,23 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
 // Stage 9: clone, split, prune, cap and opacity reset, on hand-made statistics.
-#include <gmock/gmock.h>
-#include <gtest/gtest.h>
-
-#include <cmath>
-#include <limits>
-
-#include "gs_core/threads/parallel.h"
 #include "gs_train/stages/scalar_stages.h"
 #include "tests/support/models.h"
 
 namespace gs {
 namespace {
 
-using ::testing::ElementsAre;
-
 constexpr float kSmall = 0.01f, kLarge = 0.5f;  // scales on both sides of small_scale
 constexpr float kInfinity = std::numeric_limits<float>::infinity();
-constexpr float kNan = std::numeric_limits<float>::quiet_NaN();
 constexpr std::uint64_t kSeed = 1;
 const AdaptiveRules kRules{.gradient_threshold = 1,
                            .small_scale = 0.1f,
@@ -148,9 +138,7 @@ TEST(Refine, DrawsTheSameHalvesForTheSameSeedAndStep) {
   TrainingModel a = model_with(rows), b = model_with(rows), later = model_with(rows),
                 reseeded = model_with(rows);
   refine(a);
-  set_thread_count(1);
-  refine(b);
-  set_thread_count(0);
+  with_threads(1, [&] { return refine(b); });
   refine(later, kRules, 700);
   make_scalar_row_ops()->grow(reseeded, GrowthRules{kRules}, 2, 600);
   EXPECT_TRUE(same_bits(a, b));
@@ -226,16 +214,11 @@ TEST(Refine, AtTheCapStillPrunesWhatWouldHaveSplit) {
   EXPECT_EQ(report.pruned, 2u);
 }
 
-TEST(Refine, TakesAModelWithoutRows) {
-  TrainingModel model = model_with({});
-  EXPECT_EQ(refine(model).pruned, 0u);
-  EXPECT_EQ(model.count(), 0u);
-}
-
-TEST(Refine, MayPruneEverything) {
+TEST(Refine, MayPruneEverythingAndTakesAModelWithoutRows) {
   TrainingModel model = model_with({kFaint, kFaint});
   EXPECT_EQ(refine(model).pruned, 2u);
   EXPECT_EQ(model.count(), 0u);
+  EXPECT_EQ(refine(model).pruned, 0u);
 }
 
 TEST(ResetOpacity, LowersWhatIsAboveAndLeavesWhatIsBelow) {

@@ -1,11 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Stage 5: the photometric loss compared with its definition in double, and its gradient with the
 // slope of that.
-#include <gtest/gtest.h>
-
-#include <algorithm>
-#include <cmath>
-
 #include "gs_core/math/loss/ssim.h"
 #include "gs_train/stages/scalar_stages.h"
 #include "gs_train/stages/window.h"
@@ -124,20 +119,32 @@ struct Pair {
   }
 };
 
-class PhotometricLoss : public ::testing::TestWithParam<std::pair<int, int>> {
- protected:
-  const std::unique_ptr<Loss> loss_ = make_l1_ssim_loss();
-  Buffer<float> dL_dimage_;
+/// The loss of a picture, and its gradient.
+struct Result {
+  double value;
+  Buffer<float> dL_dimage;
 };
+
+Result loss_of(const Pair& pair, float lambda = 0.2f) {
+  const auto loss = make_l1_ssim_loss();
+  Buffer<float> dL_dimage;
+  loss->forward_backward(pair.pass, pair.view, {lambda}, dL_dimage);
+  return {loss->value(), std::move(dL_dimage)};
+}
+
+void expect_same(const Result& a, const Result& b) {
+  EXPECT_EQ(a.dL_dimage.download(), b.dL_dimage.download());
+  EXPECT_EQ(a.value, b.value);
+}
+
+class PhotometricLoss : public ::testing::TestWithParam<std::pair<int, int>> {};
 INSTANTIATE_TEST_SUITE_P(Sizes, PhotometricLoss,
                          ::testing::Values(std::pair{17, 7}, std::pair{4, 6}, std::pair{1, 1}));
 
 TEST_P(PhotometricLoss, HasTheValueOfItsDefinition) {
   const Pair pair(GetParam().first, GetParam().second, 2);
-  for (const float lambda : {0.0f, 0.2f, 1.0f}) {
-    loss_->forward_backward(pair.pass, pair.view, {lambda}, dL_dimage_);
-    EXPECT_NEAR(loss_->value(), pair.loss(pair.image(), lambda), 2e-6);  // float moments
-  }
+  for (const float lambda : {0.0f, 0.2f, 1.0f})  // float moments
+    EXPECT_NEAR(loss_of(pair, lambda).value, pair.loss(pair.image(), lambda), 2e-6);
 }
 
 /// The largest difference between the gradient and the slope of the definition, over the largest
@@ -163,23 +170,21 @@ double worst_slope(const Pair& pair, float lambda, const Buffer<float>& dL_dimag
 TEST_P(PhotometricLoss, HasTheGradientOfItsDefinition) {
   const Pair pair(GetParam().first, GetParam().second, 3);
   for (const float lambda : {0.2f, 1.0f}) {
-    loss_->forward_backward(pair.pass, pair.view, {lambda}, dL_dimage_);
-    ASSERT_EQ(dL_dimage_.size(), pair.values());
+    const Buffer<float> dL_dimage = loss_of(pair, lambda).dL_dimage;
+    ASSERT_EQ(dL_dimage.size(), pair.values());
     // Float rounds moments at 6e-8, their differences and quotients at some ten times that.
-    EXPECT_LT(worst_slope(pair, lambda, dL_dimage_), 5e-6);
+    EXPECT_LT(worst_slope(pair, lambda, dL_dimage), 5e-6);
   }
 }
 
 TEST(WeightedLoss, HasTheValueAndTheGradientOfItsDefinition) {
-  const auto loss = make_l1_ssim_loss();
-  Buffer<float> dL_dimage;
   for (const bool over_background : {false, true})
     for (const float lambda : {0.0f, 0.2f, 1.0f}) {
       Pair pair(17, 7, 8);
       pair.weigh(over_background, 9);
-      loss->forward_backward(pair.pass, pair.view, {lambda}, dL_dimage);
-      EXPECT_NEAR(loss->value(), pair.loss(pair.image(), lambda), 2e-6);  // float moments
-      EXPECT_LT(worst_slope(pair, lambda, dL_dimage), 5e-6) << over_background << " " << lambda;
+      const Result result = loss_of(pair, lambda);
+      EXPECT_NEAR(result.value, pair.loss(pair.image(), lambda), 2e-6);  // float moments
+      EXPECT_LT(worst_slope(pair, lambda, result.dL_dimage), 5e-6) << over_background << lambda;
     }
 }
 
@@ -190,15 +195,11 @@ TEST(WeightedLoss, OfAnExposureAloneIsThatOfThePictureTimesIt) {
     for (std::uint8_t& value : p->view.photo.pixels) value /= 2;  // none is white
   for (std::size_t i = 0; i < pair.values(); ++i)
     multiplied.pass.image[i] *= pair.view.exposure[int(i / pair.pass.pixel_count())];
-  const auto loss = make_l1_ssim_loss();
-  Buffer<float> of_exposed, of_multiplied;
-  loss->forward_backward(pair.pass, pair.view, {0.2f}, of_exposed);
-  const double value = loss->value();
-  loss->forward_backward(multiplied.pass, multiplied.view, {0.2f}, of_multiplied);
-  EXPECT_EQ(value, loss->value());
+  const Result of_exposed = loss_of(pair), of_multiplied = loss_of(multiplied);
+  EXPECT_EQ(of_exposed.value, of_multiplied.value);
   for (std::size_t i = 0; i < pair.values(); ++i)
-    EXPECT_EQ(of_exposed[i],
-              of_multiplied[i] * pair.view.exposure[int(i / pair.pass.pixel_count())]);
+    EXPECT_EQ(of_exposed.dL_dimage[i],
+              of_multiplied.dL_dimage[i] * pair.view.exposure[int(i / pair.pass.pixel_count())]);
 }
 
 TEST(WeightedLoss, UnderAnExposureAsksOfAWhitePhotoThatThePictureIsNoDarker) {
@@ -208,12 +209,10 @@ TEST(WeightedLoss, UnderAnExposureAsksOfAWhitePhotoThatThePictureIsNoDarker) {
       if (is_exposed) pair.view.exposure = Vec3f(1.25f);
       std::fill(pair.view.photo.pixels.begin(), pair.view.photo.pixels.end(), std::uint8_t(240));
       for (float& value : pair.pass.image) value = picture / (is_exposed ? 1.25f : 1.0f);
-      const auto loss = make_l1_ssim_loss();
-      Buffer<float> dL_dimage;
-      loss->forward_backward(pair.pass, pair.view, {0.2f}, dL_dimage);
+      const Result result = loss_of(pair);
       const bool is_free = is_exposed && picture > 240 / 255.0f;
-      EXPECT_EQ(loss->value() < 1e-6, is_free) << picture << " " << is_exposed;
-      for (const float g : dL_dimage)
+      EXPECT_EQ(result.value < 1e-6, is_free) << picture << " " << is_exposed;
+      for (const float g : result.dL_dimage)
         if (is_free)
           EXPECT_NEAR(g, 0, 1e-6);
         else
@@ -226,13 +225,7 @@ TEST(WeightedLoss, OfAFullMaskIsThatWithoutOne) {
   const Pair plain(20, 15, 11);
   Pair masked(20, 15, 11);
   masked.view.mask = Image8(20, 15, 1, 255);
-  const auto loss = make_l1_ssim_loss();
-  Buffer<float> a, b;
-  loss->forward_backward(plain.pass, plain.view, {0.2f}, a);
-  const double value = loss->value();
-  loss->forward_backward(masked.pass, masked.view, {0.2f}, b);
-  EXPECT_EQ(a.download(), b.download());
-  EXPECT_EQ(value, loss->value());
+  expect_same(loss_of(plain), loss_of(masked));
 }
 
 TEST(WeightedLoss, DoesNotSeeWhatTheMaskCovers) {
@@ -249,31 +242,13 @@ TEST(WeightedLoss, DoesNotSeeWhatTheMaskCovers) {
     }
   }
   ASSERT_GT(covered, 20u);
-  const auto loss = make_l1_ssim_loss();
-  Buffer<float> a, b;
-  loss->forward_backward(pair.pass, pair.view, {0.2f}, a);
-  const double value = loss->value();
-  loss->forward_backward(garbage.pass, garbage.view, {0.2f}, b);
-  EXPECT_EQ(a.download(), b.download());
-  EXPECT_EQ(value, loss->value());
+  const Result result = loss_of(pair);
+  expect_same(result, loss_of(garbage));
   for (std::size_t i = 0; i < pair.pass.pixel_count(); ++i) {
     if (pair.view.mask.pixels[i] == 0) {
-      ASSERT_EQ(a[i], 0) << i;
+      ASSERT_EQ(result.dL_dimage[i], 0) << i;
     }
   }
-}
-
-TEST(WeightedLoss, OfThePhotoOverTheBackgroundIsZeroForThatPicture) {
-  Pair pair(20, 15, 14);
-  pair.weigh(true, 15);
-  for (int c = 0; c < 3; ++c)
-    for (std::size_t i = 0; i < pair.pass.pixel_count(); ++i)
-      pair.pass.image[c * pair.pass.pixel_count() + i] =
-          float(pair.compared_photo(c, i) / pair.view.exposure[c]);
-  const auto loss = make_l1_ssim_loss();
-  Buffer<float> dL_dimage;
-  loss->forward_backward(pair.pass, pair.view, {0.2f}, dL_dimage);
-  EXPECT_NEAR(loss->value(), 0, 1e-6);
 }
 
 TEST(PhotometricLossOfEqualPictures, IsZeroAndHasNoGradient) {
@@ -282,21 +257,17 @@ TEST(PhotometricLossOfEqualPictures, IsZeroAndHasNoGradient) {
     for (std::size_t i = 0; i < pair.pass.pixel_count(); ++i)
       pair.pass.image[c * pair.pass.pixel_count() + i] =
           pair.view.photo.pixels[3 * i + c] * (1.0f / 255.0f);
-  const auto loss = make_l1_ssim_loss();
-  Buffer<float> dL_dimage;
-  loss->forward_backward(pair.pass, pair.view, {0.2f}, dL_dimage);
-  EXPECT_NEAR(loss->value(), 0, 1e-6);
+  const Result result = loss_of(pair);
+  EXPECT_NEAR(result.value, 0, 1e-6);
   // sign(0) = 0, otherwise a value would be 0.8 / 900; SSIM is at its maximum.
-  for (const float g : dL_dimage) EXPECT_NEAR(g, 0, 1e-6);
+  for (const float g : result.dL_dimage) EXPECT_NEAR(g, 0, 1e-6);
 }
 
 TEST(L1, HasTheSignOfTheDifferenceAndZeroForNone) {
   Pair pair(3, 1, 5);
   pair.view.photo.pixels = {255, 255, 255, 0, 0, 0, 51, 51, 51};
   pair.pass.image.upload({1, 0.5f, 0.1f, 2, 0, 0.3f, 0, -1, 51 * (1.0f / 255.0f)});
-  const auto loss = make_l1_ssim_loss();
-  Buffer<float> dL_dimage;
-  loss->forward_backward(pair.pass, pair.view, {0}, dL_dimage);
+  const Buffer<float> dL_dimage = loss_of(pair, 0).dL_dimage;
   const float n = 1.0f / 9;
   const float expected[] = {0, n, -n, n, 0, n, -n, -n, 0};
   for (int i = 0; i < 9; ++i) EXPECT_FLOAT_EQ(dL_dimage[i], expected[i]) << i;
@@ -304,13 +275,11 @@ TEST(L1, HasTheSignOfTheDifferenceAndZeroForNone) {
 
 TEST(PhotometricLoss, OfALaterPictureDoesNotDependOnAnEarlierOne) {
   const Pair large(40, 30, 6), small(12, 9, 7);
-  const auto used = make_l1_ssim_loss(), fresh = make_l1_ssim_loss();
-  Buffer<float> a, b;
-  used->forward_backward(large.pass, large.view, {0.2f}, a);
-  used->forward_backward(small.pass, small.view, {0.2f}, a);
-  fresh->forward_backward(small.pass, small.view, {0.2f}, b);
-  EXPECT_EQ(a.download(), b.download());
-  EXPECT_EQ(used->value(), fresh->value());
+  const auto used = make_l1_ssim_loss();
+  Buffer<float> gradient;
+  used->forward_backward(large.pass, large.view, {0.2f}, gradient);
+  used->forward_backward(small.pass, small.view, {0.2f}, gradient);
+  expect_same({used->value(), std::move(gradient)}, loss_of(small));
 }
 
 }  // namespace
