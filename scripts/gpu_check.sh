@@ -92,7 +92,7 @@ train() {
     part "train-$name-$seed" "$program" train "$scene" -o "$out/$name-$seed" --force --eval --seed "$seed" \
       --device cuda "${train_flags[@]}"
   done
-  bench "$name" "$out/$name-$runs" --scales 1,2,3 --blenders
+  bench "$name" "$out/$name-$runs" --scales 1,2,3
 }
 
 # All results in one file, from those of the parts. Arguments: DIR RUNS COMMIT GPU SCENE...

@@ -8,12 +8,10 @@
 #include "apps/cli/devices.h"
 #include "apps/cli/options.h"
 #include "apps/cli/verbs.h"
-#include "data_loaders/photos/photos.h"
 #include "data_loaders/scene/load_scene.h"
 #include "gs_app/checks/benchmark_comparison.h"
 #include "gs_app/checks/benchmark_report.h"
 #include "gs_app/checks/generated_scene.h"
-#include "gs_app/checks/list_pictures.h"
 #include "gs_app/export/export_model.h"
 #include "gs_app/run/open_model.h"
 #include "gs_app/run/results.h"
@@ -21,7 +19,6 @@
 #include "gs_core/error.h"
 #include "gs_core/math/constants.h"
 #include "gs_core/system/files/output_lock.h"
-#include "gs_core/system/files/output_names.h"
 #include "gs_core/system/text/json.h"
 #include "gs_core/threads/parallel.h"
 #include "gs_render/render_settings.h"
@@ -32,13 +29,13 @@ namespace {
 constexpr int kMostGaussians = 100'000'000, kMostViews = 1000, kMostRuns = 1'000'000;
 
 struct BenchCommand : CommandLine {
-  std::string model, output, lists;
+  std::string model, output;
   std::optional<int> iteration;
   int gaussians = 0;  // of a generated scene; 0 for a trained model
   int width = 1280, height = 720, views = 8;
   BenchmarkPlan plan;
   std::vector<std::string> against;
-  bool json = false, blenders = false, scores = false;
+  bool json = false;
 };
 
 BenchmarkSubject generated_subject(const BenchCommand& command) {
@@ -93,29 +90,9 @@ BenchmarkSubject subject_of(const BenchCommand& command) {
   return is_generated ? generated_subject(command) : trained_subject(command);
 }
 
-// Writes the pictures of --lists, and returns their table.
-std::string draw_lists(Backend& backend, const GaussiansSpan& gaussians,
-                       const BenchmarkSubject& subject, const BenchCommand& command) {
-  const Camera camera =
-      at_scale(subject.rendered_views().front().camera, command.plan.scales.front());
-  const ListPictures pictures = list_pictures(backend, gaussians, camera, subject.settings);
-  const std::filesystem::path folder = command.lists;
-  const OutputLock lock = OutputLock::of_folder(folder);
-  OutputNames names;
-  if (!command.output.empty()) names.add_file(command.output);
-  for (const auto& [name, picture] : pictures.files) names.add_file(folder / name);
-  for (const auto& [name, picture] : pictures.files) {
-    keep_older_aside(folder / name);
-    write_png(folder / name, picture);
-  }
-  return pictures.table;
-}
-
 BenchmarkReport measure(const BenchmarkSubject& subject, const BenchCommand& command) {
   const BenchmarkPlan& plan = command.plan;
   const std::unique_ptr<Backend> backend = make_training_backend(subject.config.train);
-  if (command.blenders && &backend->memory() == &host_memory())
-    throw UsageError("--blenders compares the blenders of a GPU; add --device cuda");
   BenchmarkReport report;
   report.device = backend->name();
   {
@@ -134,16 +111,6 @@ BenchmarkReport measure(const BenchmarkSubject& subject, const BenchCommand& com
       const std::vector<View>& views = subject.rendered_views();
       report.rendering.push_back(time_rendering(*backend, model, views, subject.settings, plan,
                                                 scale, FrameSource::packed));
-    }
-    if (command.blenders)
-      report.blenders =
-          compare_blenders(*backend, model, subject.rendered_views(), subject.settings, plan);
-    if (!command.lists.empty())
-      report.list_table = draw_lists(*backend, model.gaussians.span(), subject, command);
-    if (command.scores) {
-      log_info("timing the statistics of each score: {} steps, five times", plan.steps);
-      report.scores =
-          score_costs(*backend, model, subject.train_views, subject.settings, subject.config, plan);
     }
   }
   report.clock_mhz = backend->device().clock_mhz();
@@ -223,14 +190,6 @@ void add_bench(CLI::App& program) {
                   "what each includes")
       ->delimiter(',')
       ->type_name("FILE,...");
-  verb.add_flag("--blenders", command->blenders,
-                "compare speed and pictures of the GPU's blenders with each kind of tile bounds");
-  verb.add_option("--lists", command->lists,
-                  "also draw how many Gaussians each tile of the first view lists, with each kind "
-                  "of tile bounds, into this folder")
-      ->type_name("FOLDER");
-  verb.add_flag("--scores", command->scores,
-                "time what the statistics of the scores gradient and force cost a training step");
   add_generator_options(verb, *command);
   add_plan_options(verb, command->plan);
   add_dataset_options(verb, *command, "-d,--data,-s,--source-path");

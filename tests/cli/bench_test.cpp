@@ -3,10 +3,8 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include <algorithm>
 #include <fstream>
 
-#include "data_loaders/photos/photos.h"
 #include "gs_core/system/text/json.h"
 #include "tests/support/program.h"
 
@@ -14,7 +12,6 @@ namespace gs {
 namespace {
 
 using ::testing::AllOf;
-using ::testing::ElementsAre;
 using ::testing::HasSubstr;
 using ::testing::Not;
 
@@ -48,44 +45,6 @@ TEST_F(Program, BenchTimesAGeneratedScene) {
   EXPECT_GT(figures.at("render")[1].at("ms_per_frame"), 0.0);
   EXPECT_GT(figures.at("copy_gb_per_s"), 0.0);
   EXPECT_FALSE(figures.contains("peak_gpu_bytes"));
-}
-
-TEST_F(Program, BenchComparesBlendersOnAGpuOnly) {
-  const Outcome outcome = run("bench --gaussians 5 --device cpu --blenders");
-  EXPECT_EQ(outcome.code, 2);
-  EXPECT_THAT(outcome.err, HasSubstr("add --device cuda"));
-}
-
-TEST_F(Program, BenchDrawsTheListsOfAView) {
-  const Outcome outcome =
-      run("bench --gaussians 500 --width 200 --height 48 --views 2 --steps 1 --warmup 0 --frames 1 "
-          "--device cpu --lists " +
-          text("lists"));
-  ASSERT_EQ(outcome.code, 0) << outcome.err;
-  EXPECT_THAT(outcome.out, HasSubstr("lists of a view of 200x48 pixels"));
-  for (const char* name : {"square", "box", "exact"}) {
-    const Image8 picture = read_photo(path("lists") / ("lists_" + std::string(name) + ".png"));
-    EXPECT_EQ(picture.width, 13 * 4);  // tiles
-    EXPECT_EQ(picture.height, 3 * 4);
-    const auto [darkest, brightest] =
-        std::minmax_element(picture.pixels.begin(), picture.pixels.end());
-    EXPECT_LT(*darkest, *brightest);
-  }
-}
-
-TEST_F(Program, BenchTimesTheStatisticsOfEachScore) {
-  const Outcome outcome =
-      run("bench --gaussians 50 --width 32 --height 32 --views 2 --steps 2 --warmup 1 --frames 1 "
-          "--device cpu --scores --json -q");
-  ASSERT_EQ(outcome.code, 0) << outcome.err;
-  const SortedJson scores = SortedJson::parse(outcome.out).at("scores");
-  std::vector<std::string> names;
-  for (const auto& score : scores) {
-    names.push_back(score.at("statistics"));
-    EXPECT_GT(score.at("ms_per_step"), 0.0);
-  }
-  EXPECT_THAT(names, ElementsAre("none", "gradient", "force"));
-  EXPECT_EQ(scores.front().at("ratio"), 1.0);
 }
 
 TEST_F(Program, BenchOfARunTakesItsViews) {
