@@ -12,19 +12,23 @@
 #include "apps/cli/help_format.h"
 #include "apps/cli/options.h"
 #include "apps/cli/verbs.h"
+#include "data_loaders/colmap/world_offset.h"
 #include "data_loaders/photos/photo_names.h"
 #include "data_loaders/photos/photos.h"
+#include "gs_app/blocks/merge_blocks.h"
 #include "gs_app/edit/edit_picture.h"
 #include "gs_app/edit/edit_step.h"
 #include "gs_app/edit/merge_models.h"
 #include "gs_app/export/export_model.h"
 #include "gs_app/run/make_backend.h"
+#include "gs_app/run/results.h"
 #include "gs_app/run/text.h"
 #include "gs_core/error.h"
 #include "gs_core/system/files/output_lock.h"
 #include "gs_core/system/files/output_names.h"
 #include "gs_core/system/text/json.h"
 #include "gs_core/threads/parallel.h"
+#include "gs_eval/metrics.h"
 #include "gs_render/render_settings.h"
 
 namespace gs {
@@ -32,14 +36,18 @@ namespace {
 
 struct EditCommand : CommandLine {
   const CLI::App* verb = nullptr;
-  std::vector<std::string> inputs;
+  std::vector<std::string> inputs, block_runs;
   std::string output, cameras, picture, picture_view;
   std::map<std::string, std::vector<std::string>> values;  // of each kind of operation, in order
   std::string about = "0,0,0", plane = "xz", decimate_by = "merge", antialiased;
   std::optional<int> step;
   int lod_level = 0;
   ExportOptions options;
-  bool whole = false, as_stored = false, dry_run = false, json = false, force = false;
+  bool whole = false, as_stored = false, measure = false, dry_run = false, json = false,
+       force = false;
+
+  /// Whether the input is what `gemsplat partition` has written.
+  bool has_blocks() const { return inputs.size() == 1 && is_partition(inputs.front()); }
 };
 
 // The operations in the order in which they stand.
@@ -75,10 +83,12 @@ void check_picture(const EditCommand& command) {
 }
 
 void check(const EditCommand& command, const std::vector<EditStep>& steps) {
-  if (steps.empty() && command.inputs.size() < 2)
+  if (steps.empty() && command.inputs.size() < 2 && !command.has_blocks())
     throw UsageError(
         "there is nothing to do; give operations, such as --keep opacity=0.1.., or several models "
-        "to merge");
+        "or the blocks of a partition to merge");
+  if (!command.block_runs.empty() && !command.has_blocks())
+    throw UsageError("--run names a run of a block; give the folder of its partition as MODEL");
   if (command.output.empty() && !command.dry_run)
     throw UsageError("there is no file to write; name it with -o, or give --dry-run");
   if (!command.output.empty() && !command.dry_run)
@@ -104,7 +114,8 @@ std::vector<EditCamera> cameras_of(const EditCommand& command, const Config& con
 /// All models as one, with what is known of each.
 struct Opened {
   EditModel model;
-  Config config;  // that of the first
+  Config config;                 // that of the first
+  std::optional<RunFolder> run;  // of the first
   Json inputs = Json::array();
 };
 
@@ -124,14 +135,29 @@ void warn_of_two_scenes(const std::string& first, const Config& first_config,
       first, first_config.dataset.source, other, config.dataset.source);
 }
 
+/// The trained blocks of a partition as one model.
+Opened open_blocks(const EditCommand& command, bool with_cameras) {
+  const BlockRuns runs{{command.block_runs.begin(), command.block_runs.end()}, command.step};
+  MergedBlocks merged = merge_blocks(read_blocks(command.inputs.front()), runs);
+  Opened result{std::move(merged.model), resolve(command), {}};
+  for (const BlockShare& share : merged.shares)
+    result.inputs.push_back({{"file", share.run.string()},
+                             {"block", share.name},
+                             {"gaussians", share.gaussians},
+                             {"kept", share.owned}});
+  if (with_cameras) result.model.cameras = cameras_of(command, result.config, {}, result.model);
+  return result;
+}
+
 Opened open_all(const EditCommand& command, bool with_cameras) {
+  if (command.has_blocks()) return open_blocks(command, with_cameras);
   Opened result;
   std::vector<NamedModel> models;
   bool cameras_are_shared = false;
   for (const std::string& input : command.inputs) {
     OpenedModel opened = open_model(input, command.step, command.lod_level);
     const Config config = resolve(command, opened.config);
-    if (models.empty()) result.config = config;
+    if (models.empty()) result.config = config, result.run = opened.run;
     if (!models.empty() && !command.as_stored && !command.has("dataset.source"))
       warn_of_two_scenes(command.inputs.front(), result.config, input, config);
     result.inputs.push_back(
@@ -148,9 +174,9 @@ Opened open_all(const EditCommand& command, bool with_cameras) {
   return result;
 }
 
-RenderSettings picture_settings_of(const EditModel& model, Config config) {
-  config.model.sh_degree = model.model.sh_degree;
-  config.render.antialias = model.model.antialiased;
+RenderSettings settings_of_pictures(const GaussianModel& model, Config config) {
+  config.model.sh_degree = model.sh_degree;
+  config.render.antialias = model.antialiased;
   RenderSettings settings = render_settings(config);
   settings.for_backward = false;
   return settings;
@@ -169,6 +195,31 @@ std::string line_of(const StepReport& report) {
   return line_of(report.text, report.after, note);
 }
 
+/// What --measure compares: a model on the views that were held out, or without any on the others.
+struct Measured {
+  std::string split;
+  std::size_t gaussians;
+  Evaluation evaluation;
+};
+
+Measured measured(const EditSession& session, const Config& config) {
+  const GaussianModel model = in_photos_frame(session.model);
+  const Scene& scene = session.tools.scene(model.world_offset);
+  const bool has_test = !scene.test_views.empty();
+  Backend& backend = session.tools.backend();
+  const Gaussians gaussians = copy_to(backend.memory(), model);
+  return {has_test ? "test" : "training", gaussians.count(),
+          evaluate(backend.renderer(), gaussians.span(),
+                   has_test ? scene.test_views : scene.train_views,
+                   settings_of_pictures(model, config))};
+}
+
+Json json_of(const Measured& measured) {
+  return {{"num_gaussians", measured.gaussians},
+          {"psnr", measured.evaluation.psnr},
+          {"ssim", measured.evaluation.ssim}};
+}
+
 Json json_of(const StepReport& report) {
   Json json = {{"step", report.text}, {"before", report.before}, {"after", report.after}};
   if (!report.note.empty()) json["note"] = report.note;
@@ -182,9 +233,12 @@ std::optional<ExportedFile> write(const EditCommand& command, const EditModel& m
   return export_model(model.model, request);
 }
 
+/// The model before and after all steps; empty where --measure does not ask.
+using Comparison = std::vector<Measured>;
+
 void print_json(const EditCommand& command, const Json& inputs,
                 const std::vector<StepReport>& reports, const EditModel& model,
-                const std::optional<ExportedFile>& written) {
+                const std::optional<ExportedFile>& written, const Comparison& compared) {
   Json steps = Json::array();
   for (const StepReport& report : reports) steps.push_back(json_of(report));
   Json json = {{"inputs", inputs},
@@ -194,12 +248,24 @@ void print_json(const EditCommand& command, const Json& inputs,
                {"was_moved", model.input_from_model.has_value()}};
   if (written) json["output"] = written->file.string(), json["bytes"] = written->bytes;
   if (!command.picture.empty()) json["picture"] = command.picture;
+  if (!compared.empty())
+    json["measured"] = {{"split", compared[0].split},
+                        {"before", json_of(compared[0])},
+                        {"after", json_of(compared[1])}};
   std::cout << json.dump(2, ' ', false, Json::error_handler_t::replace) << "\n";
 }
 
 bool wants_cameras(const EditCommand& command, const std::vector<EditStep>& steps) {
   return any_of(steps, &EditStep::needs_cameras) || any_of(steps, &EditStep::likes_cameras) ||
          !command.picture_view.empty();
+}
+
+// The photos. A model without a run does not say which views were held out; the usual rule applies.
+Scene scene_of(const EditCommand& command, const Opened& opened, const Vec3d& offset) {
+  DatasetConfig dataset = opened.config.dataset;
+  if (!opened.run) dataset.eval = true;
+  return scene_for(opened.run ? &*opened.run : nullptr, dataset, command.has("dataset.source"),
+                   offset);
 }
 
 void check_format(const EditCommand& command, const GaussianModel& model) {
@@ -240,19 +306,34 @@ void edit(const EditCommand& command) {
                      if (!backend) backend = make_backend(opened.config.train.device);
                      return *backend;
                    },
-                   picture_settings_of(session.model, opened.config), !command.quiet};
+                   settings_of_pictures(session.model.model, opened.config), !command.quiet};
+  std::optional<Scene> scene;  // read when something asks for it
+  session.tools.scene = [&](const Vec3d& offset) -> Scene& {
+    if (!scene) scene = scene_of(command, opened, offset);
+    bring_to_offset(*scene, offset);
+    return *scene;
+  };
   std::optional<EditPicture> picture;
   if (!command.picture.empty()) picture.emplace(session.model, session.tools, command.picture_view);
 
   const bool says = !command.quiet && !command.json;
   const std::size_t inputs = command.inputs.size();
   if (says)
-    std::cout << line_of(inputs == 1 ? command.inputs[0] : fmt::format("{} models merged", inputs),
+    std::cout << line_of(command.has_blocks()
+                             ? fmt::format("{} blocks merged", opened.inputs.size())
+                         : inputs == 1 ? command.inputs[0]
+                                       : fmt::format("{} models merged", inputs),
                          session.model.model.gaussians.count(), "");
+  Comparison compared;
+  if (command.measure) compared.push_back(measured(session, opened.config));
   const std::vector<StepReport> reports = apply_all(steps, session, says);
+  if (command.measure) compared.push_back(measured(session, opened.config));
   const std::optional<ExportedFile> written = write(command, session.model);
   if (picture) write_picture(command.picture, picture->beside(session.model));
-  if (command.json) print_json(command, opened.inputs, reports, session.model, written);
+  if (command.json) print_json(command, opened.inputs, reports, session.model, written, compared);
+  for (std::size_t i = 0; says && i < compared.size(); ++i)
+    std::cout << fmt::format("{} views {} {}\n", compared[i].split,
+                             i == 0 ? "before:" : "after: ", summary(compared[i].evaluation));
   if (says) std::cout << (written ? summary(*written, nullptr) : "nothing is written") << "\n";
 }
 
@@ -297,7 +378,8 @@ void add_edit(CLI::App& program) {
   command->verb = &verb;
   verb.add_option("model", command->inputs,
                   "models in any format that gemsplat reads, or runs' folders; several are merged "
-                  "first, in the frame of the first one")
+                  "first, in the frame of the first one; or the folder of a partition, whose "
+                  "trained blocks are merged")
       ->type_name("MODEL|RUN")
       ->required();
   verb.add_option("-o,--output", command->output,
@@ -323,6 +405,12 @@ void add_edit(CLI::App& program) {
                   "to the training views [merge]")
       ->check(CLI::IsMember({"merge", "drop"}))
       ->type_name("HOW");
+  verb.add_option("--run", command->block_runs,
+                  "of a partition: a block's run that was trained elsewhere than by its "
+                  "experiment; its settings name the block; may be repeated")
+      ->type_name("RUN")
+      ->expected(1)
+      ->take_all();
   verb.add_flag("--as-stored", command->as_stored,
                 "merge the numbers of the files as they stand, whatever their sidecars say of "
                 "their frames");
@@ -339,6 +427,9 @@ void add_edit(CLI::App& program) {
   verb.add_option("--picture-view", command->picture_view,
                   "the camera of that picture [one outside of the model]")
       ->type_name("NAME");
+  verb.add_flag("--measure", command->measure,
+                "print PSNR and SSIM of the held-out views before and after; with the photos of "
+                "the run or of --data");
   verb.add_flag("--dry-run", command->dry_run,
                 "print the number of Gaussians after each operation, and write no model");
   verb.add_flag("--json", command->json, "print JSON");

@@ -23,9 +23,15 @@ struct OtherMeaning {
   std::string_view verb, flag, own;  // their flag, and what to use here
 };
 
-// Flags that take other values here. Steps of densification, for example, count in a run of 30,000
+// Verbs of older versions, and flags that take other values here. Steps of densification, for example, count in a run of 30,000
 // steps and scale with the run's length.
 constexpr OtherMeaning kOtherMeaning[] = {
+    {"gemsplat", "prune",
+     "edit MODEL -o FILE --measure, with --drop opacity=..X, contribution=..PIXELS or "
+     "floaters=SHARE, or with --decimate SHARE --decimate-by drop"},
+    {"gemsplat", "merge", "edit FOLDER -o FILE, of the folder of a partition"},
+    {"gemsplat", "convert-cameras",
+     "undistort SCENE -o OUT, or COLMAP's model_converter and image_undistorter"},
     {"train", "--checkpoint-iterations", "--checkpoint-every N"},
     {"train", "--start-checkpoint", "--resume PATH"},
     {"train", "--ckpt", "--resume PATH"},
@@ -51,8 +57,8 @@ constexpr OtherValue kOtherValues[] = {
 };
 
 // The verbs whose first positional is a model.
-constexpr std::string_view kVerbsOfModels[] = {"bench", "eval",   "export", "info",
-                                               "prune", "render", "view"};
+constexpr std::string_view kVerbsOfModels[] = {"bench", "edit",   "eval", "export",
+                                               "info",  "render", "view"};
 
 // Moves the value of -m or --model-path to the place of the positional, right behind the verb:
 // anywhere else, an option that takes a list could swallow it.

@@ -123,7 +123,6 @@ int run(int argc, const char* const* argv) {
   program.set_version_flag("-V,--version", describe_build());
   program.require_subcommand(1);
   add_reconstruct(program);
-  add_convert_cameras(program);
   add_undistort(program);
   add_doctor(program);
   add_georef(program);
@@ -131,12 +130,10 @@ int run(int argc, const char* const* argv) {
   add_config(program);
   add_experiment(program);
   add_partition(program);
-  add_merge(program);
   add_report(program);
   add_eval(program);
   add_render(program);
   add_view(program);
-  add_prune(program);
   add_edit(program);
   add_export(program);
   add_info(program);

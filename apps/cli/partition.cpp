@@ -114,16 +114,15 @@ void partition(const PartitionCommand& command) {
   const BlocksFile blocks = write_partition(command.output, parts, config);
   if (command.quiet) return;
   std::cout << text_of(config, parts)
-            << fmt::format(
-                   "train: gemsplat experiment {}\nmerge: gemsplat merge {} -o merged.ply\n",
-                   (blocks.folder() / "blocks.toml").string(), blocks.folder().string());
+            << fmt::format("train: gemsplat experiment {}\nmerge: gemsplat edit {} -o merged.ply\n",
+                           (blocks.folder() / "blocks.toml").string(), blocks.folder().string());
 }
 
 }  // namespace
 
 void add_partition(CLI::App& program) {
   CLI::App& verb = *program.add_subcommand(
-      "partition", "Divide a scene into blocks that are trained apart, for `gemsplat merge`");
+      "partition", "Divide a scene into blocks that are trained apart, for `gemsplat edit`");
   const auto command = std::make_shared<PartitionCommand>();
   CommandLine& line = *command;
   verb.add_option("-o,--output", command->output, "folder to write")->type_name("FOLDER");

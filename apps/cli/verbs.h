@@ -10,7 +10,6 @@ class App;
 namespace gs {
 
 void add_reconstruct(CLI::App& program);
-void add_convert_cameras(CLI::App& program);
 void add_undistort(CLI::App& program);
 void add_doctor(CLI::App& program);
 void add_georef(CLI::App& program);
@@ -18,12 +17,10 @@ void add_train(CLI::App& program);
 void add_config(CLI::App& program);
 void add_experiment(CLI::App& program);
 void add_partition(CLI::App& program);
-void add_merge(CLI::App& program);
 void add_report(CLI::App& program);
 void add_eval(CLI::App& program);
 void add_render(CLI::App& program);
 void add_view(CLI::App& program);
-void add_prune(CLI::App& program);
 void add_edit(CLI::App& program);
 void add_export(CLI::App& program);
 void add_info(CLI::App& program);
