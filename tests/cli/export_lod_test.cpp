@@ -39,7 +39,7 @@ TEST_F(ExportLod, WritesLevelsWithATableOfWhatTheyCost) {
       export_lod(text("lod") + " --lod-leaf 600 --test-every 3 --data " + text("scene"));
   ASSERT_EQ(outcome.code, 0) << outcome.err;
   const std::string table = read_bytes(path("lod/levels.md"));
-  EXPECT_EQ(outcome.out, table);
+  EXPECT_TRUE(outcome.out.starts_with(table)) << outcome.out;
   EXPECT_THAT(table, AllOf(HasSubstr("| 0 | 4000 |"), HasSubstr("| 1 | 1000 |"),
                            HasSubstr("| 2 | 256 |"), HasSubstr("| model.rad |")));
   const auto meta = json("lod/lod-meta.json");
