@@ -13,11 +13,14 @@
 #include <new>
 #include <system_error>
 
-#include "apps/cli/foreign_flags.h"
-#include "apps/cli/help_format.h"
-#include "apps/cli/options.h"
-#include "apps/cli/verbs.h"
+#include "apps/cli/bind_options.h"
+#include "apps/cli/foreign_habits.h"
+#include "apps/cli/help.h"
+#include "apps/cli/run_verb.h"
+#include "apps/cli/self_doc.h"
 #include "data_loaders/photos/photo_names.h"
+#include "gs_app/jobs/verbs.h"
+#include "gs_app/run/progress_bar.h"
 #include "gs_app/run/provenance.h"
 #include "gs_app/run/text.h"
 #include "gs_core/config/text/nearest_word.h"
@@ -31,7 +34,14 @@ namespace {
 
 constexpr int kInternalError = 1;
 
+// With --progress json the last line is {"event": "error", ...}, or "stopped" after a signal.
+int tell(const char* event, const std::string& message, int code) {
+  write_progress_json({{"event", event}, {"text", message}, {"exit_code", code}});
+  return code;
+}
+
 int fail(const std::string& message, int code) {
+  if (writes_json_events()) return tell("error", message, code);
   const std::string error = in_color(detail::LogLevel::error, "error:", stderr_has_color());
   const std::string text = wrapped_for_stderr(message, std::string_view("error: ").size());
   std::fprintf(stderr, "%s %s\n", error.c_str(), text.c_str());
@@ -117,33 +127,28 @@ int fail_for_memory(const CLI::App& program, const std::string& what) {
               int(ExitCode::out_of_memory));
 }
 
+class ProgramHelp final : public CLI::FormatterBase {
+ public:
+  explicit ProgramHelp(std::vector<Verb> verbs) : verbs_(std::move(verbs)) {}
+  std::string make_help(const CLI::App*, std::string, CLI::AppFormatMode) const override {
+    return help_of_program(verbs_, help_width());
+  }
+
+ private:
+  std::vector<Verb> verbs_;
+};
+
 int run(int argc, const char* const* argv) {
   CLI::App program("3D Gaussian Splatting: from photos to a trained scene", "gemsplat");
-  program.formatter(std::make_shared<HelpFormat>(help_width()));  // verbs inherit it
+  const std::vector<Verb> all = verbs();
+  program.formatter(std::make_shared<ProgramHelp>(all));
+  program.set_help_all_flag("--help-all", "");  // verbs inherit it
   program.set_version_flag("-V,--version", describe_build());
   program.require_subcommand(1);
-  add_reconstruct(program);
-  add_convert_cameras(program);
-  add_undistort(program);
-  add_doctor(program);
-  add_georef(program);
-  add_train(program);
-  add_config(program);
-  add_experiment(program);
-  add_partition(program);
-  add_merge(program);
-  add_report(program);
-  add_eval(program);
-  add_render(program);
-  add_view(program);
-  add_prune(program);
-  add_edit(program);
-  add_export(program);
-  add_info(program);
-  add_bench(program);
-  add_selftest(program);
-  add_self_doc(program);
-  std::vector<std::string> arguments = without_foreign_habits(normalized_arguments(argc, argv));
+  for (const Verb& verb : all) add_verb(program, verb);
+  add_self_doc(program, all);
+  std::vector<std::string> arguments =
+      without_foreign_habits(normalized_arguments(argc, argv), all);
   std::reverse(arguments.begin(), arguments.end());  // as CLI11 wants them
   try {
     program.parse(arguments);
@@ -166,6 +171,7 @@ int explain() {
     throw;
   } catch (const Error& error) {
     if (error.code() == ExitCode::interrupted) {  // it was asked for, and is no error
+      if (writes_json_events()) return tell("stopped", error.what(), int(error.code()));
       std::fprintf(stderr, "%s\n", wrapped_for_stderr(error.what()).c_str());
       return int(error.code());
     }

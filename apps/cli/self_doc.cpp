@@ -1,19 +1,20 @@
 // SPDX-License-Identifier: Apache-2.0
-// gemsplat self-doc FOLDER: man pages and completions, made from the flags themselves. The build
-// calls it; --help does not list it. `gemsplat self-doc ~/.local/share` serves one user.
+#include "apps/cli/self_doc.h"
+
 #include <CLI/CLI.hpp>
 #include <chrono>
 #include <cstdlib>
 #include <ctime>
 #include <filesystem>
 #include <iomanip>
+#include <iostream>
 #include <map>
 #include <memory>
 #include <sstream>
 
 #include "apps/cli/manual/completions.h"
 #include "apps/cli/manual/man_page.h"
-#include "apps/cli/verbs.h"
+#include "apps/cli/manual/reference_page.h"
 #include "gs_core/error.h"
 #include "gs_core/system/files/atomic_file.h"
 
@@ -24,7 +25,7 @@ namespace fs = std::filesystem;
 
 struct SelfDocCommand {
   std::string folder;
-  bool replace = false;
+  bool replace = false, markdown = false;
 };
 
 // Today, or the day that SOURCE_DATE_EPOCH names: the same sources then make the same pages.
@@ -64,17 +65,23 @@ void write_files(const SelfDocCommand& command, const Files& files) {
 
 }  // namespace
 
-void add_self_doc(CLI::App& program) {
+void add_self_doc(CLI::App& program, const std::vector<Verb>& verbs) {
   CLI::App& verb = *program.add_subcommand("self-doc", "Write man pages and completions");
-  verb.group("");
   const auto command = std::make_shared<SelfDocCommand>();
   verb.add_option("folder", command->folder,
                   "gets man/, bash-completion/, zsh/ and fish/, as /usr/share has them")
-      ->type_name("FOLDER")
-      ->required();
+      ->type_name("FOLDER");
   verb.add_flag("--replace", command->replace, "replace files that an earlier call has written");
-  verb.callback([command, &program] {
-    const Command all = read_command(program);
+  verb.add_flag("--markdown", command->markdown,
+                "print docs/reference/commands.md, and do nothing else");
+  verb.callback([command, verbs] {
+    const Command all = command_of(verbs);
+    if (command->markdown) {
+      std::cout << reference_page(all);
+      return;
+    }
+    if (command->folder.empty())
+      throw UsageError("FOLDER is missing: it gets man/, bash-completion/, zsh/ and fish/");
     Files files = {{"bash-completion/completions/gemsplat", bash_completion(all)},
                    {"zsh/site-functions/_gemsplat", zsh_completion(all)},
                    {"fish/vendor_completions.d/gemsplat.fish", fish_completion(all)}};

@@ -4,7 +4,6 @@
 
 #include "data_loaders/refine/refine_cameras.h"
 #include "data_loaders/refine/refine_exposure.h"
-#include "data_loaders/refine/refine_lens.h"
 #include "gs_core/error.h"
 
 namespace gs {
@@ -29,11 +28,6 @@ double spread_of(const std::vector<ColorSample>&, std::size_t) {
 }
 
 CameraRefinement refine_cameras(ColmapModel&, const RefinementProgress&) {
-  GS_CHECK(can_refine());
-  return {};
-}
-
-FittedCamera fit_camera(const ColmapCamera&, CameraModel, const std::string&) {
   GS_CHECK(can_refine());
   return {};
 }

@@ -19,6 +19,7 @@ namespace {
 namespace fs = std::filesystem;
 
 constexpr double kSameNormal = 1e-9;  // difference of unit vectors that are the same
+constexpr const char* kBlocksFile = "blocks.json";
 constexpr const char* kRemedyOfBlocks = "write it again with `gemsplat partition`";
 
 Json json_of(const Vec3d& v) { return {v.x, v.y, v.z}; }
@@ -118,11 +119,17 @@ std::string blocks_json(const BlocksFile& blocks) {
   return file_text(json);
 }
 
+bool is_partition(const fs::path& file_or_folder) {
+  std::error_code ignored;
+  return file_or_folder.filename() == kBlocksFile ||
+         fs::exists(file_or_folder / kBlocksFile, ignored);
+}
+
 BlocksFile read_blocks(const fs::path& file_or_folder) {
   std::error_code ignored;
   BlocksFile blocks;
   blocks.file =
-      fs::is_directory(file_or_folder, ignored) ? file_or_folder / "blocks.json" : file_or_folder;
+      fs::is_directory(file_or_folder, ignored) ? file_or_folder / kBlocksFile : file_or_folder;
   if (!fs::exists(blocks.file, ignored))
     throw Error("there is no partition at " + file_or_folder.string() +
                 "; name the folder that `gemsplat partition` has written, or its blocks.json");

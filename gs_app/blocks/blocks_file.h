@@ -32,6 +32,9 @@ struct BlocksFile {
 /// The text of the file.
 std::string blocks_json(const BlocksFile& blocks);
 
+/// Whether this is blocks.json or a folder that holds one.
+bool is_partition(const std::filesystem::path& file_or_folder);
+
 /// Reads blocks.json, or the one in a folder. Throws Error that names the file and a remedy.
 BlocksFile read_blocks(const std::filesystem::path& file_or_folder);
 

@@ -47,7 +47,7 @@ std::string experiment_toml(const BlocksFile& blocks, std::uint64_t seed) {
     configs += fmt::format("{}\"{}\"", configs.empty() ? "" : ", ", block.config);
   return fmt::format(
       "# Trains all blocks of a divided scene: gemsplat experiment blocks.toml; then gemsplat "
-      "merge\n"
+      "edit\n"
       "# makes one model of them. For a cluster add [slurm] (docs/guide/experiments.md) and give "
       "--slurm.\n"
       "output = \"runs\"\n"

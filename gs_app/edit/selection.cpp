@@ -16,6 +16,7 @@
 #include "gs_core/math/render/rotation.h"
 #include "gs_model/edit/model_moment.h"
 #include "gs_model/formats/coding/finite_rows.h"
+#include "gs_train/density/floaters.h"
 
 namespace gs {
 namespace {
@@ -69,6 +70,25 @@ std::vector<float> camera_distances(const EditModel& model, const EditTools&) {
   for (const EditCamera& camera : model.cameras)
     if (!camera.is_test) positions.push_back(camera.camera.position());
   return distances_to_nearest(model.model.gaussians, positions);
+}
+
+constexpr double kMostWitnesses = 1e6;
+
+// SHARE, or SHARE,VIEWS: the clearance, and how many photos spare a Gaussian (floaters.h).
+MarksOf floaters_by(const std::string& what, const std::string& value) {
+  const bool has_views = value.find(',') != value.npos;
+  const std::vector<double> numbers = numbers_of_list(value, has_views ? 2 : 1, what);
+  const double clearance = numbers[0], witnesses = has_views ? numbers[1] : 1;
+  if (!(clearance > 0 && clearance <= 1))
+    throw UsageError(what + ": the share of the depth is above 0 and at most 1");
+  if (witnesses != std::floor(witnesses) || witnesses < 1 || witnesses > kMostWitnesses)
+    throw UsageError(what + ": the number of views is a whole number from 1 on");
+  return [=](const EditModel& model, const EditTools& tools) {
+    if (!tools.scene) throw UsageError(what + " needs the photos; name a run's folder");
+    const GaussianModel there = in_photos_frame(model);
+    const FloaterFinder finder(tools.scene(there.world_offset), float(clearance), int(witnesses));
+    return finder.marks(there.gaussians.mean.download());
+  };
 }
 
 // --- Properties
@@ -173,6 +193,11 @@ const std::vector<KindOfSelection>& kinds_of_selection() {
        ranged([](const EditModel& model, const EditTools& tools) {
          return training_contributions(model, tools).largest;
        })},
+      {{"floaters", "SHARE[,VIEWS]",
+        "a photo looks through it: it is nearer than this share of the depth of the scene points "
+        "around it, and fewer than VIEWS photos [1] show it among their own points"},
+       false,
+       [](auto& what, auto& value, auto&) { return floaters_by(what, value); }},
       {{"time", "LOW..HIGH", "there at some moment between these, 0 to 1, in space and time"},
        false,
        [](auto& what, auto& value, auto&) { return alive_in(interval_of(what, value)); }},

@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "gs_app/edit/contributions.h"
+#include "gs_core/scene.h"
 #include "gs_model/edit/edit_model.h"
 #include "gs_model/edit/places/places.h"
 #include "gs_model/edit/select.h"
@@ -20,6 +21,8 @@ struct EditTools {
   std::function<Backend&()> backend;  // called when something is rendered
   RenderSettings settings;            // of the model as it was read
   bool show_progress = false;
+  // The photos' scene with this world offset; empty where nothing can give one. Throws UsageError.
+  std::function<Scene&(const Vec3d& offset)> scene = {};
 };
 
 /// The settings to render a model that was edited: with its SH degree, and with planes that grew

@@ -68,20 +68,26 @@ void take_moment(OpenedModel& opened, double time) {
 }
 
 Scene scene_for(const OpenedModel& opened, DatasetConfig dataset, bool is_other_scene) {
-  if (dataset.source.empty())
-    throw UsageError("the photos are not known; give the scene with --data SCENE");
-  if (opened.input_from_model)
+  if (opened.input_from_model && !dataset.source.empty())
     log_warning(
         "{} was turned, scaled or moved after training, and does not lie where the photos' cameras "
         "are; bring it back with `gemsplat edit --restore-frame`",
         opened.ply.string());
-  const bool has_file = opened.run && !is_other_scene && fs::exists(opened.run->exposures());
+  return scene_for(opened.run ? &*opened.run : nullptr, std::move(dataset), is_other_scene,
+                   opened.model.world_offset);
+}
+
+Scene scene_for(const RunFolder* run, DatasetConfig dataset, bool is_other_scene,
+                const Vec3d& offset) {
+  if (dataset.source.empty())
+    throw UsageError("the photos are not known; give the scene with --data SCENE");
+  if (is_other_scene) run = nullptr;
+  const bool has_file = run && fs::exists(run->exposures());
   if (has_file) dataset.exposure = false;
   Scene scene = load_scene(dataset);
-  bring_to_offset(scene, opened.model.world_offset);
-  if (has_file) apply_exposures(read_exposures(opened.run->exposures()), scene);
-  if (opened.run && !is_other_scene && fs::exists(opened.run->poses()))
-    apply_poses(read_poses(opened.run->poses()), scene);
+  bring_to_offset(scene, offset);
+  if (has_file) apply_exposures(read_exposures(run->exposures()), scene);
+  if (run && fs::exists(run->poses())) apply_poses(read_poses(run->poses()), scene);
   return scene;
 }
 

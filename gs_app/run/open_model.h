@@ -39,6 +39,9 @@ void take_moment(OpenedModel& opened, double time);
 /// The scene at dataset.source in the model's frame. A run's own scene gets the exposures that the
 /// run was trained with, and the poses that it has refined, if there are any.
 Scene scene_for(const OpenedModel& opened, DatasetConfig dataset, bool is_other_scene);
+/// The same with `offset` as its world offset, for a model in the photos' frame. `run` may be null.
+Scene scene_for(const RunFolder* run, DatasetConfig dataset, bool is_other_scene,
+                const Vec3d& offset);
 
 /// The settings for rendering the model with a config. The SH degree is at most that of the model,
 /// and a random background becomes black.

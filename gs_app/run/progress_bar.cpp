@@ -28,12 +28,21 @@ int terminal_width() {
   return ::ioctl(STDERR_FILENO, TIOCGWINSZ, &size) == 0 && size.ws_col > 0 ? size.ws_col : 100;
 }
 
+ProgressStyle g_style = ProgressStyle::bar;
+
 std::string joined(const ProgressFigures& figures) {
   const std::string middle = figures.detail.empty() ? "" : " | " + figures.detail;
   return figures.done + middle + " | " + figures.rest;
 }
 
 }  // namespace
+
+void set_progress_style(ProgressStyle style) { g_style = style; }
+
+void write_progress_json(const Json& json) {
+  const std::string line = json.dump(-1, ' ', false, Json::error_handler_t::replace) + "\n";
+  std::fwrite(line.data(), 1, line.size(), stderr);
+}
 
 std::string progress_line(double share, const ProgressFigures& figures, std::size_t columns) {
   constexpr std::size_t kFrame = 3;  // of the bar: "[] "
@@ -58,9 +67,10 @@ ProgressBar::ProgressBar(std::int64_t total, bool enabled, std::int64_t done)
       rate_(done, seconds_of(start_)) {}
 
 bool ProgressBar::due(std::int64_t done) {
-  if (!enabled_) return false;
+  if (!enabled_ || g_style == ProgressStyle::none) return false;
   const Clock::time_point now = Clock::now();
-  if (is_terminal_) return done >= total_ || now - last_time_ >= kRedrawEvery;
+  if (is_terminal_ || g_style == ProgressStyle::json)
+    return done >= total_ || now - last_time_ >= kRedrawEvery;
   const bool is_next = done * 10 >= next_tenth_ * total_ || now - last_time_ >= kLogEvery;
   return is_next && now - start_ >= kQuietStart;
 }
@@ -69,6 +79,12 @@ void ProgressBar::draw(std::int64_t done, const std::string& detail, const std::
   last_time_ = Clock::now();
   rate_.note(done, seconds_of(last_time_));
   const double rate = rate_.rate();
+  if (g_style == ProgressStyle::json) {
+    Json json = {{"event", "progress"}, {"part", detail},  {"unit", unit},
+                 {"done", done},        {"total", total_}, {"per_second", rate}};
+    if (rate > 0) json["seconds_left"] = double(total_ - done) / rate;
+    return write_progress_json(json);
+  }
   const ProgressFigures figures = {
       fmt::format("{}/{}", done, total_), detail,
       fmt::format("{:.{}f} {}/s | {} left", rate, rate < 100 ? 1 : 0, unit,

@@ -8,8 +8,17 @@
 #include <string>
 
 #include "gs_app/run/rate_meter.h"
+#include "gs_core/system/text/json.h"
 
 namespace gs {
+
+/// How all progress of the program is shown. As JSON it is one object a line on standard error, at
+/// most five a second for each bar: {"event": "progress", "done": 370, "total": 600, ...}.
+enum class ProgressStyle { bar, json, none };
+void set_progress_style(ProgressStyle style);
+
+/// Writes one line to standard error, whole, also where several threads do.
+void write_progress_json(const Json& json);
 
 /// What is known of a job, for one line.
 struct ProgressFigures {

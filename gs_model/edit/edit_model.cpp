@@ -4,6 +4,8 @@
 #include <algorithm>
 #include <cmath>
 #include <numbers>
+#include <numeric>
+#include <set>
 
 #include "gs_core/bake_filter.h"
 #include "gs_core/error.h"
@@ -141,6 +143,14 @@ void restore_frame(EditModel& model) {
   const Mat4d numbers_from_now = translation(-model.model.world_offset);
   transform_edited(model, transform_of(multiply(*model.input_from_model, numbers_from_now)));
   model.input_from_model.reset();
+}
+
+GaussianModel in_photos_frame(const EditModel& model) {
+  std::vector<std::uint32_t> all(model.model.gaussians.count());
+  std::iota(all.begin(), all.end(), 0u);
+  EditModel copy{rows_of(model.model, all), model.input_from_model, {}};
+  restore_frame(copy);
+  return std::move(copy.model);
 }
 
 void decimate_by_merging(EditModel& model, std::size_t count, const DecimateOptions& options) {

@@ -75,6 +75,9 @@ Straightened straighten(EditModel& model);
 /// Brings a model that was moved back to the photos' frame; others stay as they are.
 void restore_frame(EditModel& model);
 
+/// A copy of the model in the photos' frame.
+GaussianModel in_photos_frame(const EditModel& model);
+
 /// Merges pairs of Gaussians until `count` are left (decimate.h). Throws UsageError for Gaussians
 /// in space and time.
 void decimate_by_merging(EditModel& model, std::size_t count, const DecimateOptions& options = {});

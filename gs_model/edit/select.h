@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Which Gaussians lie where, how large they are and how well they can be seen. `gemsplat edit` and
-// `prune` choose rows by these.
+// Which Gaussians lie where, how large they are and how well they can be seen. `gemsplat edit`
+// chooses rows by these.
 #pragma once
 
 #include <limits>

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// How much each Gaussian contributes to a picture. `gemsplat prune` removes Gaussians by it.
+// How much each Gaussian contributes to a picture. `gemsplat edit` removes Gaussians by it.
 #pragma once
 
 #include <vector>

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// gemsplat partition, experiment and merge as users run them.
+// gemsplat partition, experiment and edit as users run them.
 #include <gmock/gmock.h>
 
 #include "gs_core/system/text/json.h"
@@ -22,7 +22,7 @@ class Blocks : public Program {
   }
   Outcome train_all() { return run("experiment " + text("parts/blocks.toml")); }
   Outcome merge(const std::string& more = "") {
-    return run("merge " + text("parts") + " -o " + text("merged.ply") + " " + more);
+    return run("edit " + text("parts") + " -o " + text("merged.ply") + " " + more);
   }
   std::string run_of(int block) const {
     return "parts/" + json("parts/blocks.json").at("blocks").at(block).at("run").get<std::string>();
@@ -33,7 +33,7 @@ TEST_F(Blocks, AreTrainedByTheirExperimentAndMerged) {
   const Outcome divided = partition();
   ASSERT_EQ(divided.code, 0) << divided.err;
   EXPECT_THAT(divided.out, AllOf(HasSubstr("block0"), HasSubstr("block1"),
-                                 HasSubstr("gemsplat experiment"), HasSubstr("gemsplat merge"),
+                                 HasSubstr("gemsplat experiment"), HasSubstr("gemsplat edit"),
                                  Not(HasSubstr("e+"))));  // Gaussians, "~120" and not "~1.2e+02"
   for (const char* file : {"blocks.json", "blocks.toml", "shared.toml", "block0.toml", "block0.txt",
                            "block1.toml", "block1.txt"})
@@ -45,7 +45,7 @@ TEST_F(Blocks, AreTrainedByTheirExperimentAndMerged) {
   ASSERT_EQ(merged.code, 0) << merged.err;
   const auto report = SortedJson::parse(merged.out);
   std::size_t kept = 0;
-  for (const auto& block : report.at("blocks")) {
+  for (const auto& block : report.at("inputs")) {
     EXPECT_GT(block.at("kept"), 0);
     EXPECT_LT(block.at("kept"), block.at("gaussians"));
     kept += block.at("kept").get<std::size_t>();
@@ -149,8 +149,10 @@ TEST_F(Blocks, RefusalsNameTheRemedy) {
   EXPECT_THAT(partition("--set density.region=1,0,0,2").err, HasSubstr("density.region"));
   EXPECT_FALSE(fs::exists(path("parts")));
   EXPECT_THAT(partition("--set photometric.model=gains").err, HasSubstr("dataset.exposure"));
-  EXPECT_THAT(run("merge " + text("scene") + " -o " + text("m.ply")).err,
+  EXPECT_THAT(run("edit " + text("scene/blocks.json") + " -o " + text("m.ply")).err,
               HasSubstr("gemsplat partition"));
+  EXPECT_THAT(run("edit " + text("scene") + " --run a --recenter -o " + text("m.ply")).err,
+              HasSubstr("folder of its partition"));
 }
 
 }  // namespace

@@ -31,7 +31,7 @@ class Report : public Program {
     return outcome.err;
   }
   bool can_write() {
-    return run("info --json").out.find("\"reports\":{\"available\":true") != std::string::npos;
+    return SortedJson::parse(run("info --json").out).at("reports").at("available") == true;
   }
 };
 

@@ -1,35 +1,40 @@
 // SPDX-License-Identifier: Apache-2.0
 // The recipe "a verb" of docs/develop/extending.md.
-#include <gtest/gtest.h>
+#include <gmock/gmock.h>
 
+#include <CLI/CLI.hpp>
+
+#include "apps/cli/manual/man_page.h"
+#include "apps/cli/manual/reference_page.h"
+#include "apps/cli/run_verb.h"
 #include "tests/support/random_model.h"
 #include "tests/support/temp_folder.h"
 
 // [recipe]
-#include <CLI/CLI.hpp>
-#include <iostream>
-
-#include "apps/cli/verbs.h"
+#include "gs_app/jobs/verbs.h"
 #include "gs_model/formats/formats.h"
 
 namespace gs {
 namespace {
 
-struct CountCommand {
+struct CountJob : JobSettings {
   std::string model;
 };
 
-void count(const CountCommand& command) {
-  std::cout << read_model(command.model).gaussians.count() << " Gaussians\n";
+void visit_options(CountJob& job, OptionList& option) {
+  option("model", job.model, "a file of trained Gaussians").takes("FILE").required();
+}
+
+Outcome run(const CountJob& job, JobEvents&) {
+  const std::size_t count = read_model(job.model).gaussians.count();
+  return {std::to_string(count) + " Gaussians\n", {{"gaussians", count}}};
 }
 
 }  // namespace
 
-void add_count(CLI::App& program) {
-  CLI::App& verb = *program.add_subcommand("count", "Print the number of Gaussians of a model");
-  const auto command = std::make_shared<CountCommand>();
-  verb.add_option("model", command->model, "a file of trained Gaussians")->required();
-  verb.callback([command] { count(*command); });
+Verb count_verb() {
+  return verb_of<CountJob>("count", VerbGroup::check, "Print the number of Gaussians of a model",
+                           {"count model.ply"});
 }
 
 }  // namespace gs
@@ -38,15 +43,32 @@ void add_count(CLI::App& program) {
 namespace gs {
 namespace {
 
-TEST(RecipeVerb, PrintsTheNumberOfGaussians) {
+using ::testing::AllOf;
+using ::testing::HasSubstr;
+
+std::string output_of(const std::string& command) {
+  CLI::App program;
+  add_verb(program, count_verb());
+  testing::internal::CaptureStdout();
+  program.parse(command);
+  return testing::internal::GetCapturedStdout();
+}
+
+TEST(RecipeVerb, PrintsTheNumberOfGaussiansAsTextAndAsJson) {
   const TempFolder folder;
   const std::string file = (folder.path() / "model.ply").string();
   write_model(file, random_model(7, 1));
-  CLI::App program;
-  add_count(program);
-  testing::internal::CaptureStdout();
-  program.parse("count " + file);
-  EXPECT_EQ(testing::internal::GetCapturedStdout(), "7 Gaussians\n");
+  EXPECT_EQ(output_of("count " + file), "7 Gaussians\n");
+  EXPECT_EQ(output_of("count --json " + file), "{\n  \"gaussians\": 7\n}\n");
+}
+
+TEST(RecipeVerb, ItsListIsItsManual) {
+  const Command program = command_of({count_verb()});
+  EXPECT_THAT(reference_page(program),
+              AllOf(HasSubstr("### gemsplat count\n"), HasSubstr("| `model FILE` | a file of"),
+                    HasSubstr("| `--json` |")));
+  EXPECT_THAT(man_page(program.verbs.front(), "2026-01-01"),
+              AllOf(HasSubstr("gemsplat count model.ply"), HasSubstr("\\fB\\-\\-json\\fR")));
 }
 
 }  // namespace

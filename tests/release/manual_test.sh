@@ -15,15 +15,15 @@ mkdir -p "$work"
 SOURCE_DATE_EPOCH=86400 "$program" self-doc "$work"
 pages=$work/man/man1
 
-# Each verb has a page, and each flag of --help is on it.
+# Each verb has a page, and each flag of --help-all is on it.
 check_pages() {
   local verb page flag verbs
-  verbs=$("$program" --help | sed -n '/^Subcommands:/,$s/^  \([a-z-]\+\) .*/\1/p')
+  verbs=$("$program" --help | sed -n 's/^  \([a-z][a-z-]*\) .*/\1/p')
   [[ $(wc -w <<<"$verbs") -ge 16 ]] || die "--help lists few verbs: $verbs"
   for verb in $verbs; do
     page=$pages/gemsplat-$verb.1
     [[ -s $page ]] || die "$verb has no page"
-    for flag in $("$program" "$verb" --help | grep -oE '^  -[^ ]+' | sed 's/{[a-z]*}//g; s/,/ /g'); do
+    for flag in $("$program" "$verb" --help-all | grep -oE '^  -[^ ]+' | sed 's/,/ /g'); do
       grep -qF -- "\\fB${flag//-/\\-}\\fR" "$page" || die "$page lacks $flag"
     done
   done

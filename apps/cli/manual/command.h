@@ -1,14 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
-// What the program takes on its command line, read from CLI11's parser: the one source of man pages
-// and completions.
+// What the program takes on its command line, from the lists of its verbs: the one source of man
+// pages, completions and the page of commands.
 #pragma once
 
 #include <string>
 #include <vector>
 
-namespace CLI {
-class App;
-}
+#include "gs_app/jobs/job.h"
 
 namespace gs {
 
@@ -32,14 +30,16 @@ struct Command {
   std::string meaning;
   std::vector<Argument> arguments;
   std::vector<Command> verbs;
+  std::vector<std::string> examples;
+  const char* group = "";  // the heading of a verb in --help
 
   const std::string& name() const { return words.back(); }
   std::string joined_words(const std::string& separator) const;
   bool takes_positional_files() const;
 };
 
-/// Reads `app` and its verbs. Arguments and verbs that --help hides are left out.
-Command read_command(const CLI::App& app);
+/// The program with all verbs. Arguments that --help-all hides are left out.
+Command command_of(const std::vector<Verb>& verbs);
 
 /// `from` is replaced by `to` everywhere; for the quoting of shells.
 std::string replaced(std::string text, const std::string& from, const std::string& to);

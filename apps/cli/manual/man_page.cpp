@@ -83,6 +83,13 @@ std::string verbs(const Command& command) {
   return text.empty() ? "" : ".SH COMMANDS\n" + text;
 }
 
+std::string examples(const Command& command) {
+  std::string text;
+  for (const std::string& example : command.examples)
+    text += (text.empty() ? "" : ".br\n") + fmt::format("gemsplat {}\n", plain(example));
+  return text.empty() ? "" : ".SH EXAMPLES\n" + text;
+}
+
 // Of a page's own verbs below, or of the program's page for a verb.
 std::string see_also(const Command& command) {
   std::vector<std::string> pages;
@@ -102,7 +109,7 @@ std::string man_page(const Command& command, const std::string& date) {
                      kVersion) +
          fmt::format(".SH NAME\n{} \\- {}\n", plain(name), plain(command.meaning)) +
          synopsis(command) + positionals(command) + verbs(command) + options(command) +
-         see_also(command);
+         examples(command) + see_also(command);
 }
 
 }  // namespace gs

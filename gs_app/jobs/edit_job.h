@@ -1,0 +1,31 @@
+// SPDX-License-Identifier: Apache-2.0
+// What gemsplat edit is asked for.
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "gs_app/blocks/blocks_file.h"
+#include "gs_app/edit/edit_step.h"
+#include "gs_app/jobs/job.h"
+#include "gs_app/jobs/shared_options.h"
+#include "gs_model/formats/formats.h"
+
+namespace gs {
+
+struct EditJob : JobSettings {
+  std::vector<std::string> inputs, block_runs;
+  std::string output, cameras, picture, picture_view;
+  Operations operations;
+  std::string about = "0,0,0", plane = "xz", decimate_by = "merge", antialiased;
+  ModelChoice choice;
+  ExportOptions options;
+  bool whole = false, as_stored = false, measure = false, dry_run = false, force = false;
+
+  /// Whether the input is what `gemsplat partition` has written.
+  bool has_blocks() const { return inputs.size() == 1 && is_partition(inputs.front()); }
+};
+
+void visit_options(EditJob& job, OptionList& option);
+
+}  // namespace gs

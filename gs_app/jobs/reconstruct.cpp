@@ -1,0 +1,82 @@
+// SPDX-License-Identifier: Apache-2.0
+// gemsplat reconstruct: makes a scene from photos or videos with the program colmap.
+#include <spdlog/fmt/fmt.h>
+
+#include "data_loaders/reconstruct/photo_folder.h"
+#include "data_loaders/scene/find_scene.h"
+#include "data_loaders/scene/scene_model.h"
+#include "gs_app/jobs/colmap_progress.h"
+#include "gs_app/jobs/shared_options.h"
+#include "gs_app/jobs/verbs.h"
+#include "gs_app/run/text.h"
+
+namespace gs {
+namespace {
+
+struct ReconstructJob : JobSettings {
+  std::string scene;
+  bool force = false;
+};
+
+void visit_options(ReconstructJob& job, OptionList& option) {
+  option.setting("photos,-d,--data", "dataset.source", "Scene",
+                 "a folder of photos or videos, or a video; nothing in it is changed");
+  option("-o,--output", job.scene, "folder of the new scene").takes("FOLDER").group("Output");
+  option("--force", job.force, "if SCENE holds a scene, move it to SCENE.bak-N first")
+      .group("Output");
+  option.setting("--frames", "reconstruct.frames", "COLMAP");
+  option.setting("--matching", "reconstruct.matching", "COLMAP");
+  option.setting("--camera-model", "reconstruct.camera_model", "COLMAP");
+  option.setting("--single-camera", "reconstruct.single_camera", "COLMAP");
+  option.setting("--max-features", "reconstruct.max_features", "COLMAP");
+  option.setting("--colmap", "reconstruct.colmap", "COLMAP");
+  general_options(option);
+}
+
+/// The cameras and poses of a scene that has no points; null for photos alone, and for a scene with
+/// points, whose poses are found anew. `photos` becomes the folder of its photos.
+std::shared_ptr<const ColmapModel> poses_without_points(const DatasetConfig& dataset,
+                                                        std::filesystem::path& photos) {
+  std::error_code ignored;
+  if (!std::filesystem::is_directory(dataset.source, ignored) || holds_only_photos(dataset.source))
+    return nullptr;
+  SceneFolders folders;
+  try {
+    folders = find_scene(dataset);
+  } catch (const Error&) {  // no scene: photos, or a sentence that helps
+    return nullptr;
+  }
+  ColmapModel model = read_scene(dataset, folders).model;
+  if (!model.points.empty()) return nullptr;
+  log_info("{} has cameras and no points: COLMAP finds points for these cameras", dataset.source);
+  photos = folders.images;
+  return std::make_shared<const ColmapModel>(std::move(model));
+}
+
+Outcome run(const ReconstructJob& job, JobEvents& events) {
+  const Config config = resolve(job);
+  if (config.dataset.source.empty())
+    throw UsageError(
+        "there are no photos; give their folder, or a video: gemsplat reconstruct PHOTOS -o SCENE");
+  if (job.scene.empty())
+    throw UsageError("there is no output; give the folder of the scene with -o SCENE");
+  ColmapJob colmap{config.dataset.source, job.scene, config.reconstruct,
+                   config.train.threads,  job.force, true};
+  colmap.poses = poses_without_points(config.dataset, colmap.photos);
+  const Reconstruction result = run_colmap(colmap, ColmapEvents(events));
+  const std::string log = (result.scene / "colmap.log").string();
+  return {describe(result) + fmt::format("scene: {} (log: {})\n", job.scene, log),
+          {{"scene", job.scene}, {"log", log}, {"summary", describe(result)}},
+          {{"train it with", fmt::format("gemsplat train {} -o OUT", shell_word(job.scene))}}};
+}
+
+}  // namespace
+
+Verb reconstruct_verb() {
+  return verb_of<ReconstructJob>(
+      "reconstruct", VerbGroup::train, "Find where photos were taken, with COLMAP",
+      {"reconstruct photos -o scene", "reconstruct film.mp4 -o scene --frames 200",
+       "reconstruct photos -o scene --matching exhaustive"});
+}
+
+}  // namespace gs

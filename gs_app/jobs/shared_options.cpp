@@ -1,0 +1,104 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "gs_app/jobs/shared_options.h"
+
+#include "gs_app/jobs/foreign_flags.h"
+#include "gs_app/jobs/job.h"
+#include "gs_core/config/config_presets.h"
+
+namespace gs {
+namespace {
+
+constexpr int kMostLevels = 63, kMostPort = 65535;
+
+std::vector<std::string> preset_names() {
+  std::vector<std::string> names;
+  for (const Preset& preset : presets()) names.emplace_back(preset.name);
+  return names;
+}
+
+}  // namespace
+
+void general_options(OptionList& option) {
+  JobSettings& job = option.settings;
+  option("-c,--config", job.config_files,
+         "take settings from a TOML file, a run's folder or a preset; may be repeated")
+      .takes("FILE|RUN|PRESET")
+      .suggests(preset_names())
+      .repeated()
+      .group("Settings");
+  option("--set", job.settings, "change one setting; wins over -c; may be repeated")
+      .takes("SECTION.KEY=VALUE")
+      .repeated()
+      .group("Settings");
+  option.setting("--device", "train.device", "Machine",
+                 "where to compute; cuda:N is the GPU with that number");
+  option.setting("--threads", "train.threads", "Machine").rare();
+  option("-q,--quiet", job.quiet, "print warnings and errors only").group("Messages");
+  option("-v,--verbose", job.verbose, "print more").group("Messages").rare();
+}
+
+void model_options(OptionList& option, ModelChoice& choice) {
+  option("--iteration", choice.step,
+         "which model of a run: the one saved after this step [the newest]")
+      .takes("STEP")
+      .rare();
+}
+
+Option& time_option(OptionList& option, std::optional<double>& time, const std::string& meaning) {
+  return option("--time", time, meaning).takes("T").between(0, 1).rare();
+}
+
+Option& force_option(OptionList& option, bool& force, const std::string& meaning) {
+  return option("--force", force, meaning);
+}
+
+void camera_options(OptionList& option, const std::string& scene_names) {
+  option.setting(scene_names, "dataset.source", "Scene");
+  option.setting("--images", "dataset.images", "Scene").rare();
+  option.setting("-r,--resolution", "dataset.resolution", "Scene");
+  option.setting("--test-every", "dataset.test_every", "Scene").rare();
+  foreign_options(option, "dataset.");
+}
+
+void mask_options(OptionList& option) {
+  option.setting("--masks", "dataset.masks", "Scene").rare();
+  option.setting("--mask-mode", "dataset.mask_mode", "Scene").rare();
+  option.setting("--invert-masks", "dataset.invert_masks", "Scene").rare();
+}
+
+void dataset_options(OptionList& option, const std::string& scene_names) {
+  camera_options(option, scene_names);
+  mask_options(option);
+  option.setting("--depth", "dataset.depth", "Scene").rare();
+  option.setting("--depth-kind", "dataset.depth_kind", "Scene").rare();
+  option.setting("--photo-ram", "dataset.photo_ram_gib", "Machine").rare();
+  option.setting("--photo-cache", "dataset.photo_cache", "Machine").rare();
+}
+
+void render_options(OptionList& option, const std::string& sh_degree_meaning) {
+  option.setting("--background", "render.background", "Rendering").rare();
+  Option& white = option.setting("-w,--white-background", "render.background", "Rendering");
+  white.meaning = "the same as --background white";
+  white.value = SettingValue{"render.background", true, false, "white"};
+  white.suggested.clear();
+  white.excludes("--background").rare();
+  option.setting("--antialiased,--antialiasing", "render.antialias", "Rendering").rare();
+  option.setting("--blend-rule", "render.blend_rule", "Rendering").rare();
+  option.setting("--sh-degree", "model.sh_degree", "Rendering", sh_degree_meaning).rare();
+}
+
+void http_options(OptionList& option, HttpPlace& place, const std::string& prefix,
+                  const std::string& heading) {
+  option(prefix + "host", place.host, "address to listen at [127.0.0.1: this machine only]")
+      .takes("ADDRESS")
+      .group(heading)
+      .rare();
+  option(prefix + "port", place.port,
+         "port to listen at; 0: any free port [the first free one from 7070 on]")
+      .takes("N")
+      .between(0, kMostPort)
+      .group(heading)
+      .rare();
+}
+
+}  // namespace gs

@@ -1,0 +1,115 @@
+// SPDX-License-Identifier: Apache-2.0
+// gemsplat view: a trained model in the browser.
+#include <cstdlib>
+
+#include "gs_app/jobs/shared_options.h"
+#include "gs_app/jobs/verbs.h"
+#include "gs_app/run/text.h"
+#include "gs_app/view/file_view.h"
+#include "gs_core/system/processes/process.h"
+#include "gs_core/system/processes/signals.h"
+#include "gs_core/threads/parallel.h"
+
+namespace gs {
+namespace {
+
+struct ViewJob : JobSettings {
+  std::string model, cameras;
+  ModelChoice choice;
+  std::optional<double> time;
+  HttpPlace place;
+  std::optional<bool> open;
+  bool remote = false;
+  std::size_t stream_from = kWorthStreaming;
+};
+
+void visit_options(ViewJob& job, OptionList& option) {
+  option("model", job.model, kModelHelp).takes("MODEL|RUN").required();
+  time_option(option, job.time,
+              "moment of Gaussians in space and time at which the page begins, standing still, 0 "
+              "to 1 [it plays from 0 on]");
+  model_options(option, job.choice);
+  http_options(option, job.place, "--", "Server");
+  option.get("--host").is_rare = option.get("--port").is_rare = false;
+  option("--open,!--no-open", job.open, "open the browser [yes, if there is a desktop]")
+      .group("Server");
+  option("--remote", job.remote,
+         "render on --device and send pictures to the browser, for models that are too large for "
+         "it")
+      .group("Server");
+  option("--stream-from", job.stream_from,
+         "smallest number of Gaussians that is streamed in levels of detail, which are made first; "
+         "0: none [2000000]")
+      .takes("N")
+      .group("Server")
+      .rare();
+  option("--cameras", job.cameras, "cameras.json [that of the run]").takes("FILE").group("Scene");
+  camera_options(option, "-d,--data,-s,--source-path");
+  option.get("--data").excludes("--cameras");
+  mask_options(option);
+  render_options(option);
+  general_options(option);
+}
+
+bool has_desktop() {
+  const auto is_set = [](const char* name) {
+    const char* const value = std::getenv(name);
+    return value && *value;
+  };
+  return is_set("DISPLAY") || is_set("WAYLAND_DISPLAY");
+}
+
+// Opens the browser if --open was given, or by default if there is a desktop. It is detached, so
+// that Ctrl-C ends only this program.
+void open_browser(const std::string& url, std::optional<bool> wish) {
+  if (!wish.value_or(has_desktop())) return;
+  try {
+    start_child({"xdg-open", url}, {.is_detached = true});
+  } catch (const Error& error) {
+    if (wish) log_warning("cannot open a browser: {}; open {} yourself", error.what(), url);
+  }
+}
+
+std::unique_ptr<FileView> view_of(const ViewJob& job, const OpenedModel& opened,
+                                  const Config& config) {
+  ViewScene scene = view_scene_of(opened, config, job.has("dataset.source"), job.cameras);
+  scene.time = job.time;
+  scene.path = job.model;
+  for (const std::string& note : scene.notes) log_warning("{}", note);
+  if (!job.remote)
+    return std::make_unique<FileView>(std::move(scene), serve_model(opened, job.stream_from));
+  auto renderer = std::make_unique<FrameRenderer>(config.train.device, opened.model,
+                                                  view_settings(opened, config), look_of(scene));
+  return std::make_unique<FileView>(std::move(scene), opened.model.gaussians.count(),
+                                    std::move(renderer));
+}
+
+Outcome run(const ViewJob& job, JobEvents& events) {
+  check_can_view();
+  SignalWait signal;
+  const OpenedModel opened = open_model(job.model, job.choice.step);
+  if (job.time) check_has_time(opened);
+  const Config config = resolve(job, opened.config);
+  set_thread_count(config.train.threads);
+  const std::unique_ptr<FileView> source = view_of(job, opened, config);
+  const HttpServer server(
+      job.place, [&](const HttpRequest& request) { return view_answer(*source, request); });
+  warn_if_public(job.place, server.port());
+  log_info("{}: {} Gaussians, {} cameras; Ctrl-C ends the server", opened.ply.string(),
+           with_commas(opened.model.gaussians.count()), source->scene().cameras.size());
+  const Json json = {{"url", server.url()}, {"gaussians", opened.model.gaussians.count()}};
+  events.say((events.wants_json() ? json.dump() : server.url()) + "\n", true);
+  open_browser(server.url(), job.open);
+  signal.wait();
+  return {};
+}
+
+}  // namespace
+
+Verb view_verb() {
+  return verb_of<ViewJob>(
+      "view", VerbGroup::look, "Show a trained model in the browser",
+      {"view out/scene", "view model.ply --data scene", "view out/scene --remote --host 0.0.0.0"});
+}
+
+}  // namespace gs
