@@ -42,12 +42,11 @@ HttpAnswer answer(const HttpRequest& request) {
   return answer;
 }
 
-/// No limit of time, and few connections. A reader may take longer than a silent one.
+/// No limit of time, and few connections.
 HttpLimits patient(int connections = 8) {
   HttpLimits limits;
   limits.connections = connections;
-  limits.head_seconds = kForever;
-  limits.piece_seconds = 2 * kForever;
+  limits.head_seconds = limits.piece_seconds = kForever;
   return limits;
 }
 
@@ -254,7 +253,9 @@ TEST(HttpLimits, SilentConnectionsMakeWayForAPage) {
 }
 
 TEST(HttpLimits, SlowReadersMakeWayForAPage) {
-  const HttpServer server({"127.0.0.1", 0}, answer, patient(8));
+  HttpLimits limits = patient(8);
+  limits.piece_seconds = 0.6;  // they make way after a tenth of a second
+  const HttpServer server({"127.0.0.1", 0}, answer, limits);
   std::deque<RawConnection> slow;
   for (int i = 0; i < 100; ++i) slow.emplace_back(server.port()).say(get_request("/large"));
   EXPECT_THAT(small_answer(server), EndsWith("small"));
@@ -283,17 +284,19 @@ TEST(HttpLimits, ConnectionsNeverTakeMoreFilesThanTheirLimit) {
 }
 
 TEST(HttpLimits, AnAnswerThatIsComputedIsWaitedForByTheOthers) {
-  std::promise<void> computed;
+  std::promise<void> begun, computed;
   const std::shared_future<void> is_computed(computed.get_future());
   const HttpServer server(
       {"127.0.0.1", 0},
       [&](const HttpRequest& request) {
-        if (request.path == "/late") is_computed.wait();
+        if (request.path == "/late") begun.set_value(), is_computed.wait();
         return http_text("answered", "text/plain");
       },
       patient(1));
-  const RawConnection late(server.port()), other(server.port());
+  const RawConnection late(server.port());
   late.say(get_request("/late"));
+  begun.get_future().wait();
+  const RawConnection other(server.port());
   other.say(get_request("/small"));
   computed.set_value();
   EXPECT_THAT(late.answer(), EndsWith("answered"));

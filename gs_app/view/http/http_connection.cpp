@@ -32,7 +32,7 @@ HttpConnection::Time HttpConnection::after(double seconds) {
 // False once the time is over.
 bool HttpConnection::wait_for(short event) const {
   for (;;) {
-    const auto left = std::chrono::ceil<milliseconds>(ends() - std::chrono::steady_clock::now());
+    const auto left = std::chrono::ceil<milliseconds>(ends_ - std::chrono::steady_clock::now());
     if (left.count() <= 0) return false;
     pollfd one{socket_, event, 0};
     if (::poll(&one, 1, int(std::min(left, kLongestPoll).count())) > 0) return true;
@@ -54,7 +54,7 @@ std::string HttpConnection::read_head() {
       return send(refusal), std::string();
     }
     if (length == 0) continue;
-    ends_ = Time::max();
+    yields_ = Time::max();
     return received.substr(0, length);
   }
   return {};
@@ -64,7 +64,11 @@ void HttpConnection::send(HttpReply& reply) {
   std::vector<char> space(kPieceBytes);
   std::size_t sent = kPieceBytes;  // since the time of a piece began
   while (!reply.is_sent()) {
-    if (sent >= kPieceBytes) ends_ = after(limits_.piece_seconds), sent = 0;
+    if (sent >= kPieceBytes) {
+      ends_ = after(limits_.piece_seconds);
+      yields_ = after(limits_.piece_seconds / 6);
+      sent = 0;
+    }
     const std::string_view piece = reply.next(space);
     if (piece.empty() || !wait_for(POLLOUT)) break;
     const ssize_t count = ::send(socket_, piece.data(), piece.size(), MSG_NOSIGNAL);
@@ -84,6 +88,7 @@ void HttpConnection::send(HttpReply& reply) {
 void HttpConnection::drain() {
   ::shutdown(socket_, SHUT_WR);
   ends_ = after(kDrainSeconds);
+  yields_ = after(0);
   char bytes[kReadBytes];
   while (wait_for(POLLIN)) {
     const ssize_t count = ::recv(socket_, bytes, sizeof bytes, 0);

@@ -19,7 +19,7 @@ class HttpConnection {
 
   HttpConnection(Descriptor socket, std::string address, const HttpLimits& limits)
       : address_(std::move(address)), limits_(limits), socket_(std::move(socket)),
-        ends_(after(limits.head_seconds)) {}
+        ends_(after(limits.head_seconds)), yields_(after(0)) {}
   HttpConnection(HttpConnection&&) = delete;
 
   /// The address of the peer, in digits.
@@ -32,8 +32,10 @@ class HttpConnection {
   /// its answer too slowly.
   void send(HttpReply& reply);
 
-  /// When it ends if the peer does nothing more; never while an answer is computed. From any thread.
-  Time ends() const { return ends_; }
+  /// From when on it may be cut off for another one: at once while its request is not complete, or
+  /// once its answer is sent; after a sixth of the time for a piece without progress while the answer
+  /// is sent; never while it is computed. From any thread.
+  Time yields() const { return yields_; }
   /// Ends what read_head() and send() wait for, now and later. From any thread.
   void cut_off();
 
@@ -45,7 +47,8 @@ class HttpConnection {
   const std::string address_;
   const HttpLimits& limits_;
   Descriptor socket_;
-  std::atomic<Time> ends_;
+  Time ends_;  // if the peer does nothing more
+  std::atomic<Time> yields_;
 };
 
 }  // namespace gs

@@ -7,7 +7,6 @@
 #include <spdlog/fmt/fmt.h>
 #include <sys/socket.h>
 
-#include <algorithm>
 #include <atomic>
 #include <cerrno>
 #include <chrono>
@@ -148,13 +147,14 @@ class HttpServer::Impl {
     accepted_.notify_one();
   }
 
-  // Cuts off the connection that would end first by itself: a silent one sooner than a reader. Its
-  // thread closes it. An answer that is computed is waited for. mutex_ is held.
+  // Cuts off the connection that may make way since the earliest time, if there is one. Its thread
+  // closes it. mutex_ is held.
   void make_room() {
-    const auto first = std::min_element(
-        served_.begin(), served_.end(),
-        [](const HttpConnection& a, const HttpConnection& b) { return a.ends() < b.ends(); });
-    if (first != served_.end() && first->ends() < HttpConnection::Time::max()) first->cut_off();
+    HttpConnection* first = nullptr;
+    for (std::list<HttpConnection>* list : {&waiting_, &served_})
+      for (HttpConnection& connection : *list)
+        if (!first || connection.yields() < first->yields()) first = &connection;
+    if (first->yields() <= std::chrono::steady_clock::now()) first->cut_off();
   }
 
   void serve_all() {

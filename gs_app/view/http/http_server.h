@@ -52,8 +52,8 @@ struct HttpPlace {
 
 /// What connections may cost. Tests set other limits.
 struct HttpLimits {
-  /// Connections at a time; a browser opens 6. When all are taken, the one that would end first by
-  /// itself makes way for a new one.
+  /// Connections at a time; a browser opens 6. When all are taken, a silent one or a reader that
+  /// takes nothing makes way for a new one.
   int connections = 32;
   std::size_t head_bytes = std::size_t(1) << 15;  // of a request: cookies may have some kilobytes
   double head_seconds = 5;    // from the start of a connection to the end of its request's head
