@@ -42,7 +42,8 @@ std::string without_times(const fs::path& file) {
   const std::string text = read_bytes(file);
   if (file.filename() == "results.json") {
     auto json = SortedJson::parse(text);
-    for (const char* key : {"train_seconds", "wall_seconds", "date", "peak_host_bytes"}) json.erase(key);
+    for (const char* key : {"train_seconds", "wall_seconds", "date", "peak_host_bytes"})
+      json.erase(key);
     return json.dump();
   }
   if (file.filename() == "profile.csv" || file.filename() == "report.html") return "";
