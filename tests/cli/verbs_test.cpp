@@ -34,7 +34,7 @@ int count_lines(const std::string& text, const std::string& pattern) {
   }));
 }
 
-class Verbs : public Program {
+class VerbList : public Program {
  protected:
   // As `gemsplat --help` lists them.
   std::vector<std::string> names() {
@@ -47,14 +47,14 @@ class Verbs : public Program {
   }
 };
 
-TEST_F(Verbs, StandInFiveGroups) {
+TEST_F(VerbList, StandInFiveGroups) {
   EXPECT_THAT(run("--help").out,
               AllOf(HasSubstr("\nTrain:\n"), HasSubstr("\nLook:\n"), HasSubstr("\nChange:\n"),
                     HasSubstr("\nCompare:\n"), HasSubstr("\nCheck:\n")));
   EXPECT_EQ(names().size(), 17u);
 }
 
-TEST_F(Verbs, HelpShowsWhatMostPeopleNeedWithExamplesAndHelpAllShowsTheRest) {
+TEST_F(VerbList, HelpShowsWhatMostPeopleNeedWithExamplesAndHelpAllShowsTheRest) {
   for (const std::string& verb : names()) {
     const std::string help = run(verb + " --help").out, all = run(verb + " --help-all").out;
     EXPECT_LE(count_lines(help, "^  -"), kMostFlags + 2) << verb;
@@ -65,12 +65,12 @@ TEST_F(Verbs, HelpShowsWhatMostPeopleNeedWithExamplesAndHelpAllShowsTheRest) {
   }
 }
 
-TEST_F(Verbs, ThePageOfCommandsIsWhatTheProgramPrints) {
+TEST_F(VerbList, ThePageOfCommandsIsWhatTheProgramPrints) {
   EXPECT_EQ(read_bytes(fs::path(GS_SOURCE_DIR) / "docs/reference/commands.md"),
             run("self-doc --markdown").out);
 }
 
-TEST_F(Verbs, AnswerInJson) {
+TEST_F(VerbList, AnswerInJson) {
   ASSERT_EQ(train("run").code, 0);
   write_bytes(path("e.toml"), "output = '" + text("e") + "'\nscenes = ['" + text("scene") +
                                   "']\nconfigs = ['fast']\n");
@@ -92,7 +92,7 @@ TEST_F(Verbs, AnswerInJson) {
   }
 }
 
-TEST_F(Verbs, ProgressAndMessagesAreLinesOfJsonIfAskedFor) {
+TEST_F(VerbList, ProgressAndMessagesAreLinesOfJsonIfAskedFor) {
   const Outcome outcome = train("run", "--iterations 200 --progress json --json");
   ASSERT_EQ(outcome.code, 0);
   const SortedJson result = SortedJson::parse(outcome.out);
@@ -114,7 +114,7 @@ TEST_F(Verbs, ProgressAndMessagesAreLinesOfJsonIfAskedFor) {
   EXPECT_THAT(error.at("text").get<std::string>(), HasSubstr("nowhere"));
 }
 
-TEST_F(Verbs, ARunHasAFolderBesideTheSceneAndSaysSo) {
+TEST_F(VerbList, ARunHasAFolderBesideTheSceneAndSaysSo) {
   write_scene(path("scene"));
   const Outcome first = run("train " + text("scene/") + kTrain);
   ASSERT_EQ(first.code, 0) << first.err;
@@ -123,7 +123,7 @@ TEST_F(Verbs, ARunHasAFolderBesideTheSceneAndSaysSo) {
   EXPECT_THAT(run("train " + text("scene") + kTrain).err, HasSubstr("--resume goes on with it"));
 }
 
-TEST_F(Verbs, AFolderInPlaceOfACommandIsTrainedOnAndGoesOn) {
+TEST_F(VerbList, AFolderInPlaceOfACommandIsTrainedOnAndGoesOn) {
   write_scene(path("scene"));
   const Outcome first = run(text("scene") + kTrain);
   ASSERT_EQ(first.code, 0) << first.err;
