@@ -4,6 +4,7 @@
 
 #include "gs_core/math/render/rotation.h"
 #include "tests/support/arc_cameras.h"
+#include "tests/support/scenes.h"
 
 namespace gs {
 namespace {
