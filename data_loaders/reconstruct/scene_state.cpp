@@ -50,11 +50,6 @@ void sync_to_disk(const fs::path& folder) {
   ::close(descriptor);
 }
 
-bool is_there(const fs::path& path) {
-  std::error_code ignored;
-  return fs::symlink_status(path, ignored).type() != fs::file_type::not_found;
-}
-
 void refuse_if_there(const fs::path& path) {
   if (is_there(path))
     throw UsageError(

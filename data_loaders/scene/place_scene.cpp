@@ -15,6 +15,7 @@
 #include "data_loaders/scene/photo_times.h"
 #include "gs_core/error.h"
 #include "gs_core/system/log.h"
+#include "gs_core/system/text/ascii.h"
 #include "gs_core/threads/parallel.h"
 
 namespace gs {

@@ -13,6 +13,7 @@
 #include "data_loaders/transforms/transforms_json.h"
 #include "gs_core/error.h"
 #include "gs_core/system/log.h"
+#include "gs_core/system/text/ascii.h"
 
 namespace gs {
 namespace {
