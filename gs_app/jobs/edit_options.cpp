@@ -84,7 +84,8 @@ void visit_options(EditJob& job, OptionList& option) {
       .takes("FILE")
       .rare();
   option("--picture", job.picture, "write a picture of the model before and after, side by side")
-      .takes("FILE.png");
+      .takes("FILE.png")
+      .rare();
   option("--picture-view", job.picture_view,
          "the camera of that picture [one outside of the model]")
       .takes("NAME")
