@@ -6,7 +6,6 @@
 namespace gs {
 namespace {
 
-constexpr float kSize = float((1 << kMortonBits) - 1);  // cells of one unit
 const Vec3f kOrigin{0.0f, 0.0f, 0.0f};
 constexpr std::uint64_t kEveryThird = 0x1249249249249249ull;  // 21 bits, 3 apart
 constexpr std::uint64_t kAll = (1ull << 63) - 1;
