@@ -150,8 +150,8 @@ BenchmarkReport measure(const BenchmarkSubject& subject, const BenchJob& job) {
       log_info("timing rendering: {} views, {} frames each, at scale {:g}",
                subject.rendered_views().size(), 2 * plan.frames + 1, scale);
       const std::vector<View>& views = subject.rendered_views();
-      report.rendering.push_back(time_rendering(*backend, model, views, subject.settings, plan,
-                                                scale));
+      report.rendering.push_back(
+          time_rendering(*backend, model, views, subject.settings, plan, scale));
     }
   }
   report.clock_mhz = backend->device().clock_mhz();
