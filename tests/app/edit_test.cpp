@@ -8,6 +8,7 @@
 
 #include <cmath>
 
+#include "data_loaders/cameras/camera_file.h"
 #include "gs_app/edit/edit_cameras.h"
 #include "gs_app/edit/edit_picture.h"
 #include "gs_app/export/export_model.h"
