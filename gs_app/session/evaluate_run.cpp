@@ -102,6 +102,7 @@ ShownViews evaluate_run(Trainer& trainer, const RunFolder& folder, Lpips* lpips,
                          has_test ? test.size() : some.size());
   const std::size_t total = test.size() + some.size();
   std::size_t done = 0;
+  progress(done, total);
   const auto evaluate_views = [&](const std::vector<View>& views, bool is_shown) {
     Evaluation evaluation = evaluate(
         trainer.backend().renderer(), trainer.model().gaussians.span(), views,

@@ -137,10 +137,10 @@ TEST_F(EditVerb, WhatPhotosLookThroughGoesAlsoWhereTheModelWasMoved) {
     EXPECT_EQ(outcome.code, 0) << outcome.err;
     return SortedJson::parse(outcome.out)["gaussians"].get<int>();
   };
-  const int all = left("--recenter"), some = left("--drop floaters=0.98,9");
+  const int all = left("--recenter"), some = left("--drop floaters=1,99");
   EXPECT_LT(some, all);
-  EXPECT_EQ(left("--turn 0,90,0 --move 5,0,0 --drop floaters=0.98,9"), some);
-  EXPECT_GE(left("--drop floaters=0.98"), some);  // one photo that shows it spares it
+  EXPECT_EQ(left("--turn 0,90,0 --move 5,0,0 --drop floaters=1,99"), some);
+  EXPECT_GE(left("--drop floaters=1"), some);  // one photo that shows it spares it
   for (const char* wrong : {"0", "2", "0.3,0", "0.3,1,1"})
     EXPECT_EQ(edit("--dry-run --drop floaters=" + std::string(wrong)).code, 2) << wrong;
 }
