@@ -301,7 +301,7 @@ void read_photometric(const std::filesystem::path& path, CheckedReader& file,
       shape[3] > kMostNumbers || shape[4] > std::uint32_t(kMostSteps))
     file.damaged();
   if (shape[2] > 0 && shape[3] > 0) refuse_removed(path, "vignetting that is learned");
-  if (shape[1] > kMostPhotoNumbers) file.damaged();
+  if (shape[1] > kMostPhotoNumbers) refuse_removed(path, "a photometric model of more numbers");
   state.rows = shape[0];
   state.numbers = shape[1];
   state.adam_steps = int(shape[4]);

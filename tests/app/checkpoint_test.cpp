@@ -397,6 +397,19 @@ TEST_F(Checkpoints, WithVignettingSayWhatItIs) {
               AllOf(HasSubstr("vignetting"), HasSubstr("start from its model")));
 }
 
+// ppisp had nine.
+TEST_F(Checkpoints, WithMoreNumbersOfAPhotoSayWhatTheyAre) {
+  TrainingState state = telling_state(7, 12);
+  state.model.photometric.begin(3, 3);
+  fs::create_directories(path());
+  write_checkpoint(file(12), telling_config(), telling_scene(), state.progress, state.model);
+  rewrite(file(12), file(11), state.model, [](const std::string& section, std::string& text) {
+    if (section == "photometric") text[4] = 9;
+  });
+  EXPECT_THAT(error_of([&] { read_checkpoint(file(11)); }),
+              AllOf(HasSubstr("a photometric model"), HasSubstr("start from its model")));
+}
+
 TEST_F(Checkpoints, KnowTheirScene) {
   ASSERT_TRUE(save(folder(), 12));
   const SceneRecord read = read_checkpoint(file(12)).scene, expected = telling_scene();
