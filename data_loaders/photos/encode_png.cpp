@@ -10,8 +10,8 @@
 
 #include "data_loaders/photos/deflate.h"
 #include "gs_core/error.h"
+#include "gs_core/system/crc32.h"
 #include "gs_core/threads/parallel.h"
-#include "gs_model/formats/sog/zip_file.h"
 
 namespace gs {
 namespace {

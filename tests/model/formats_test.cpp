@@ -10,6 +10,7 @@
 #include <cstring>
 #include <numbers>
 
+#include "gs_core/system/crc32.h"
 #include "gs_core/system/log.h"
 #include "gs_model/formats/coding/compression.h"
 #include "gs_model/formats/coding/finite_rows.h"

@@ -3,10 +3,9 @@
 
 #include <spdlog/fmt/fmt.h>
 
-#include <array>
-
 #include "gs_core/error.h"
 #include "gs_core/system/byte_reader.h"
+#include "gs_core/system/crc32.h"
 #include "gs_core/system/text/foreign_text.h"
 #include "gs_model/formats/coding/little_endian.h"
 
@@ -44,16 +43,6 @@ static_assert(sizeof(LocalHeader) == 30 && sizeof(CentralHeader) == 46 && sizeof
 constexpr std::uint16_t kEncrypted = 1;
 constexpr std::size_t kLongestComment = 0xffff;
 constexpr std::uint64_t kLargestArchive = 0xffffffff;
-
-constexpr std::array<std::uint32_t, 256> crc_table() {
-  std::array<std::uint32_t, 256> table{};
-  for (std::uint32_t i = 0; i < 256; ++i) {
-    table[i] = i;
-    for (int bit = 0; bit < 8; ++bit)
-      table[i] = table[i] & 1 ? table[i] >> 1 ^ 0xEDB88320u : table[i] >> 1;
-  }
-  return table;
-}
 
 /// A part of the archive; Error where it does not lie inside.
 class ArchiveReader {
@@ -93,13 +82,6 @@ class ArchiveReader {
 };
 
 }  // namespace
-
-std::uint32_t crc32_of(std::string_view bytes) {
-  static constexpr std::array<std::uint32_t, 256> kTable = crc_table();
-  std::uint32_t crc = ~0u;
-  for (const char c : bytes) crc = crc >> 8 ^ kTable[(crc ^ std::uint8_t(c)) & 255];
-  return ~crc;
-}
 
 std::string zip_of(const std::vector<ZipEntry>& entries) {
   std::string archive, directory;

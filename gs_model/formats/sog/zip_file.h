@@ -24,7 +24,4 @@ std::string zip_of(const std::vector<ZipEntry>& entries);
 std::map<std::string, std::string_view> zip_entries(const std::filesystem::path& path,
                                                     std::string_view archive);
 
-/// CRC-32 of zip, gzip and PNG: polynomial 0x04C11DB7, bits reflected.
-std::uint32_t crc32_of(std::string_view bytes);
-
 }  // namespace gs
