@@ -143,9 +143,9 @@ class CudaBackend final : private Gpus, private StepLauncher, private Device, pu
     if (are_several() && !is_dealt(model)) deal(model);
     const Update& update = asked.update;
     PendingStep step(model, asked);
-    const bool gains_are_due =
-        (step.photometric = photometric_.update_of(model.photometric, update)).is_due;
-    const bool poses_are_due = (step.poses = poses_.update_of(model.poses, update)).is_due;
+    step.photometric = photometric_.update_of(model.photometric, update);
+    step.poses = poses_.update_of(model.poses, update);
+    const bool gains_are_due = step.photometric.is_due, poses_are_due = step.poses.is_due;
     steps_.launch(std::move(step), model.count());
     model.adam_steps += update.rule.steps;
     if (gains_are_due) model.photometric.adam_steps += update.photo_rule.steps;

@@ -17,8 +17,8 @@ struct OtherMeaning {
   std::string_view verb, flag, own;  // their flag, and what to use here
 };
 
-// Verbs of older versions, flags that take other values here, and some that this program had. Steps of densification, for
-// example, count in a run of 30,000 steps and scale with the run's length.
+// Verbs and flags of older versions, and flags of other programs that take other values here. Steps
+// of densification, for example, count in a run of 30,000 steps and scale with the run's length.
 constexpr OtherMeaning kOtherMeaning[] = {
     {"gemsplat", "prune",
      "edit MODEL -o FILE --measure, with --drop opacity=..X, contribution=..PIXELS or "
