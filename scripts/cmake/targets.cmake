@@ -128,16 +128,20 @@ function(gs_allow_unnamed_types target)
   endif()
 endfunction()
 
-# gs_compile_together(target): the compiler reads the files of a folder at once, and their headers once.
-# That halves a whole build. So names in unnamed namespaces are unique within a folder. GS_UNITY=OFF
-# compiles each file alone, which is quicker for somebody who changes single files. Code whose speed
-# matters is compiled alone in both.
+# gs_compile_together(target [EXCEPT folders...]): the compiler reads the files of a folder at once, and their
+# headers once. That halves a whole build. So names in unnamed namespaces are unique within a folder.
+# GS_UNITY=OFF compiles each file alone, which is quicker for somebody who changes single files. Code whose
+# speed matters is compiled alone in both: its folders are those of EXCEPT.
 function(gs_compile_together target)
+  cmake_parse_arguments(arg "" "" "EXCEPT" ${ARGN})
   set_target_properties(${target} PROPERTIES UNITY_BUILD ${GS_UNITY} UNITY_BUILD_MODE GROUP)
   get_target_property(sources ${target} SOURCES)
   gs_allow_unnamed_types(${target})
   foreach(source IN LISTS sources)
     cmake_path(GET source PARENT_PATH folder)
+    if(folder IN_LIST arg_EXCEPT)
+      continue()
+    endif()
     string(MAKE_C_IDENTIFIER "${target}_${folder}" group)
     set_source_files_properties(${source} PROPERTIES UNITY_GROUP ${group})
   endforeach()

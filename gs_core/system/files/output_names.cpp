@@ -9,7 +9,8 @@ namespace {
 
 namespace fs = std::filesystem;
 
-fs::path real(const fs::path& path) {
+// By what two names of one place are known.
+fs::path identity_of(const fs::path& path) {
   const fs::path whole = fs::weakly_canonical(fs::absolute(path));
   return whole.has_filename() ? whole : whole.parent_path();  // "tiles/"
 }
@@ -28,20 +29,22 @@ fs::path real(const fs::path& path) {
 }  // namespace
 
 void OutputNames::add_file(const fs::path& file) {
-  if (folders_.contains(real(file)) || !files_.insert(real(file)).second) refuse_second(file);
+  if (folders_.contains(identity_of(file)) || !files_.insert(identity_of(file)).second)
+    refuse_second(file);
   for (const fs::path& folder : folders_)
     if (is_within(file, folder)) refuse_inside(file, folder);
 }
 
 void OutputNames::add_folder(const fs::path& folder) {
-  if (files_.contains(real(folder)) || folders_.contains(real(folder))) refuse_second(folder);
+  if (files_.contains(identity_of(folder)) || folders_.contains(identity_of(folder)))
+    refuse_second(folder);
   for (const fs::path& file : files_)
     if (is_within(file, folder)) refuse_inside(file, folder);
   for (const fs::path& other : folders_) {
     if (is_within(other, folder)) refuse_inside(other, folder);
     if (is_within(folder, other)) refuse_inside(folder, other);
   }
-  folders_.insert(real(folder));
+  folders_.insert(identity_of(folder));
 }
 
 }  // namespace gs
