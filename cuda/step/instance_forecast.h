@@ -12,24 +12,9 @@
 
 namespace gs::cuda {
 
-inline constexpr double kGrowthMargin = 1.2;  // times the instances of a view's last visit
-// times the most instances per Gaussian seen so far: of up to kFewGaussians, and of more
-inline constexpr double kUnseenMargin = 1.5, kUnseenMarginOfMany = 1.25;
-inline constexpr std::size_t kFewGaussians = 1'000'000;
+inline constexpr double kGrowthMargin = 1.2;    // times the instances of a view's last visit
 inline constexpr double kMostPerGaussian = 16;  // that a higher resolution may be expected to need
 inline constexpr std::size_t kCapacityStep = std::size_t(1) << 14;  // capacities are multiples
-
-/// Instances of a view before any was seen. Few Gaussians are large ones. A view that has more
-/// instances is launched again, which costs less than memory that no view needs.
-inline double first_capacity(std::size_t gaussians) {
-  const double few = double(std::min(gaussians, kFewGaussians)), others = double(gaussians) - few;
-  return std::max(double(kLeastCapacity), 4 * few + others);
-}
-
-/// Times the most instances per Gaussian of any view, for one that was not seen yet.
-inline double unseen_margin(std::size_t gaussians) {
-  return gaussians > kFewGaussians ? kUnseenMarginOfMany : kUnseenMargin;
-}
 
 /// Forecasts how many instances a view will have. Where its last visit was at a lower resolution, it
 /// has more of them now: as many times as there are more pixels, at most.

@@ -9,6 +9,7 @@
 
 #include "gs_app/checks/untrained.h"
 #include "gs_core/error.h"
+#include "gs_core/forecast/gpu_step.h"
 #include "gs_core/forecast/training_memory.h"
 #include "gs_core/math/constants.h"
 #include "gs_core/math/view/view_splat.h"
@@ -83,6 +84,7 @@ void add_to_mean(const Workload& view, std::size_t count, Workload& mean) {
   mean.gaussians += weight * view.gaussians;
   mean.visible += weight * view.visible;
   mean.instances += weight * view.instances;
+  mean.most_instances = std::max(mean.most_instances, view.instances);
   mean.longest_list += weight * view.longest_list;
   mean.pixels += weight * view.pixels;
   mean.tiles += weight * view.tiles;
@@ -182,12 +184,11 @@ TrainingFigures time_training(Backend& backend, TrainingModel& model,
 double forecast_gpu_bytes(const TrainingModel& model, const std::vector<View>& views,
                           const RenderSettings& settings, const Config& config,
                           const Workload& workload) {
-  // A view has some more instances than the mean, and gets places for 1.2 times as many.
-  constexpr double kPlacesOfInstance = 1.3;
   const double count = double(model.count());
   TrainingSize size = benchmark_size(model.gaussians, views, config);
   size.is_deterministic = settings.deterministic;
-  if (count > 0) size.instance_places = kPlacesOfInstance * workload.instances / count;
+  if (count > 0)
+    size.instance_places = capacity_of_views(model.count(), workload.most_instances) / count;
   return training_bytes(size);
 }
 

@@ -13,11 +13,12 @@ namespace gs {
 
 /// The size of the work on one view.
 struct Workload {
-  double gaussians = 0;     // N
-  double visible = 0;       // V  Gaussians that the view sees
-  double instances = 0;     // I
-  double longest_list = 0;  // instances in the fullest tile
-  double pixels = 0;        // P
+  double gaussians = 0;       // N
+  double visible = 0;         // V  Gaussians that the view sees
+  double instances = 0;       // I
+  double most_instances = 0;  // of any view
+  double longest_list = 0;    // instances in the fullest tile
+  double pixels = 0;          // P
   double tiles = 0;
   int sh_degree = 3;
   bool is_packed = false;   // stage 1 reads a packed model (Renderer::pack)

@@ -3,6 +3,7 @@
 // arrays, and the forecast of memory (training_memory.h) counts them.
 #pragma once
 
+#include <algorithm>
 #include <vector>
 
 #include "gs_core/buffer.h"
@@ -16,6 +17,26 @@ namespace gs {
 inline constexpr std::uint32_t kSegmentLength = 512;
 /// Places for instances that a step takes at least, before any view was seen.
 inline constexpr std::size_t kLeastCapacity = std::size_t(1) << 20;
+// Times the most instances per Gaussian of any view seen so far: of up to kFewGaussians, and of more.
+inline constexpr double kUnseenMargin = 1.5, kUnseenMarginOfMany = 1.25;
+inline constexpr std::size_t kFewGaussians = 1'000'000;
+
+/// Places for a view's instances before any view was seen. Few Gaussians are large ones. A view that
+/// has more instances is launched again, which costs less than memory that no view needs.
+constexpr double first_capacity(std::size_t gaussians) {
+  const double few = double(std::min(gaussians, kFewGaussians)), others = double(gaussians) - few;
+  return std::max(double(kLeastCapacity), 4 * few + others);
+}
+/// Times the most instances per Gaussian of any view, for a view that was not seen yet.
+constexpr double unseen_margin(std::size_t gaussians) {
+  return gaussians > kFewGaussians ? kUnseenMarginOfMany : kUnseenMargin;
+}
+/// Places that a step has once it has seen all views of Gaussians that do not change. The view with
+/// most instances has `most_instances`, and is not the last one that was seen.
+constexpr double capacity_of_views(std::size_t gaussians, double most_instances) {
+  return std::max(first_capacity(gaussians), unseen_margin(gaussians) * most_instances);
+}
+
 /// Pictures with fewer tiles have numbers of tiles of 16 bits.
 inline constexpr std::size_t kShortKeyTiles = 65536;
 /// What an instance takes until it is sorted by tile: its Gaussian, and its tile twice.

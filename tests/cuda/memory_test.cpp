@@ -64,8 +64,7 @@ class CudaMemory : public CudaTest {
     const PictureSizes pictures = picture_sizes(views_);
     size.pixels = pictures.pixels;
     size.photo_bytes = pictures.photo_bytes;
-    // A view that was seen has 1.2 times its instances, and one that was not 1.5 times.
-    size.instance_places = 1.35 * most_instances_ / size.gaussians;
+    size.instance_places = capacity_of_views(rows_.count(), most_instances_) / size.gaussians;
     change(settings, density, size);
     const PeakSince peak;
     const std::unique_ptr<Backend> backend = cuda::make_backend({0});
