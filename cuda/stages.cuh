@@ -50,17 +50,17 @@ struct CudaScratch final : BackendScratch {
   Buffer<std::uint32_t> tile_order;         // (tiles) those with the longest lists first; empty: as they are numbered
   Buffer<std::uint32_t> first_checkpoints;  // (tiles) a tile's first checkpoint; one per segment but the first
   Buffer<ListSegment> segments;             // (capacity S) the longest first, then empty ones
-  Buffer<Vec4f> room;                       // of the sorts, and then of the checkpoints (instance_room.cuh)
+  Buffer<Vec4f> instance_buffer;                       // of the sorts, and then of the checkpoints (instance_buffer.cuh)
 
   /// The order of the tiles; null where they are blended as they are numbered. An empty Buffer may
   /// still point to the order of an earlier, smaller picture.
   const std::uint32_t* order() const { return tile_order.empty() ? nullptr : tile_order.data(); }
   /// (S - tiles, pixels of a tile) color and transmittance before a segment
-  Vec4f* checkpoints() const { return room.data(); }
+  Vec4f* checkpoints() const { return instance_buffer.data(); }
 
   explicit CudaScratch(Memory& memory)
       : view_splats(memory), tile_order(memory), first_checkpoints(memory), segments(memory),
-        room(memory) {}
+        instance_buffer(memory) {}
 };
 // clang-format on
 
@@ -78,7 +78,7 @@ struct Workspace {
   Buffer<std::uint32_t> taken_depth_keys; // (M)   of the first M of these rows
   // (N or M)  first instance of each Gaussian in depth order; before that, its sorted depth keys
   Buffer<std::uint32_t> first_of_order;
-  Buffer<Vec4f> sort_room;                // as CudaScratch::room, for passes without segments
+  Buffer<Vec4f> instance_buffer;                // as CudaScratch::instance_buffer, for passes without segments
   Buffer<std::uint32_t> length_classes;   // (2, classes) tiles whose lists are about as long: all, and ordered so far
   Buffer<std::uint8_t> sort_scratch;      // of CUB, where it needs little
   Buffer<SplatGradientSum> splat_gradients;  // (N)  zero between steps
@@ -93,7 +93,7 @@ struct Workspace {
 
   explicit Workspace(Memory& memory)
       : depth_keys(memory), rows(memory), visible_count(memory), taken_depth_keys(memory),
-        first_of_order(memory), sort_room(memory), length_classes(memory), sort_scratch(memory),
+        first_of_order(memory), instance_buffer(memory), length_classes(memory), sort_scratch(memory),
         splat_gradients(memory), fine_sums(memory), coarse_sums(memory), fragment_sums(memory),
         fixed_fragment_sums(memory), pixel_values(memory), value_range(memory), halted(memory) {}
 };

@@ -88,8 +88,8 @@ struct Survives {
 };
 struct HasGrowthAction {
   const GrowthAction* action;
-  GrowthAction which;
-  __device__ bool operator()(std::uint32_t i) const { return action[i] == which; }
+  GrowthAction wanted;
+  __device__ bool operator()(std::uint32_t i) const { return action[i] == wanted; }
 };
 
 }  // namespace

@@ -80,7 +80,7 @@ __global__ void row_numbers_kernel(Span<std::uint32_t> row_numbers) {
 Span<const std::uint32_t> RowOrderWorkspace::sort(Context& context, const char* stage, int bits) {
   const std::size_t count = keys_.size;
   if (count == 0) return {};
-  std::uint32_t* const row_numbers = room_.row_numbers(count);
+  std::uint32_t* const row_numbers = borrowed_.row_numbers(count);
   launch_rows(context, stage, row_numbers_kernel, count, Span<std::uint32_t>{row_numbers, count});
   cub::DoubleBuffer<std::uint64_t> keys(keys_.data, keys_.data + count);
   cub::DoubleBuffer<std::uint32_t> rows(row_numbers, row_numbers + count);

@@ -80,8 +80,8 @@ class CudaRowOps final : public RowOps {
  public:
   CudaRowOps(Context& context, Memory& memory, Buffer<Splat>& splats, Buffer<Rect>& pixel_rects,
              std::function<void()> release_step)
-      : context_(context), release_step_(std::move(release_step)), room_(splats, pixel_rects),
-        order_workspace_(memory, room_), growth_(context, memory, order_workspace_),
+      : context_(context), release_step_(std::move(release_step)), borrowed_(splats, pixel_rects),
+        order_workspace_(memory, borrowed_), growth_(context, memory, order_workspace_),
         relocation_(context, memory), filter_(context, memory), marks_(memory), source_(memory),
         count_(1, memory) {}
 
@@ -204,7 +204,7 @@ class CudaRowOps final : public RowOps {
       const std::size_t gathered = column.role == RowRole::parameter ? source.size
                                    : column.role == RowRole::moment  ? survivors
                                                                      : 0;
-      gather(context_, room_, *column.rows, {source.data, gathered}, source.size);
+      gather(context_, borrowed_, *column.rows, {source.data, gathered}, source.size);
     }
   }
 
@@ -219,18 +219,18 @@ class CudaRowOps final : public RowOps {
         });
     if (large_ones_grow) release_step_();
     for (const Column& column : columns) column.rows->reserve(count);
-    room_.reserve(count);
+    borrowed_.reserve(count);
   }
 
   void gather_all(TrainingModel& model, Span<const std::uint32_t> source) {
     reserve_rows(model, source.size);
     for (const Column& column : model.columns())
-      gather(context_, room_, *column.rows, source, source.size);
+      gather(context_, borrowed_, *column.rows, source, source.size);
   }
 
   Context& context_;
   std::function<void()> release_step_;
-  BorrowedRoom room_;
+  BorrowedMemory borrowed_;
   RowOrderWorkspace order_workspace_;
   Growth growth_;
   Relocation relocation_;

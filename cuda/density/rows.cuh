@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Shared by the row operations, stages 9 and 10: the gather of whole rows, the order of rows by
-// keys, and the room for both.
+// keys, and the memory that both borrow.
 #pragma once
 
 #include <algorithm>
@@ -23,11 +23,11 @@ struct Bounds {
 /// step runs while rows are changed, and nobody reads either after it. So the sort keys, the sorted
 /// rows and the gathers need no memory of their own. Each use destroys what the one before has
 /// left.
-class BorrowedRoom {
+class BorrowedMemory {
  public:
   static constexpr int kWordsOfRow = sizeof(Splat) / sizeof(std::uint32_t);
 
-  BorrowedRoom(Buffer<Splat>& splats, Buffer<Rect>& pixel_rects)
+  BorrowedMemory(Buffer<Splat>& splats, Buffer<Rect>& pixel_rects)
       : splats_(splats), pixel_rects_(pixel_rects) {}
 
   /// Makes room for kWordsOfRow words of each of `rows` rows.
@@ -54,13 +54,13 @@ class BorrowedRoom {
 /// Buffers of sort_rows() and morton_order().
 class RowOrderWorkspace {
  public:
-  RowOrderWorkspace(Memory& memory, BorrowedRoom& room)
-      : bounds(memory), cub(memory), room_(room) {}
+  RowOrderWorkspace(Memory& memory, BorrowedMemory& borrowed)
+      : bounds(memory), cub(memory), borrowed_(borrowed) {}
 
   /// The sort keys of so many rows, not set yet.
   Span<std::uint64_t> make_keys(std::size_t count) {
     static_assert(2 * sizeof(std::uint64_t) <= sizeof(Splat));  // two arrays of keys
-    keys_ = {reinterpret_cast<std::uint64_t*>(room_.words(count)), count};
+    keys_ = {reinterpret_cast<std::uint64_t*>(borrowed_.words(count)), count};
     return keys_;
   }
   /// morton.cu: the numbers of all rows, sorted by the lowest `bits` bits of their keys, ascending;
@@ -72,7 +72,7 @@ class RowOrderWorkspace {
   Buffer<std::uint8_t> cub;
 
  private:
-  BorrowedRoom& room_;
+  BorrowedMemory& borrowed_;
   Span<std::uint64_t> keys_;
 };
 
@@ -130,15 +130,15 @@ __global__ void copy_columns_kernel(unsigned copied, const Word* from, unsigned 
 }
 
 /// The rows become `count` >= source.size ones: row source[i] for each i, then zeros. They are
-/// gathered through borrowed room. Where a row has more words than the room has, it is gathered in
+/// gathered through borrowed memory. Where a row has more words than that has, it is gathered in
 /// several passes of some of its words; a pass changes no word that a later one reads.
-inline void gather(Context& context, BorrowedRoom& room, ByteBuffer& rows,
+inline void gather(Context& context, BorrowedMemory& memory, ByteBuffer& rows,
                    Span<const std::uint32_t> source, std::size_t count) {
   rows.reserve(count);
   with_words(rows, [&]<class Word>(Word* words, unsigned in_row) {
-    Word* const borrowed = reinterpret_cast<Word*>(room.words(source.size));
-    for (unsigned first = 0; first < in_row; first += BorrowedRoom::kWordsOfRow) {
-      const unsigned copied = min_of(in_row - first, unsigned(BorrowedRoom::kWordsOfRow));
+    Word* const borrowed = reinterpret_cast<Word*>(memory.words(source.size));
+    for (unsigned first = 0; first < in_row; first += BorrowedMemory::kWordsOfRow) {
+      const unsigned copied = min_of(in_row - first, unsigned(BorrowedMemory::kWordsOfRow));
       launch_rows(context, "gather", copy_columns_kernel<Word>, source.size, copied, words + first,
                   in_row, source.data, source.size, borrowed, copied);
       launch_rows(context, "gather", copy_columns_kernel<Word>, source.size, copied, borrowed,

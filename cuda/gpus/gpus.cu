@@ -81,7 +81,7 @@ void Gpu::release_step() {
     lists->release();
   pass.depths.release();
   photo_buffers.release();  // its gradients are zero between steps
-  pass.scratch<CudaScratch>().room.release();
+  pass.scratch<CudaScratch>().instance_buffer.release();
 }
 
 void Gpu::release_caches() {

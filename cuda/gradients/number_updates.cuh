@@ -42,7 +42,7 @@ struct ShRows {
 
 /// Which numbers a finish() takes: number `number` of row `row` of the warp, and its next ones, which
 /// may be in two rows of `in_row` numbers each. `random` has a word of each row.
-struct NumberPlace {
+struct ValueIndex {
   const std::uint32_t* random;
   int row, number, in_row;
 
@@ -61,7 +61,7 @@ struct NumberPlace {
 };
 
 /// The numbers of one quantity, for WriteGradients: finish() writes the gradients to an array.
-struct GradientNumbers {
+struct GradientValues {
   using Stored = NoMoments;
   static constexpr int kNeighbors = 4;  // of SH rows that finish() takes at a time
   const float* parameters;
@@ -69,7 +69,7 @@ struct GradientNumbers {
 
   template <int count>
   __device__ void finish(std::size_t at, const Few<float, count>&, const Few<NoMoments, count>&,
-                         const Few<float, count>& gradient, const NumberPlace&) const {
+                         const Few<float, count>& gradient, const ValueIndex&) const {
     reinterpret_cast<Few<float, count>*>(gradients)[at] = gradient;
   }
 };
@@ -78,7 +78,7 @@ struct GradientNumbers {
 /// and its moments are 24 bytes to read and write with FloatMoments and 12 with HalfMoments, so an
 /// update of all 59 numbers of a Gaussian moves 1,416 or 708 bytes.
 template <class StoredMoments>
-struct AdamNumbers {
+struct AdamValues {
   using Stored = StoredMoments;
   static constexpr int kNeighbors = std::min(4, int(16 / sizeof(Stored)));  // 16 bytes at most
   float* parameters;
@@ -89,9 +89,9 @@ struct AdamNumbers {
 
   template <int count>
   __device__ void finish(std::size_t at, Few<float, count> numbers, Few<Stored, count> of_numbers,
-                         const Few<float, count>& gradient, const NumberPlace& place) const {
+                         const Few<float, count>& gradient, const ValueIndex& index) const {
     std::uint32_t random[count] = {};
-    if constexpr (Stored::kIsRounded) place.load_random(random_offset, random);
+    if constexpr (Stored::kIsRounded) index.load_random(random_offset, random);
     for (int k = 0; k < count; ++k)
       adam_update(numbers.of[k], of_numbers.of[k], gradient.of[k], step, rule, random[k]);
     reinterpret_cast<Few<float, count>*>(parameters)[at] = numbers;

@@ -41,10 +41,10 @@ struct ShGradients {
 
 // The whole warp: pulls the color gradients back to the SH coefficients of its `rows` rows. Returns
 // the part of dL/d(mean) that comes from the viewing direction.
-template <int degree, class Numbers>
-__device__ Vec3f color_backward(Shared<typename Numbers::Stored>& shared, const Vec3f& mean,
+template <int degree, class Values>
+__device__ Vec3f color_backward(Shared<typename Values::Stored>& shared, const Vec3f& mean,
                                 const Camera& camera, std::size_t first, int rows, bool is_visible,
-                                const Vec3f& dL_dcolor, const Numbers& numbers) {
+                                const Vec3f& dL_dcolor, const Values& numbers) {
   if constexpr (degree == 0) return Vec3f(0.0f);
   const int lane = lane_of_thread();
   float* const basis = shared.basis + lane * kBasisStride;
@@ -86,73 +86,73 @@ template <bool has_time, class Stored>
 constexpr int kLeastBlocks = Stored::kIsRounded ? (has_time ? 12 : 16) : (has_time ? 8 : 11);
 
 // Blocks of one warp: shared memory, which bounds the warps of a multiprocessor, is given to blocks.
-template <int degree, bool has_time, class Sink>
-__global__ void __launch_bounds__(kWarp, kLeastBlocks<has_time, typename Sink::Numbers::Stored>)
+template <int degree, bool has_time, class Target>
+__global__ void __launch_bounds__(kWarp, kLeastBlocks<has_time, typename Target::Values::Stored>)
     preprocess_backward_kernel(const __grid_constant__ Input in,
-                               const __grid_constant__ Sink sink) {
-  using Numbers = typename Sink::Numbers;
-  __shared__ Shared<typename Numbers::Stored> shared;
+                               const __grid_constant__ Target target) {
+  using Values = typename Target::Values;
+  __shared__ Shared<typename Values::Stored> shared;
   const Camera camera = refined(in.given, in.pose);
   const std::size_t first = std::size_t(blockIdx.x) * kWarp, i = first + lane_of_thread(),
                     projected = in.shard.row_of_all(i);
   const int rows = int(min(in.count - first, std::size_t(kWarp)));
   // All loads come first, before any store, so that the warp waits for memory only once.
-  start_sh_rows<degree>(shared, sink.of[Quantity::sh_rest], first, rows);
-  const bool is_halted = sink.is_halted(), is_row = i < in.count;
-  Shares<has_time, Numbers> shares(sink.of, first, rows);
-  const typename Sink::Statistics statistics =
-      is_row ? sink.load_statistics(i) : typename Sink::Statistics{};
+  start_sh_rows<degree>(shared, target.of[Quantity::sh_rest], first, rows);
+  const bool is_halted = target.is_halted(), is_row = i < in.count;
+  Shares<has_time, Values> shares(target.of, first, rows);
+  const typename Target::Statistics statistics =
+      is_row ? target.load_statistics(i) : typename Target::Statistics{};
   const SplatGradientSum sum = is_row ? load_in_vectors(in.sums + projected) : SplatGradientSum{};
   const Splat& splat = in.splats[projected];
   const Vec3f color = is_row ? splat.color : Vec3f(0.0f);  // undefined where not visible
-  const float opacity = sink.adds_forces() && is_row ? splat.opacity : 0.0f;
+  const float opacity = target.adds_forces() && is_row ? splat.opacity : 0.0f;
   const bool is_visible = is_row && in.tile_counts[projected] > 0;
   const float filter_scale = in.filter_scale && is_row ? in.filter_scale[i] : 0.0f;
   if (is_visible) store_in_vectors(in.sums + projected, SplatGradientSum{});  // for the next step
   if (is_halted) return;
 
-  if constexpr (Numbers::Stored::kIsRounded)  // the lanes wait for each other in row()
-    shared.random[lane_of_thread()] = sink.rounding.of_row(projected);
+  if constexpr (Values::Stored::kIsRounded)  // the lanes wait for each other in row()
+    shared.random[lane_of_thread()] = target.rounding.of_row(projected);
   const Row<has_time> row = shares.row(shared.numbers, rows);
   SplatGradient dL_dsplat{};
   Row<has_time> gradient;
   Vec2f by_mean2d(0.0f);
   if (is_visible) {
     dL_dsplat = masked(sum, color);
-    by_mean2d = sink.by_mean2d(sum);
-    sink.add_forces(i, sum, opacity);
+    by_mean2d = target.by_mean2d(sum);
+    target.add_forces(i, sum, opacity);
   }
   if constexpr (has_time) {
     // The color's part of the mean reaches the time, too, so that it comes first.
     const Vec3f mean = is_visible ? mean_at(row.in_spacetime(), camera.time) : Vec3f(0.0f);
     const Vec3f by_color = color_backward<degree>(shared, mean, camera, first, rows, is_visible,
-                                                  dL_dsplat.color, sink.of[Quantity::sh_rest]);
+                                                  dL_dsplat.color, target.of[Quantity::sh_rest]);
     if (is_visible) gradient = pull_back(camera, row, in.settings, dL_dsplat, by_color);
   } else {
     if (is_visible) gradient = pull_back(camera, row, filter_scale, in.settings, dL_dsplat);
     const Vec3f by_color =
         color_backward<degree>(shared, row.vector(Quantity::mean), camera, first, rows, is_visible,
-                               dL_dsplat.color, sink.of[Quantity::sh_rest]);
+                               dL_dsplat.color, target.of[Quantity::sh_rest]);
     gradient.set(Quantity::mean, gradient.vector(Quantity::mean) + by_color);
   }
   if (is_visible) gradient.set(Quantity::sh0, float(kSh0) * dL_dsplat.color);
-  sink.regularize(row, gradient);
-  if (is_row) sink.note(i, statistics, by_mean2d, is_visible);
+  target.regularize(row, gradient);
+  if (is_row) target.note(i, statistics, by_mean2d, is_visible);
   __syncwarp();
   store_row(shared.numbers, gradient);
   __syncwarp();
-  shares.finish(sink.of, first, rows, shared.numbers, shared.random);
+  shares.finish(target.of, first, rows, shared.numbers, shared.random);
 }
 
-template <class Sink>
+template <class Target>
 void launch(Context& context, const GaussiansSpan& gaussians, const PhotoRows& photo,
-            const Sink& sink, const Shard& shard = {}) {
+            const Target& target, const Shard& shard = {}) {
   const Input in{gaussians.mean.size,        photo.camera, photo.pose,      photo.settings,
                  photo.tile_counts,          photo.splats, photo.gradients, shard,
                  gaussians.filter_scale.data};
   with_form(photo.settings.sh_degree, gaussians, [&](auto degree, auto time) {
-    context.launch("preprocess backward", preprocess_backward_kernel<degree(), time(), Sink>,
-                   blocks_for(in.count, kWarp), kWarp, in, sink);
+    context.launch("preprocess backward", preprocess_backward_kernel<degree(), time(), Target>,
+                   blocks_for(in.count, kWarp), kWarp, in, target);
   });
 }
 
@@ -165,21 +165,21 @@ void preprocess_backward(Context& context, const GaussiansSpan& gaussians, const
     check(cudaMemsetAsync(gradients.sh_rest.data, 0, gradients.sh_rest.size * sizeof(ShRest),
                           context.stream()),
           "preprocess backward");
-  WriteGradients sink{{}, dL_dmean2d.data, photo.settings.absolute_gradient};
+  WriteGradients target{{}, dL_dmean2d.data, photo.settings.absolute_gradient};
   int quantity = 0;
   for_each_array(
       [&](const char*, const auto& rows, const auto& to) {
-        sink.of[quantity++] = {numbers_of(rows), numbers_of(to)};
+        target.of[quantity++] = {numbers_of(rows), numbers_of(to)};
       },
       gaussians, gradients);
-  launch(context, gaussians, photo, sink);
+  launch(context, gaussians, photo, target);
 }
 
 void update_by_photo(Context& context, TrainingModel& model, const PhotoRows& photo,
                      const ModelUpdate& update, const std::uint32_t* halted, const Shard& shard) {
   with_update(
       model, update, photo, sums_among_gradients(photo.settings), halted, shard,
-      [&](const auto& sink) { launch(context, model.gaussians.span(), photo, sink, shard); });
+      [&](const auto& target) { launch(context, model.gaussians.span(), photo, target, shard); });
 }
 
 }  // namespace gs::cuda

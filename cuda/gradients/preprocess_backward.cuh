@@ -19,12 +19,12 @@ namespace gs::cuda {
 
 /// The whole warp: starts to copy its SH rows into shared memory, so that they arrive during other
 /// work.
-template <int degree, class Numbers>
-__device__ void start_sh_rows(ShRows<typename Numbers::Stored>& shared, const Numbers& numbers,
+template <int degree, class Values>
+__device__ void start_sh_rows(ShRows<typename Values::Stored>& shared, const Values& numbers,
                               std::size_t first, int rows) {
   if constexpr (degree > 0) {
     start_sh_copy<degree>(shared.parameters, numbers.parameters + first * kShRowNumbers, rows);
-    if constexpr (kHasMoments<typename Numbers::Stored>)
+    if constexpr (kHasMoments<typename Values::Stored>)
       start_sh_copy<degree>(shared.moments, numbers.moments + first * kShRowNumbers, rows);
     __pipeline_commit();
   }
@@ -32,22 +32,21 @@ __device__ void start_sh_rows(ShRows<typename Numbers::Stored>& shared, const Nu
 
 /// The whole warp: applies gradients to its SH rows, several numbers at a time where it can.
 /// gradients.at<count>(k) has those of vector k of `count` numbers of all rows.
-template <int degree, class Numbers, class Gradients>
-__device__ void finish_sh_rows(const ShRows<typename Numbers::Stored>& shared,
-                               const Numbers& numbers, std::size_t first, int rows,
-                               const Gradients& gradients) {
+template <int degree, class Values, class Gradients>
+__device__ void finish_sh_rows(const ShRows<typename Values::Stored>& shared, const Values& numbers,
+                               std::size_t first, int rows, const Gradients& gradients) {
   if constexpr (degree == 0) return;
-  using Stored = typename Numbers::Stored;
+  using Stored = typename Values::Stored;
   if (degree == kMaxShDegree && rows == kWarp) {
-    constexpr int kCount = Numbers::kNeighbors;
+    constexpr int kCount = Values::kNeighbors;
     const std::size_t base = first / kCount * kShRowNumbers;  // `first` is a multiple of 32
     for (int item = lane_of_thread(); item < kWarp * kShRowNumbers / kCount; item += kWarp)
       numbers.template finish<kCount>(
           base + item, reinterpret_cast<const Few<float, kCount>*>(shared.parameters)[item],
           reinterpret_cast<const Few<Stored, kCount>*>(shared.moments)[item],
           gradients.template at<kCount>(item),
-          NumberPlace{shared.random, kCount * item / kShRowNumbers, kCount * item % kShRowNumbers,
-                      kShRowNumbers});
+          ValueIndex{shared.random, kCount * item / kShRowNumbers, kCount * item % kShRowNumbers,
+                     kShRowNumbers});
     return;
   }
   constexpr int kInUse = std::max(kShNumbersInUse<degree>, 1);
@@ -55,7 +54,7 @@ __device__ void finish_sh_rows(const ShRows<typename Numbers::Stored>& shared,
     const int row = item / kInUse, number = item % kInUse, at = row * kShRowNumbers + number;
     numbers.template finish<1>(first * kShRowNumbers + at, {shared.parameters[at]},
                                {shared.moments[at]}, gradients.template at<1>(at),
-                               NumberPlace{shared.random, row, number, kShRowNumbers});
+                               ValueIndex{shared.random, row, number, kShRowNumbers});
   }
 }
 
@@ -83,16 +82,16 @@ __device__ inline Row<true> pull_back(const Camera& camera, const Row<true>& row
 
 /// What updates the model. `photo` says how large a photo is, which counts where there is one.
 template <class Stored>
-UpdateByAdam<AdamNumbers<Stored>> update_of(const TrainingModel& model,
-                                            const AdamMoments<Stored>& moments,
-                                            const ModelUpdate& update, const PhotoRows& photo,
-                                            bool adds_forces, const std::uint32_t* halted,
-                                            const Shard& shard) {
+UpdateByAdam<AdamValues<Stored>> update_of(const TrainingModel& model,
+                                           const AdamMoments<Stored>& moments,
+                                           const ModelUpdate& update, const PhotoRows& photo,
+                                           bool adds_forces, const std::uint32_t* halted,
+                                           const Shard& shard) {
   const DensityStatistics& statistics = model.statistics;
   const bool gathers = update.density.gather_statistics;
   const Regularizers of_each =
       update.density.regularizers.of_each(shard.count_of_all(model.count()));
-  UpdateByAdam<AdamNumbers<Stored>> sink{
+  UpdateByAdam<AdamValues<Stored>> target{
       {gathers ? statistics.visits.data() : nullptr, statistics.gradient_norm.data(),
        photo.camera.width, photo.camera.height, halted,
        adds_forces ? statistics.sums.data() : nullptr, force_scale(photo.pixel_count())},
@@ -105,13 +104,13 @@ UpdateByAdam<AdamNumbers<Stored>> update_of(const TrainingModel& model,
   for_each_array(
       [&](const char*, const auto& parameters, const auto& of_parameters, const AdamStep& step,
           int random_offset) {
-        sink.of[quantity++] = {numbers_of(parameters).data, moments_in(of_parameters).data, step,
-                               update.rule, random_offset};
+        target.of[quantity++] = {numbers_of(parameters).data, moments_in(of_parameters).data, step,
+                                 update.rule, random_offset};
       },
       model.gaussians, moments, update.adam, kRandomOffsets);
-  return sink;
+  return target;
 }
-/// Calls f(sink) with it.
+/// Calls f(target) with it.
 template <class F>
 void with_update(const TrainingModel& model, const ModelUpdate& update, const PhotoRows& photo,
                  bool adds_forces, const std::uint32_t* halted, const Shard& shard, F&& f) {

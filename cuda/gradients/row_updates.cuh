@@ -105,7 +105,7 @@ struct Row {
 };
 
 /// Where the numbers of a warp's rows lie in shared memory: each quantity row after row, as it lies
-/// in its array. Calls f(its number within a row, its place) for each number of this lane's row.
+/// in its array. Calls f(its number within a row, its index) for each number of this lane's row.
 template <bool has_time, class F>
 __device__ void for_each_number(F&& f) {
   for_each_quantity<has_time>([&](auto quantity) {
@@ -125,11 +125,11 @@ __device__ void store_row(float* shared, const Row<has_time>& row) {
   for_each_number<has_time>([&](int number, int at) { shared[at] = row.numbers[number]; });
 }
 
-/// A sink for the gradients of all quantities: writes them to arrays, and dL/d(mean2d) to another
+/// A target for the gradients of all quantities: writes them to arrays, and dL/d(mean2d) to another
 /// one.
 struct WriteGradients {
-  using Numbers = GradientNumbers;
-  Numbers of[Quantity::count];  // null where rows have no time
+  using Values = GradientValues;
+  Values of[Quantity::count];  // null where rows have no time
   Vec2f* dL_dmean2d;
   bool is_absolute;  // dL_dmean2d
 
@@ -147,7 +147,7 @@ struct WriteGradients {
   template <bool has_time>
   __device__ void regularize(const Row<has_time>&, Row<has_time>&) const {}
 };
-/// The part of a sink that gathers the statistics of density control.
+/// The part of a target that gathers the statistics of density control.
 struct GatherStatistics {
   float* visits;  // null: no statistics
   float* gradient_norm;
@@ -187,13 +187,13 @@ struct GatherStatistics {
     gradient_norm[i] = before.gradient_norm + more_norm;
   }
 };
-/// A sink that updates all parameters.
-template <class NumbersOfQuantity>
+/// A target that updates all parameters.
+template <class ValuesOfQuantity>
 struct UpdateByAdam : GatherStatistics {
-  using Numbers = NumbersOfQuantity;
-  Numbers of[Quantity::count];  // null where rows have no time
-  MomentRounding rounding;      // of HalfMoments
-  bool is_absolute;             // the statistic
+  using Values = ValuesOfQuantity;
+  Values of[Quantity::count];  // null where rows have no time
+  MomentRounding rounding;     // of HalfMoments
+  bool is_absolute;            // the statistic
   bool is_regularized;
   Regularizers of_each;  // weights for one row
 
@@ -217,13 +217,13 @@ struct UpdateByAdam : GatherStatistics {
 };
 
 /// This lane's share of the numbers of a warp's rows.
-template <bool has_time, class Numbers>
+template <bool has_time, class Values>
 struct Shares {
-  using Stored = typename Numbers::Stored;
+  using Stored = typename Values::Stored;
   float parameters[kRowNumbers<has_time>];
   Stored moments[kRowNumbers<has_time>];
 
-  __device__ Shares(const Numbers* of, std::size_t first, int rows) {
+  __device__ Shares(const Values* of, std::size_t first, int rows) {
     for_each(
         [&](auto quantity, int k, int item) {
           const std::size_t at = first * width_of(quantity) + item;
@@ -247,15 +247,14 @@ struct Shares {
     return row;
   }
   /// `random` has a word of each row.
-  __device__ void finish(const Numbers* of, std::size_t first, int rows, const float* gradients,
+  __device__ void finish(const Values* of, std::size_t first, int rows, const float* gradients,
                          const std::uint32_t* random) const {
     for_each(
         [&](auto quantity, int k, int item) {
           constexpr int kWidth = width_of(quantity), kOffset = offset_of(quantity);
-          of[quantity].template finish<1>(
-              first * kWidth + item, {parameters[k]}, {moments[k]},
-              {gradients[kOffset * kWarp + item]},
-              NumberPlace{random, item / kWidth, item % kWidth, kWidth});
+          of[quantity].template finish<1>(first * kWidth + item, {parameters[k]}, {moments[k]},
+                                          {gradients[kOffset * kWarp + item]},
+                                          ValueIndex{random, item / kWidth, item % kWidth, kWidth});
         },
         rows);
   }

@@ -97,19 +97,19 @@ struct RowSum {
 
 // Adds a photo that shows the row. `clamped` has a bit for each channel of its color that blending
 // has clamped.
-template <int degree, bool has_time, class Sink>
+template <int degree, bool has_time, class Target>
 __device__ void add_photo(RowSum<degree, has_time>& to, const PhotoInput& photo,
                           const SplatGradientSum& sum, unsigned clamped, float weight,
                           const Row<has_time>& row, const Vec3f* coefficients, float filter_scale,
-                          const Sink& sink, std::size_t i, std::size_t projected) {
+                          const Target& target, std::size_t i, std::size_t projected) {
   const Camera camera = refined(photo.given, photo.pose);
   const auto color_as_bit = [&](int channel) { return clamped >> channel & 1 ? -1.0f : 0.0f; };
   const SplatGradient dL_dsplat =
       masked(sum, Vec3f(color_as_bit(0), color_as_bit(1), color_as_bit(2)));
   to.visits += 1.0f;
-  to.gradient_norm += screen_gradient_norm(sink.by_mean2d(sum), camera.width, camera.height);
-  if (sink.adds_forces() && photo.force_scale > 0) {
-    GatherStatistics forces = sink;
+  to.gradient_norm += screen_gradient_norm(target.by_mean2d(sum), camera.width, camera.height);
+  if (target.adds_forces() && photo.force_scale > 0) {
+    GatherStatistics forces = target;
     forces.force_scale = photo.force_scale;
     forces.add_forces(i, sum, photo.splats[projected].opacity);
   }
@@ -143,12 +143,12 @@ __device__ void add_photo(RowSum<degree, has_time>& to, const PhotoInput& photo,
     to.gradient.numbers[k] += weight * gradient.numbers[k];
 }
 
-template <int degree, bool has_time, class Sink>
+template <int degree, bool has_time, class Target>
 __global__ void __launch_bounds__(kWarp, kBlocks)
     update_by_photos_kernel(const __grid_constant__ BatchInput in,
-                            const __grid_constant__ Sink sink) {
-  using Numbers = typename Sink::Numbers;
-  __shared__ Shared<typename Numbers::Stored, has_time> shared;
+                            const __grid_constant__ Target target) {
+  using Values = typename Target::Values;
+  __shared__ Shared<typename Values::Stored, has_time> shared;
   const int lane = lane_of_thread();
   const std::size_t first = std::size_t(blockIdx.x) * kWarp, i = first + lane;
   const std::size_t first_projected = in.shard.row_of_all(first),
@@ -156,15 +156,15 @@ __global__ void __launch_bounds__(kWarp, kBlocks)
   const int rows = int(min(in.count - first, std::size_t(kWarp)));
   const bool is_row = i < in.count;
   // All loads of rows come first. Which are visible says what is loaded of the photos.
-  start_sh_rows<degree>(shared, sink.of[Quantity::sh_rest], first, rows);
-  const bool is_halted = sink.is_halted();
-  Shares<has_time, Numbers> shares(sink.of, first, rows);
-  const typename Sink::Statistics before =
-      is_row ? sink.load_statistics(i) : typename Sink::Statistics{};
+  start_sh_rows<degree>(shared, target.of[Quantity::sh_rest], first, rows);
+  const bool is_halted = target.is_halted();
+  Shares<has_time, Values> shares(target.of, first, rows);
+  const typename Target::Statistics before =
+      is_row ? target.load_statistics(i) : typename Target::Statistics{};
   const float filter_scale = in.filter_scale && is_row ? in.filter_scale[i] : 0.0f;
   PhotosUnderWay photos = start_photos(shared, in, 0, first_projected, is_row);
-  if constexpr (Numbers::Stored::kIsRounded)  // the lanes wait for each other in row()
-    shared.random[lane] = sink.rounding.of_row(projected);
+  if constexpr (Values::Stored::kIsRounded)  // the lanes wait for each other in row()
+    shared.random[lane] = target.rounding.of_row(projected);
   const Row<has_time> row = shares.row(shared.numbers, rows);
   RowSum<degree, has_time> sum;
 #pragma unroll 1
@@ -188,7 +188,7 @@ __global__ void __launch_bounds__(kWarp, kBlocks)
         add_photo<degree>(
             sum, in.of[begin + p],
             load_in_vectors(reinterpret_cast<const SplatGradientSum*>(shared.gradients[p]) + lane),
-            clamped >> (3 * p), in.weight, row, shared.coefficients(), filter_scale, sink, i,
+            clamped >> (3 * p), in.weight, row, shared.coefficients(), filter_scale, target, i,
             projected);
     __syncwarp();
     begin += kAtOnce;
@@ -197,15 +197,15 @@ __global__ void __launch_bounds__(kWarp, kBlocks)
   }
   if (is_halted) return;
 
-  sink.regularize(row, sum.gradient);
-  if (is_row) sink.note_all(i, before, sum.visits, sum.gradient_norm);
+  target.regularize(row, sum.gradient);
+  if (is_row) target.note_all(i, before, sum.visits, sum.gradient_norm);
   for (int k = 0; k < kShNumbersInUse<degree>; ++k)
     shared.sh_gradients[lane * kShRowNumbers + k] = sum.sh_rest[k];
   store_row(shared.numbers, sum.gradient);
   __syncwarp();
-  finish_sh_rows<degree>(shared, sink.of[Quantity::sh_rest], first, rows,
+  finish_sh_rows<degree>(shared, target.of[Quantity::sh_rest], first, rows,
                          ShGradients{shared.sh_gradients});
-  shares.finish(sink.of, first, rows, shared.numbers, shared.random);
+  shares.finish(target.of, first, rows, shared.numbers, shared.random);
 }
 
 }  // namespace
@@ -234,10 +234,10 @@ void update_by_photos(Context& context, TrainingModel& model, Span<const PhotoRo
                 adds_forces ? force_scale(photo.pixel_count()) : 0.0f};
   }
   with_update(
-      model, update, last, any_adds_forces, halted, shard, [&]<class Sink>(const Sink& sink) {
+      model, update, last, any_adds_forces, halted, shard, [&]<class Target>(const Target& target) {
         with_form(last.settings.sh_degree, gaussians, [&](auto degree, auto time) {
-          context.launch("update by photos", update_by_photos_kernel<degree(), time(), Sink>,
-                         blocks_for(in.count, kWarp), kWarp, in, sink);
+          context.launch("update by photos", update_by_photos_kernel<degree(), time(), Target>,
+                         blocks_for(in.count, kWarp), kWarp, in, target);
         });
       });
 }

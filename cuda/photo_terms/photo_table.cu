@@ -12,7 +12,7 @@ namespace {
 constexpr int kThreads = 256;  // a power of two for the sums
 
 /// A table on the device.
-struct Numbers {
+struct TableValues {
   float* values;
   FloatMoments* moments;
   const float* start;
@@ -24,7 +24,7 @@ struct Numbers {
 
 /// Thread t takes the numbers t, t + kThreads, ... in all loops.
 __global__ void __launch_bounds__(kThreads)
-    update_kernel(Numbers n, PhotoPulls pulls, AdamStep step, AdamRule rule,
+    update_kernel(TableValues n, PhotoPulls pulls, AdamStep step, AdamRule rule,
                   const std::uint32_t* halted) {
   if (*halted) return;
   for (int i = int(threadIdx.x); i < n.count; i += kThreads) {
@@ -59,10 +59,10 @@ void PhotoTableStage::begin(const PhotoTable& table) {
 void PhotoTableStage::update(PhotoTable& table, const PhotoPulls& pulls,
                              const PhotoTableUpdate& update, const std::uint32_t* halted) {
   const StageScope scope(context_, name_);
-  const Numbers numbers{table.values.data(), table.moments.data(), table.start.data(),
-                        gradient_.data(),    table.modes.data(),   table.mode_length2,
-                        int(table.size()),   int(table.numbers),   int(table.mode_count())};
-  context_.launch(name_, update_kernel, 1, kThreads, numbers, pulls, update.adam, update.rule,
+  const TableValues values{table.values.data(), table.moments.data(), table.start.data(),
+                           gradient_.data(),    table.modes.data(),   table.mode_length2,
+                           int(table.size()),   int(table.numbers),   int(table.mode_count())};
+  context_.launch(name_, update_kernel, 1, kThreads, values, pulls, update.adam, update.rule,
                   halted);
 }
 

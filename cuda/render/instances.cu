@@ -2,7 +2,7 @@
 // Stage 2: write one instance for each tile that a visible Gaussian hits, in depth order. A warp
 // fills kPlacesPerWarp consecutive places of the list. They may belong to many small splats or to a
 // part of one that covers the picture, so that the work is balanced.
-#include "cuda/render/instance_room.cuh"
+#include "cuda/render/instance_buffer.cuh"
 #include "cuda/render/reports.cuh"
 #include "cuda/render/row_spans.cuh"
 #include "cuda/stages.cuh"
@@ -186,13 +186,13 @@ void create_instances(Context& context, const RenderSettings& settings, Workspac
                       RenderPass& pass, const InstanceLimit& limit) {
   const StageScope scope(context, "instances");
   check_gaussian_count(pass);
-  Buffer<Vec4f>& room = sort_room(settings, workspace, pass);
-  reserve_instances(settings, room, pass, limit.capacity);
+  Buffer<Vec4f>& buffer = instance_buffer(settings, workspace, pass);
+  reserve_instances(settings, buffer, pass, limit.capacity);
   with_tiles(pass, [&](auto edge, const auto* splats) {
     const auto in = input_of<edge()>(settings, workspace, pass, splats);
     const auto launch = [&](auto key) {
       using Key = decltype(key);
-      const UnsortedInstances<Key> to = unsorted_instances<Key>(room, pass, limit.capacity);
+      const UnsortedInstances<Key> to = unsorted_instances<Key>(buffer, pass, limit.capacity);
       const Output<Key> out{to.keys, to.splats, limit};
       context.launch("instances", create_instances_kernel<Key, std::remove_const_t<decltype(in)>>,
                      blocks_for(limit.capacity, kPlacesPerWarp * (kThreads / kWarp)), kThreads, in,

@@ -99,11 +99,11 @@ __device__ Ellipsoid load_ellipsoid(Ellipsoid* shared, const Ellipsoid* ellipsoi
 
 // The whole warp: starts to copy the colors of some rows.
 template <class Shared>
-__device__ void start_color_copy(Shared& shared, const float4* colors, int rows, SomeRows which) {
+__device__ void start_color_copy(Shared& shared, const float4* colors, int rows, SomeRows mask) {
   constexpr int kVectors = Shared::kVectors;
   for (int k = lane_of_thread(); k < rows * kVectors; k += kWarp) {
     const int row = k / kVectors;
-    if (which.has(row))
+    if (mask.has(row))
       __pipeline_memcpy_async(&shared.colors[row * Shared::kStride + k % kVectors], colors + k,
                               sizeof(float4));
   }

@@ -35,14 +35,14 @@ struct SomeRows {
 /// The whole warp: starts to copy `rows` rows of kInRow numbers into shared memory, without
 /// registers in between: of each row the first kInUse numbers, in whole vectors, with their
 /// neighbors. Rows that do not take part may be left out. T is a number or moments of a number.
-template <int kInRow, int kInUse = kInRow, class T, class Which = EveryRow>
-__device__ void start_copy(T* to, const T* from, int rows, Which which = {}) {
+template <int kInRow, int kInUse = kInRow, class T, class RowMask = EveryRow>
+__device__ void start_copy(T* to, const T* from, int rows, RowMask mask = {}) {
   constexpr int kInVector = sizeof(float4) / sizeof(T);
   static_assert(kWarp * kInRow % kInVector == 0);
   if (rows == kWarp) {
     for (int k = kInVector * lane_of_thread(); k < kWarp * kInRow; k += kInVector * kWarp) {
       const int row = k / kInRow, last = (k + kInVector - 1) / kInRow;  // of the vector
-      if ((k % kInRow < kInUse && which.has(row)) || (last > row && which.has(last)))
+      if ((k % kInRow < kInUse && mask.has(row)) || (last > row && mask.has(last)))
         __pipeline_memcpy_async(to + k, from + k, sizeof(float4));
     }
   } else {
@@ -52,16 +52,16 @@ __device__ void start_copy(T* to, const T* from, int rows, Which which = {}) {
 #pragma unroll 1
     for (int k = lane_of_thread(); k < rows * kInUse; k += kWarp) {
       const int row = k / kInUse, at = row * kInRow + k % kInUse;
-      if (which.has(row)) to[at] = from[at];
+      if (mask.has(row)) to[at] = from[at];
     }
   }
 }
 
 /// Copies SH rows: the numbers of each row that a degree uses.
-template <int degree, class T, class Which = EveryRow>
-__device__ void start_sh_copy(T* to, const T* from, int rows, Which which = {}) {
+template <int degree, class T, class RowMask = EveryRow>
+__device__ void start_sh_copy(T* to, const T* from, int rows, RowMask mask = {}) {
   if constexpr (degree > 0)
-    start_copy<kShRowNumbers, kShNumbersInUse<degree>>(to, from, rows, which);
+    start_copy<kShRowNumbers, kShNumbersInUse<degree>>(to, from, rows, mask);
 }
 
 /// Calls f(std::integral_constant<int, degree>) for the degree in use.

@@ -9,7 +9,7 @@
 #include <cub/device/device_scan.cuh>
 
 #include "cuda/render/blend/length_classes.cuh"
-#include "cuda/render/instance_room.cuh"
+#include "cuda/render/instance_buffer.cuh"
 
 namespace gs::cuda {
 namespace {
@@ -187,9 +187,9 @@ void order_for_blending(Context& context, RenderPass& pass, std::uint32_t capaci
 
 // Sorts the instances into pass.tile_splats. Returns the sorted keys.
 template <class Key>
-const Key* sort_instances(Context& context, const Buffer<Vec4f>& room, Workspace& workspace,
+const Key* sort_instances(Context& context, const Buffer<Vec4f>& buffer, Workspace& workspace,
                           RenderPass& pass, std::uint32_t capacity) {
-  const UnsortedInstances<Key> instances = unsorted_instances<Key>(room, pass, capacity);
+  const UnsortedInstances<Key> instances = unsorted_instances<Key>(buffer, pass, capacity);
   cub::DoubleBuffer<Key> keys(instances.keys, instances.other_keys);
   cub::DoubleBuffer<std::uint32_t> splats(instances.splats, instances.other_splats);
   sort_pairs(context, workspace.sort_scratch, "the tile sort", keys, splats, capacity,
@@ -254,7 +254,7 @@ void order_by_depth(Context& context, const RenderSettings& settings, Workspace&
   const DepthPairs pairs = are_few_visible
                                ? visible_first(context, workspace, pass, std::uint32_t(taken))
                                : all_rows(context, workspace, pass);
-  sort_pairs(context, sort_room(settings, workspace, pass), "the depth sort", pairs.keys,
+  sort_pairs(context, instance_buffer(settings, workspace, pass), "the depth sort", pairs.keys,
              workspace.first_of_order.data(), pairs.rows, pass.depth_order.data(), pairs.count,
              kDepthKeyBits);
   with_cub_scratch(workspace.sort_scratch, "the sum of the tile counts",
@@ -271,12 +271,12 @@ void order_by_depth(Context& context, const RenderSettings& settings, Workspace&
 void sort_by_tile(Context& context, const RenderSettings& settings, Workspace& workspace,
                   RenderPass& pass, std::uint32_t capacity) {
   const StageScope scope(context, "tile sort");
-  const Buffer<Vec4f>& room = sort_room(settings, workspace, pass);
+  const Buffer<Vec4f>& buffer = instance_buffer(settings, workspace, pass);
   pass.tile_ranges.resize_discard(pass.tile_count() + 1);
   workspace.length_classes.resize_discard(2 * kLengthClasses);
   const auto run = [&](auto key) {
     using Key = decltype(key);
-    const Key* const keys = sort_instances<Key>(context, room, workspace, pass, capacity);
+    const Key* const keys = sort_instances<Key>(context, buffer, workspace, pass, capacity);
     context.launch("tile ranges", tile_ranges_kernel<Key>, blocks_for(capacity, kThreads), kThreads,
                    keys, capacity, std::uint32_t(pass.tile_count()), pass.tile_ranges.data(),
                    workspace.length_classes.data());

@@ -67,7 +67,7 @@ class PendingSteps {
     gaussians_ = gaussians;
     const std::size_t photos = step.batch.size();
     GS_CHECK(photos >= 1 && photos <= std::size_t(kMostBatch));
-    make_room(photos);
+    wait_until_few_are_pending(photos);
     step.first_photo = last_photo_ + 1;
     pending_.push_back(std::move(step));
     last_photo_ += std::uint32_t(photos);
@@ -93,7 +93,7 @@ class PendingSteps {
   static constexpr std::size_t kMostPending = 128;  // photos that the host may be ahead
 
   // Waits until so many photos may be launched.
-  void make_room(std::size_t photos) {
+  void wait_until_few_are_pending(std::size_t photos) {
     read_reports();
     while (pending_photos() + photos > kMostPending) {  // the device has enough to do
       std::this_thread::yield();

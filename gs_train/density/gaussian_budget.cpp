@@ -19,17 +19,17 @@ constexpr double kTimeParametersAtATime = 6;  // their moments, gradients and sc
 
 }  // namespace
 
-std::int64_t gaussians_for(const RoomForGaussians& room) {
-  const double time = room.has_time ? kBytesOfTimeParameters : 0;
+std::int64_t gaussians_for(const GaussianBudget& budget) {
+  const double time = budget.has_time ? kBytesOfTimeParameters : 0;
   const double parameters = kParameterBytes + time;
-  const double sums = room.batch > 1 ? parameters + kBytesOfStatistics : 0;
+  const double sums = budget.batch > 1 ? parameters + kBytesOfStatistics : 0;
   const double of_gaussian = kGaussianBytesOnCpu + kTimeParametersAtATime * time + sums -
-                             bytes_saved_by_moments(room.moments, parameters);
+                             bytes_saved_by_moments(budget.moments, parameters);
   // Parameters and moments are in use.
-  const double of_present = (1 + moment_bytes(room.moments) / double(sizeof(float))) * parameters;
-  const double present = double(room.present);
-  const double usable = kShareOfFree * double(room.free_bytes) -
-                        kBytesOfPixel * double(room.pixels) + of_present * present;
+  const double of_present = (1 + moment_bytes(budget.moments) / double(sizeof(float))) * parameters;
+  const double present = double(budget.present);
+  const double usable = kShareOfFree * double(budget.free_bytes) -
+                        kBytesOfPixel * double(budget.pixels) + of_present * present;
   return std::int64_t(
       std::clamp(usable / of_gaussian, std::max(present, 1.0), double(kMostGaussians - 1)));
 }

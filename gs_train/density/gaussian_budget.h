@@ -10,7 +10,7 @@
 namespace gs {
 
 /// What decides how many Gaussians fit.
-struct RoomForGaussians {
+struct GaussianBudget {
   std::size_t free_bytes;  // when the photos are loaded
   std::size_t pixels;      // of the largest picture
   std::size_t present;     // Gaussians, which are part of the memory in use
@@ -33,7 +33,7 @@ struct RoomForGaussians {
 ///   3D filter             one number, 4: of the same reserve
 /// bytes of one pixel      picture, its gradient, the loss's moments and derivatives,
 ///                         last instances
-std::int64_t gaussians_for(const RoomForGaussians& room);
+std::int64_t gaussians_for(const GaussianBudget& budget);
 
 /// The number of Gaussians that a GPU can train: with so many, training_bytes() is 90 % of what is
 /// free, and of the `present` Gaussians, whose parameters and moments are in use. At least what is

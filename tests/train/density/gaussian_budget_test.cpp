@@ -22,8 +22,8 @@ TEST(GaussiansFor, IsNeverLessThanThereAreNorMoreThanCanBeNumbered) {
 }
 
 TEST(GaussiansFor, CountsTheNumbersOfTimeAndTheSumsOfBatches) {
-  const RoomForGaussians room{10 * kGib, 0, 0};
-  RoomForGaussians in_time = room, in_batches = room;
+  const GaussianBudget budget{10 * kGib, 0, 0};
+  GaussianBudget in_time = budget, in_batches = budget;
   in_time.has_time = true;
   in_batches.batch = 4;
   const double usable = 0.85 * double(10 * kGib);
@@ -33,12 +33,12 @@ TEST(GaussiansFor, CountsTheNumbersOfTimeAndTheSumsOfBatches) {
 
 // 354 bytes of moments less, and half of that again, since arrays grow by halves.
 TEST(GaussiansFor, CountsTheBytesOfHalfMoments) {
-  RoomForGaussians room{10 * kGib, 0, 100'000};
-  room.moments = MomentStorage::halves;
+  GaussianBudget budget{10 * kGib, 0, 100'000};
+  budget.moments = MomentStorage::halves;
   const double free = 0.85 * double(10 * kGib);
-  EXPECT_EQ(gaussians_for(room), std::int64_t((free + 354e5) / (2048 - 531)));
-  room.has_time = true;
-  EXPECT_EQ(gaussians_for(room), std::int64_t((free + 390e5) / (2048 + 6 * 24 - 585)));
+  EXPECT_EQ(gaussians_for(budget), std::int64_t((free + 354e5) / (2048 - 531)));
+  budget.has_time = true;
+  EXPECT_EQ(gaussians_for(budget), std::int64_t((free + 390e5) / (2048 + 6 * 24 - 585)));
 }
 
 TEST(GaussiansOnGpu, TakeNineTenthsOfWhatIsFreeAndOfTheirOwn) {

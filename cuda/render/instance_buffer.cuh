@@ -14,9 +14,10 @@
 
 namespace gs::cuda {
 
-inline Buffer<Vec4f>& sort_room(const RenderSettings& settings, Workspace& workspace,
-                                RenderPass& pass) {
-  return settings.for_backward ? pass.scratch<CudaScratch>().room : workspace.sort_room;
+inline Buffer<Vec4f>& instance_buffer(const RenderSettings& settings, Workspace& workspace,
+                                      RenderPass& pass) {
+  return settings.for_backward ? pass.scratch<CudaScratch>().instance_buffer
+                               : workspace.instance_buffer;
 }
 
 /// Checkpoints of lists with at most so many instances, in pixels.
@@ -29,7 +30,7 @@ inline int tile_key_bits(const RenderPass& pass) { return int(std::bit_width(pas
 
 /// The arrays of the tile sort. create_instances() fills `keys` and `splats`, the sort uses
 /// `other_keys` and `other_splats` as well. Either `splats` or `other_splats` is pass.tile_splats:
-/// the one that most likely receives the result. The others lie in the room.
+/// the one that most likely receives the result. The others lie in the buffer.
 template <class Key>
 struct UnsortedInstances {
   Key *keys, *other_keys;                // (capacity) tiles
@@ -38,12 +39,12 @@ struct UnsortedInstances {
 
 /// Where they lie. With keys of 16 bits they take as many bytes as the checkpoints.
 template <class Key>
-UnsortedInstances<Key> unsorted_instances(const Buffer<Vec4f>& room, const RenderPass& pass,
+UnsortedInstances<Key> unsorted_instances(const Buffer<Vec4f>& buffer, const RenderPass& pass,
                                           std::uint32_t capacity) {
   constexpr std::size_t kInOne = sizeof(Vec4f) / sizeof(std::uint32_t);
   constexpr std::size_t kKeysInOne = sizeof(Vec4f) / sizeof(Key);
-  auto* const splats = reinterpret_cast<std::uint32_t*>(room.data());
-  Vec4f* const keys = room.data() + (capacity + kInOne - 1) / kInOne;
+  auto* const splats = reinterpret_cast<std::uint32_t*>(buffer.data());
+  Vec4f* const keys = buffer.data() + (capacity + kInOne - 1) / kInOne;
   Vec4f* const other_keys = keys + (capacity + kKeysInOne - 1) / kKeysInOne;
   UnsortedInstances<Key> instances{reinterpret_cast<Key*>(keys), reinterpret_cast<Key*>(other_keys),
                                    splats, pass.tile_splats.data()};
@@ -51,15 +52,15 @@ UnsortedInstances<Key> unsorted_instances(const Buffer<Vec4f>& room, const Rende
   return instances;
 }
 
-/// Makes the room large enough for the instances, and for the checkpoints that follow. What it
+/// Makes the buffer large enough for the instances, and for the checkpoints that follow. What it
 /// holds is lost.
-inline void reserve_instances(const RenderSettings& settings, Buffer<Vec4f>& room, RenderPass& pass,
-                              std::uint32_t capacity) {
+inline void reserve_instances(const RenderSettings& settings, Buffer<Vec4f>& buffer,
+                              RenderPass& pass, std::uint32_t capacity) {
   const std::size_t bytes = unsorted_bytes(uses_short_keys(pass));
   const std::size_t instances = (capacity * bytes) / sizeof(Vec4f) + 3;  // three arrays, rounded up
   const std::size_t size =
       std::max(instances, settings.for_backward ? checkpoint_pixels(capacity) : 0);
-  if (room.size() < size) room.resize_discard(size);
+  if (buffer.size() < size) buffer.resize_discard(size);
   pass.tile_splats.resize_discard(capacity);
 }
 
