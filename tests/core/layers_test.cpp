@@ -70,6 +70,7 @@ const std::map<std::string, std::set<std::string>> kRooms = {
      {"gs_core/math", "gs_core/math/density", "gs_core/math/render", "gs_core/system",
       "gs_core/threads"}},
     {"gs_core/geodesy", {"gs_core/geometry"}},
+    {"gs_render/exact", {}},
     {"gs_render/paths", {}},
     {"gs_render/stages", {}},
     {"gs_model/edit", {"gs_model/formats/coding"}},

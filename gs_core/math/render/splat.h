@@ -161,22 +161,23 @@ struct GaussianGradient {
   Vec3<T> sh0;
 };
 template <class T>
-struct EllipsoidGradient {
-  Vec3<T> mean;  // in world coordinates
+struct EllipsoidInCameraGradient {
+  Vec3<T> p;  // in camera coordinates
+  Mat23<T> A;
   Sym3<T> sigma;
   T opacity;
 };
-/// Gradients of project_ellipsoid(), for one that was visible.
+/// Gradients of project_ellipsoid(), for one that was visible, by p and by A = J W, before they are
+/// pulled back to the world or to the camera.
 template <class T>
-GS_HD EllipsoidGradient<T> project_ellipsoid_vjp(const PinholeCamera<T>& camera, const Vec3<T>& p,
-                                                 const Sym3<T>& sigma, const T& opacity,
-                                                 const SplatSettings& settings,
-                                                 const BasicSplatGradient<T>& dL_dsplat) {
+GS_HD EllipsoidInCameraGradient<T> project_ellipsoid_in_camera_vjp(
+    const PinholeCamera<T>& camera, const Vec3<T>& p, const Sym3<T>& sigma, const T& opacity,
+    const SplatSettings& settings, const BasicSplatGradient<T>& dL_dsplat) {
   const Mat23<T> A = projection_jacobian(camera, p);
   const T blur = blur_of<T>(settings);
   const Sym2<T> cov2d = project_covariance(A, sigma, blur);
 
-  EllipsoidGradient<T> gradient;
+  EllipsoidInCameraGradient<T> gradient;
   // Opacity, and the antialiasing factor.
   Sym2<T> dL_dcov2d = conic_vjp(conic_of(cov2d), dL_dsplat.conic);
   gradient.opacity = dL_dsplat.opacity;
@@ -190,11 +191,28 @@ GS_HD EllipsoidGradient<T> project_ellipsoid_vjp(const PinholeCamera<T>& camera,
   // Covariance, and through the Jacobian the mean.
   const ProjectCovarianceGradient<T> dL_projection = project_covariance_vjp(A, sigma, dL_dcov2d);
   gradient.sigma = dL_projection.sigma;
-  Vec3<T> dL_dp = project_mean_vjp(camera, p, dL_dsplat.mean2d) +
-                  projection_jacobian_vjp(camera, p, dL_projection.A);
-  dL_dp.z += dL_dsplat.depth;
-  gradient.mean = to_camera_vjp(camera, dL_dp);
+  gradient.A = dL_projection.A;
+  gradient.p = project_mean_vjp(camera, p, dL_dsplat.mean2d) +
+               projection_jacobian_vjp(camera, p, dL_projection.A);
+  gradient.p.z += dL_dsplat.depth;
   return gradient;
+}
+
+template <class T>
+struct EllipsoidGradient {
+  Vec3<T> mean;  // in world coordinates
+  Sym3<T> sigma;
+  T opacity;
+};
+/// Gradients of project_ellipsoid(), for one that was visible.
+template <class T>
+GS_HD EllipsoidGradient<T> project_ellipsoid_vjp(const PinholeCamera<T>& camera, const Vec3<T>& p,
+                                                 const Sym3<T>& sigma, const T& opacity,
+                                                 const SplatSettings& settings,
+                                                 const BasicSplatGradient<T>& dL_dsplat) {
+  const EllipsoidInCameraGradient<T> dL =
+      project_ellipsoid_in_camera_vjp(camera, p, sigma, opacity, settings, dL_dsplat);
+  return {to_camera_vjp(camera, dL.p), dL.sigma, dL.opacity};
 }
 
 /// Gradients of project_shape(), for a Gaussian that was visible; sh0 and the color's part of the

@@ -1,0 +1,158 @@
+// SPDX-License-Identifier: Apache-2.0
+// The forward pass of exact_renderer.h, in any scalar.
+#pragma once
+
+#include <algorithm>
+#include <string>
+
+#include "gs_core/error.h"
+#include "gs_render/exact/exact_renderer.h"
+
+namespace gs {
+
+/// Throws UsageError where arrays disagree about their sizes.
+template <class T>
+void check_sizes(const ExactGaussians<T>& gaussians) {
+  const auto expect = [](const char* name, std::size_t size, std::size_t expected) {
+    if (size != expected)
+      throw UsageError(std::string(name) + " has " + std::to_string(size) +
+                       " numbers or rows, but " + std::to_string(expected) + " are needed");
+  };
+  const std::size_t n = gaussians.count();
+  if (gaussians.covariances.empty()) {
+    expect("rotations", gaussians.rotations.size(), n);
+    expect("log_scales", gaussians.log_scales.size(), n);
+  } else {
+    expect("covariances", gaussians.covariances.size(), n);
+    expect("rotations beside covariances", gaussians.rotations.size(), 0);
+    expect("log_scales beside covariances", gaussians.log_scales.size(), 0);
+  }
+  expect("opacities", gaussians.opacities.size(), n);
+  if (gaussians.sh.empty()) {
+    expect("colors", gaussians.colors.size(), n);
+  } else {
+    const int k = gaussians.sh_count;
+    if (k != 1 && k != 4 && k != 9 && k != kShBasisCount)
+      throw UsageError("sh has 1, 4, 9 or 16 coefficients a row, and not " + std::to_string(k));
+    expect("sh", gaussians.sh.size(), n * std::size_t(k));
+    expect("colors beside sh", gaussians.colors.size(), 0);
+  }
+  expect("features", gaussians.features.size(), n * std::size_t(gaussians.channels));
+}
+
+/// The degree of so many coefficients.
+inline int sh_degree_of(int sh_count) {
+  return sh_count >= 16 ? 3 : sh_count >= 9 ? 2 : sh_count >= 4 ? 1 : 0;
+}
+
+/// The world covariance of a row, which is not degenerate.
+template <class T>
+Sym3<T> exact_covariance(const ExactGaussians<T>& gaussians, std::size_t i) {
+  if (!gaussians.covariances.empty()) return gaussians.covariances[i];
+  return covariance(rotation_matrix(gaussians.rotations[i]), variance(gaussians.log_scales[i]));
+}
+
+/// The settings with which a splat's extent does not depend on its opacity, where that is wanted.
+inline SplatSettings splat_settings_of(const ExactSettings& settings) {
+  SplatSettings splat = settings.splat;
+  if (settings.is_smooth) splat.truncation = Truncation::sigma4;  // a cutoff that nobody reads
+  return splat;
+}
+
+template <class T>
+std::vector<ExactSplat<T>> exact_splats(const ExactGaussians<T>& gaussians,
+                                        const ExactView<T>& view, const ExactSettings& settings) {
+  const SplatSettings splat_settings = splat_settings_of(settings);
+  std::vector<ExactSplat<T>> splats;
+  for (std::size_t i = 0; i < gaussians.count(); ++i) {
+    const Vec3<T>& mean = gaussians.means[i];
+    const Vec3<T> p = to_camera(view.camera, mean);
+    if (!is_between_planes(p.z, splat_settings)) continue;
+    if (gaussians.covariances.empty() && is_degenerate(gaussians.rotations[i])) continue;
+    ProjectedGaussian<T> projected = project_ellipsoid(
+        view.camera, p, exact_covariance(gaussians, i), gaussians.opacities[i], splat_settings);
+    if (!projected.is_visible) continue;
+    Vec3<T>& color = projected.splat.color;
+    if (gaussians.sh.empty()) {
+      color = gaussians.colors[i];
+    } else {
+      const Vec3<T>* const sh = &gaussians.sh[i * std::size_t(gaussians.sh_count)];
+      color = sh_color(sh_degree_of(gaussians.sh_count),
+                       unit_direction(view.camera.position(), mean), sh[0], sh + 1);
+      color = {max_of(color.x, T(0)), max_of(color.y, T(0)), max_of(color.z, T(0))};
+    }
+    if (is_finite(color)) splats.push_back({std::uint32_t(i), projected.depth, projected.splat});
+  }
+  std::stable_sort(splats.begin(), splats.end(),
+                   [](const auto& a, const auto& b) { return a.depth < b.depth; });
+  return splats;
+}
+
+/// One splat at one pixel.
+template <class T>
+struct ExactFragment {
+  const ExactSplat<T>* splat;
+  T dx, dy;    // the pixel's center minus the mean
+  T gaussian;  // exp(exponent)
+  T alpha;
+  T transmittance;  // before it
+};
+
+/// The fragments of a pixel, front to back, into `fragments`. Returns the transmittance behind them.
+template <class T>
+T exact_fragments(const std::vector<ExactSplat<T>>& splats, const ExactSettings& settings, int x,
+                  int y, std::vector<ExactFragment<T>>& fragments) {
+  using std::exp;
+  const bool is_classic = settings.rule == BlendRule::classic && !settings.is_smooth;
+  fragments.clear();
+  T transmittance(1);
+  for (const ExactSplat<T>& at : splats) {
+    const BasicSplat<T>& splat = at.splat;
+    const T dx = T(x + 0.5) - splat.mean2d.x, dy = T(y + 0.5) - splat.mean2d.y;
+    const T exponent = fragment_exponent(splat.conic, dx, dy);
+    if (!settings.is_smooth && exponent < -splat.cutoff) continue;
+    const T gaussian = exp(exponent);
+    const T alpha = is_classic ? fragment_alpha<BlendRule::classic>(splat.opacity, gaussian)
+                               : fragment_alpha<BlendRule::faster_gs>(splat.opacity, gaussian);
+    const T behind = transmittance * (T(1) - alpha);
+    const bool ends = !settings.is_smooth && is_opaque(behind);
+    if (ends && is_classic) break;
+    fragments.push_back({&at, dx, dy, gaussian, alpha, transmittance});
+    transmittance = behind;
+    if (ends) break;
+  }
+  return transmittance;
+}
+
+template <class T>
+ExactPicture<T> exact_picture(const ExactGaussians<T>& gaussians, const ExactView<T>& view,
+                              const ExactSettings& settings) {
+  check_sizes(gaussians);
+  const std::vector<ExactSplat<T>> splats = exact_splats(gaussians, view, settings);
+  const std::size_t channels = std::size_t(gaussians.channels);
+  const std::size_t pixels = std::size_t(view.camera.width) * std::size_t(view.camera.height);
+  ExactPicture<T> picture{std::vector<Vec3<T>>(pixels, Vec3<T>(T(0))), std::vector<T>(pixels, T(0)),
+                          std::vector<T>(pixels, T(0)), std::vector<T>(pixels, T(0)),
+                          std::vector<T>(pixels * channels, T(0))};
+  std::vector<ExactFragment<T>> fragments;
+  for (std::size_t pixel = 0; pixel < pixels; ++pixel) {
+    const int x = int(pixel % std::size_t(view.camera.width)),
+              y = int(pixel / std::size_t(view.camera.width));
+    const T transmittance = exact_fragments(splats, settings, x, y, fragments);
+    for (const ExactFragment<T>& fragment : fragments) {
+      const ExactSplat<T>& splat = *fragment.splat;
+      const T weight = fragment.transmittance * fragment.alpha;
+      picture.image[pixel] += weight * splat.splat.color;
+      picture.depth[pixel] += weight * splat.depth;
+      picture.inverse_depth[pixel] += weight / splat.depth;
+      for (std::size_t c = 0; c < channels; ++c)
+        picture.features[pixel * channels + c] +=
+            weight * gaussians.features[splat.row * channels + c];
+    }
+    picture.image[pixel] += transmittance * view.background;
+    picture.alpha[pixel] = T(1) - transmittance;
+  }
+  return picture;
+}
+
+}  // namespace gs

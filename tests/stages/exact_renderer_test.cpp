@@ -1,0 +1,299 @@
+// SPDX-License-Identifier: Apache-2.0
+// The exact renderer: its gradients beside Jets, input by input, and its picture beside the
+// brute-force one.
+#include "gs_render/exact/exact_renderer.h"
+
+#include <functional>
+
+#include "tests/support/brute_force.h"
+#include "tests/support/jet_oracle.h"
+#include "tests/support/scenes.h"
+
+namespace gs {
+namespace {
+
+using Jet = ceres::Jet<double, 1>;
+constexpr int kWidth = 12, kHeight = 9;
+// Slopes of a picture sum some thousand terms, each rounded at 1e-16, which cancel.
+constexpr double kSlopeTolerance = 1e-9;
+
+/// All inputs of a picture.
+template <class T>
+struct Inputs {
+  ExactGaussians<T> gaussians;
+  ExactView<T> view;
+};
+
+/// Calls f(name, number) for each number of every input, in the same order for every scalar.
+template <class Inputs, class F>
+void for_each_number(Inputs& in, F&& f) {
+  const auto vec3s = [&](const char* name, auto& vectors) {
+    for (auto& v : vectors) f(name, v.x), f(name, v.y), f(name, v.z);
+  };
+  vec3s("means", in.gaussians.means);
+  for (auto& q : in.gaussians.rotations)
+    f("rotations", q.w), f("rotations", q.x), f("rotations", q.y), f("rotations", q.z);
+  vec3s("log_scales", in.gaussians.log_scales);
+  for (auto& S : in.gaussians.covariances)
+    for (auto* number : {&S.xx, &S.xy, &S.xz, &S.yy, &S.yz, &S.zz}) f("covariances", *number);
+  for (auto& opacity : in.gaussians.opacities) f("opacities", opacity);
+  vec3s("colors", in.gaussians.colors);
+  vec3s("sh", in.gaussians.sh);
+  for (auto& feature : in.gaussians.features) f("features", feature);
+  auto& camera = in.view.camera;
+  for (auto* row : {&camera.cam_from_world_rotation.row0, &camera.cam_from_world_rotation.row1,
+                    &camera.cam_from_world_rotation.row2, &camera.cam_from_world_translation})
+    f("viewmat", row->x), f("viewmat", row->y), f("viewmat", row->z);
+  f("intrinsics", camera.fx), f("intrinsics", camera.fy);
+  f("intrinsics", camera.cx), f("intrinsics", camera.cy);
+  for (auto* number : {&in.view.background.x, &in.view.background.y, &in.view.background.z})
+    f("background", *number);
+}
+constexpr const char* kNames[] = {"means",     "rotations",  "log_scales", "covariances",
+                                  "opacities", "colors",     "sh",         "features",
+                                  "viewmat",   "intrinsics", "background"};
+
+/// The gradients in the shape of the inputs.
+Inputs<double> as_inputs(const ExactGradients& gradients) {
+  Inputs<double> in{gradients, {}};
+  in.view.camera.cam_from_world_rotation = gradients.camera.rotation;
+  in.view.camera.cam_from_world_translation = gradients.camera.translation;
+  in.view.camera.fx = gradients.camera.fx;
+  in.view.camera.fy = gradients.camera.fy;
+  in.view.camera.cx = gradients.camera.cx;
+  in.view.camera.cy = gradients.camera.cy;
+  in.view.background = gradients.background;
+  return in;
+}
+
+/// The inputs as Jets that move along `direction`, which has a number for each.
+Inputs<Jet> along(const Inputs<double>& from, const std::vector<double>& direction) {
+  Inputs<Jet> to;
+  to.gaussians.sh_count = from.gaussians.sh_count;
+  to.gaussians.channels = from.gaussians.channels;
+  to.gaussians.means.resize(from.gaussians.means.size());
+  to.gaussians.rotations.resize(from.gaussians.rotations.size());
+  to.gaussians.log_scales.resize(from.gaussians.log_scales.size());
+  to.gaussians.covariances.resize(from.gaussians.covariances.size());
+  to.gaussians.opacities.resize(from.gaussians.opacities.size());
+  to.gaussians.colors.resize(from.gaussians.colors.size());
+  to.gaussians.sh.resize(from.gaussians.sh.size());
+  to.gaussians.features.resize(from.gaussians.features.size());
+  to.view.camera.width = from.view.camera.width;
+  to.view.camera.height = from.view.camera.height;
+  std::vector<double> values;
+  for_each_number(from, [&](const char*, double value) { values.push_back(value); });
+  std::size_t k = 0;
+  for_each_number(to, [&](const char*, Jet& number) {
+    number = Jet(values[k]);
+    number.v[0] = direction[k];
+    ++k;
+  });
+  return to;
+}
+
+struct Case {
+  int sh_count;  // 0: colors
+  int channels;
+  bool has_covariances;
+  bool antialias;
+};
+constexpr Case kCases[] = {{16, 0, false, false}, {9, 5, false, true}, {4, 1, true, false},
+                           {1, 40, false, false}, {0, 3, true, true},  {0, 0, false, false}};
+
+Inputs<double> draw_inputs(TestRandom& random, const Case& shape, int count) {
+  Inputs<double> in;
+  in.view.camera = {kWidth,
+                    kHeight,
+                    random.uniform(8, 14),
+                    random.uniform(8, 14),
+                    kWidth * 0.45,
+                    kHeight * 0.55,
+                    rotation_matrix(random.quaternion()),
+                    random.uniform3(-1, 1)};
+  in.view.background = random.uniform3(0, 1);
+  ExactGaussians<double>& g = in.gaussians;
+  g.sh_count = shape.sh_count;
+  g.channels = shape.channels;
+  for (int i = 0; i < count; ++i) {
+    // A few are behind the camera, or beside the picture.
+    const double z = random.chance(0.1) ? -1 : random.uniform(1, 5);
+    const Vec3d p{z * random.uniform(-0.9, 0.9), z * random.uniform(-0.8, 0.8), z};
+    g.means.push_back(multiply_transposed(in.view.camera.cam_from_world_rotation,
+                                          p - in.view.camera.cam_from_world_translation));
+    const Quat<double> q = random.quaternion();
+    const Vec3d log_scale = random.uniform3(-2.5, -0.3);
+    if (shape.has_covariances) {
+      g.covariances.push_back(covariance(rotation_matrix(q), variance(log_scale)));
+    } else {
+      g.rotations.push_back(q);
+      g.log_scales.push_back(log_scale);
+    }
+    g.opacities.push_back(random.uniform(0.02, 1.0));
+    if (shape.sh_count == 0) g.colors.push_back(random.uniform3(-0.2, 1));
+    for (int k = 0; k < shape.sh_count; ++k) g.sh.push_back(random.uniform3(-1.2, 1.2));
+    for (int c = 0; c < shape.channels; ++c) g.features.push_back(random.uniform(-1, 1));
+  }
+  return in;
+}
+
+ExactPicture<double> draw_picture_gradient(TestRandom& random, int channels) {
+  const std::size_t pixels = kWidth * kHeight;
+  ExactPicture<double> dL;
+  for (std::size_t i = 0; i < pixels; ++i) {
+    dL.image.push_back(random.uniform3(-1, 1));
+    dL.alpha.push_back(random.uniform(-1, 1));
+    dL.depth.push_back(random.uniform(-1, 1));
+    dL.inverse_depth.push_back(random.uniform(-1, 1));
+  }
+  for (std::size_t i = 0; i < pixels * std::size_t(channels); ++i)
+    dL.features.push_back(random.uniform(-1, 1));
+  return dL;
+}
+
+template <class T>
+T loss_of(const ExactPicture<T>& picture, const ExactPicture<double>& dL) {
+  T loss(0);
+  for (std::size_t i = 0; i < dL.image.size(); ++i)
+    loss += inner(picture.image[i], Vec3<T>(dL.image[i]));
+  for (std::size_t i = 0; i < dL.alpha.size(); ++i)
+    loss += picture.alpha[i] * dL.alpha[i] + picture.depth[i] * dL.depth[i] +
+            picture.inverse_depth[i] * dL.inverse_depth[i];
+  for (std::size_t i = 0; i < dL.features.size(); ++i) loss += picture.features[i] * dL.features[i];
+  return loss;
+}
+
+// For each kind of input: <gradient, v> is the slope along a random v, beside the size of its terms.
+TEST(ExactRenderer, EveryInputHasTheSlopeOfJets) {
+  TestRandom random;
+  for (const Case& shape : kCases)
+    for (const auto& [rule, is_smooth] :
+         {std::pair{BlendRule::faster_gs, false}, std::pair{BlendRule::classic, false},
+          std::pair{BlendRule::faster_gs, true}}) {
+      ExactSettings settings;
+      settings.rule = rule;
+      settings.is_smooth = is_smooth;
+      settings.splat.antialias = shape.antialias;
+      settings.splat.antialias_detach = false;
+      const Inputs<double> in = draw_inputs(random, shape, 30);
+      const ExactPicture<double> dL = draw_picture_gradient(random, shape.channels);
+      const Inputs<double> gradient =
+          as_inputs(exact_gradients(in.gaussians, in.view, settings, dL));
+      for (const char* name : kNames) {
+        SCOPED_TRACE(std::string(name) + " of " + std::to_string(shape.sh_count));
+        std::vector<double> direction;
+        double expected = 0, terms = 0;
+        bool has_numbers = false;
+        for_each_number(gradient, [&](const char* of, double slope) {
+          const bool moves = std::string_view(of) == name;
+          has_numbers |= moves;
+          direction.push_back(moves ? random.uniform(-1, 1) : 0);
+          expected += slope * direction.back();
+          terms += std::abs(slope * direction.back());
+        });
+        if (!has_numbers) continue;
+        const Inputs<Jet> moving = along(in, direction);
+        const Jet loss = loss_of(exact_picture(moving.gaussians, moving.view, settings), dL);
+        EXPECT_GT(terms, 0);
+        EXPECT_NEAR(loss.v[0], expected, kSlopeTolerance * terms);
+      }
+    }
+}
+
+TEST(ExactRenderer, TheProjectedMeanHasTheSlopeOfThePrincipalPoint) {
+  TestRandom random;
+  const Inputs<double> in = draw_inputs(random, {0, 0, false, false}, 20);
+  ExactSettings settings;
+  settings.is_smooth = true;
+  ExactPicture<double> dL;
+  for (int i = 0; i < kWidth * kHeight; ++i) dL.image.push_back(random.uniform3(-1, 1));
+  const ExactGradients gradients = exact_gradients(in.gaussians, in.view, settings, dL);
+  Vec2<double> sum{0, 0};
+  for (const Vec2<double>& of_row : gradients.screen) sum += of_row;
+  // All are inside the limits of the Jacobian, so that the principal point moves the means alone.
+  EXPECT_NEAR(sum.x, gradients.camera.cx, 1e-9);
+  EXPECT_NEAR(sum.y, gradients.camera.cy, 1e-9);
+}
+
+// The same Gaussians as a model in float: the brute-force picture reads their stored numbers.
+TEST(ExactRenderer, PictureIsTheBruteForceOne) {
+  for (const BlendRule rule : {BlendRule::faster_gs, BlendRule::classic}) {
+    const Camera camera = random_camera(40, 30, 1);
+    const Gaussians model = random_gaussians(kTypical, 40, camera, 5);
+    RenderSettings render;
+    render.blend_rule = rule;
+    render.background = {0.2f, 0.5f, 0.7f};
+    const std::vector<DoubleGaussian> rows = in_double(model);
+    const ReferencePicture expected =
+        reference_picture(reference_splats<double>(rows, camera, render), render, 40, 30);
+
+    ExactGaussians<double> gaussians;
+    gaussians.sh_count = kShBasisCount;
+    for (const DoubleGaussian& row : rows) {
+      gaussians.means.push_back(row.mean);
+      gaussians.rotations.push_back(row.rotation);
+      gaussians.log_scales.push_back(row.log_scale);
+      gaussians.opacities.push_back(sigmoid(row.logit_opacity));
+      gaussians.sh.push_back(row.sh0);
+      gaussians.sh.insert(gaussians.sh.end(), row.sh_rest, row.sh_rest + kShRestCount);
+    }
+    ExactSettings settings;
+    settings.rule = rule;
+    const ExactPicture<double> picture =
+        exact_picture(gaussians, {camera_as<double>(camera), Vec3d(render.background)}, settings);
+    double worst = 0;
+    for (std::size_t i = 0; i < picture.image.size(); ++i) {
+      for (int c = 0; c < 3; ++c)
+        worst = std::max(worst, std::abs(picture.image[i][c] - expected.pixels[i].color[c]));
+      worst = std::max(worst, std::abs(picture.alpha[i] - (1 - expected.pixels[i].transmittance)));
+    }
+    EXPECT_LT(worst, 1e-12);
+  }
+}
+
+// Without clamps and ends, a finite step sees no jump.
+TEST(ExactRenderer, ASmoothPictureHasTheSlopeOfFiniteDifferences) {
+  TestRandom random;
+  const Inputs<double> in = draw_inputs(random, {9, 2, false, false}, 8);
+  ExactSettings settings;
+  settings.is_smooth = true;
+  const ExactPicture<double> dL = draw_picture_gradient(random, 2);
+  const ExactGradients gradients = exact_gradients(in.gaussians, in.view, settings, dL);
+  constexpr double kStep = 1e-5;
+  for (std::size_t i = 0; i < in.gaussians.count(); ++i) {
+    const auto loss_at = [&](double step) {
+      Inputs<double> moved = in;
+      moved.gaussians.means[i].x += step;
+      moved.gaussians.opacities[i] -= 0.1 * step;
+      return loss_of(exact_picture(moved.gaussians, moved.view, settings), dL);
+    };
+    const double slope = (loss_at(kStep) - loss_at(-kStep)) / (2 * kStep);
+    EXPECT_NEAR(slope, gradients.means[i].x - 0.1 * gradients.opacities[i],
+                1e-6 * (1 + std::abs(slope)));
+  }
+}
+
+TEST(ExactRenderer, NothingVisibleShowsTheBackground) {
+  ExactView<double> view;
+  view.camera = {3, 2, 5.0, 5.0, 1.5, 1.0};
+  view.background = {0.1, 0.2, 0.3};
+  const ExactPicture<double> picture = exact_picture(ExactGaussians<double>{}, view, {});
+  for (const Vec3d& pixel : picture.image) EXPECT_EQ(pixel, view.background);
+  ExactPicture<double> dL;
+  dL.image.assign(6, Vec3d(1.0));
+  EXPECT_EQ(exact_gradients({}, view, {}, dL).background, Vec3d(6.0));
+}
+
+TEST(ExactRenderer, ArraysThatDisagreeAreRefused) {
+  TestRandom random;
+  Inputs<double> in = draw_inputs(random, {0, 2, false, false}, 4);
+  const ExactPicture<double> whole = exact_picture(in.gaussians, in.view, {});
+  ExactPicture<double> dL;
+  dL.alpha.assign(7, 1);
+  EXPECT_THROW(exact_gradients(in.gaussians, in.view, {}, dL), UsageError);
+  in.gaussians.opacities.pop_back();
+  EXPECT_THROW(exact_picture(in.gaussians, in.view, {}), UsageError);
+}
+
+}  // namespace
+}  // namespace gs
