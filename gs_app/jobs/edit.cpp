@@ -7,8 +7,8 @@
 #include <memory>
 
 #include "data_loaders/colmap/world_offset.h"
+#include "data_loaders/photos/encode/encode_png.h"
 #include "data_loaders/photos/photo_names.h"
-#include "data_loaders/photos/photos.h"
 #include "gs_app/blocks/merge_blocks.h"
 #include "gs_app/edit/edit_cameras.h"
 #include "gs_app/edit/edit_picture.h"

@@ -4,6 +4,7 @@
 
 #include <cmath>
 
+#include "data_loaders/photos/photos.h"
 #include "gs_core/system/text/json.h"
 #include "gs_model/formats/formats.h"
 #include "tests/support/program.h"

@@ -7,6 +7,7 @@
 #include <cmath>
 #include <cstdlib>
 
+#include "data_loaders/photos/encode/encode_png.h"
 #include "tests/support/avi_writer.h"
 
 namespace gs {
