@@ -2,6 +2,7 @@
 // What gemsplat export is asked for.
 #pragma once
 
+#include <filesystem>
 #include <optional>
 #include <string>
 #include <vector>
@@ -9,13 +10,14 @@
 #include "gs_app/export/export_model.h"
 #include "gs_app/jobs/job.h"
 #include "gs_app/jobs/shared_options.h"
+#include "gs_app/run/open_model.h"
 #include "gs_model/tiles/tileset.h"
 
 namespace gs {
 
 struct ExportJob : JobSettings {
   std::string model;
-  std::vector<std::string> outputs;
+  std::vector<std::string> outputs;  // none: one beside the model
   ModelChoice choice;
   std::optional<double> time;
   ExportOptions options;
@@ -28,6 +30,23 @@ struct ExportJob : JobSettings {
 };
 
 void visit_options(ExportJob& job, OptionList& option);
-Outcome run(const ExportJob& job, JobEvents& events);
+
+/// Whether an output ends in /, and so is the folder of a tileset.
+bool is_tileset(const ExportJob& job, const std::string& output);
+/// Whether an output ends in .html, and so is the viewer's page with the model inside.
+bool is_page(const ExportJob& job, const std::string& output);
+/// The table of --table, in its folder.
+std::filesystem::path table_file(const std::string& folder);
+
+/// All that is to be written.
+struct ExportOutputs {
+  std::vector<ExportRequest> files;
+  std::vector<TilesetRequest> tilesets;
+  std::vector<std::filesystem::path> pages;
+};
+
+/// The outputs of the request, which gets one if it has none. Throws UsageError where one of them
+/// cannot be written or is there already.
+ExportOutputs outputs_of(ExportJob& job, const OpenedModel& opened, const Config& config);
 
 }  // namespace gs

@@ -27,9 +27,6 @@ void model_options(OptionList& option, ModelChoice& choice);
 /// --time: a moment of Gaussians in space and time.
 Option& time_option(OptionList& option, std::optional<double>& time, const std::string& meaning);
 
-/// --force: of a file, or of a folder that is not empty.
-Option& force_option(OptionList& option, bool& force, const std::string& meaning);
-
 /// The scene (`scene_names`: its option's names), --images, -r, --test-every: all that poses and
 /// sizes of its cameras depend on.
 void camera_options(OptionList& option, const std::string& scene_names);
