@@ -9,7 +9,7 @@
 #include "gs_app/checks/benchmark_report.h"
 #include "gs_app/checks/generated_scene.h"
 #include "gs_app/export/export_model.h"
-#include "gs_app/jobs/shared_options.h"
+#include "gs_app/jobs/parts/shared_options.h"
 #include "gs_app/jobs/verbs.h"
 #include "gs_app/run/make_backend.h"
 #include "gs_app/run/open_model.h"

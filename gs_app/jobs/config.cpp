@@ -4,7 +4,7 @@
 
 #include <algorithm>
 
-#include "gs_app/jobs/shared_options.h"
+#include "gs_app/jobs/parts/shared_options.h"
 #include "gs_app/jobs/verbs.h"
 #include "gs_core/config/config_fields.h"
 #include "gs_core/config/config_presets.h"

@@ -11,7 +11,7 @@
 #include "data_loaders/photos/photo_names.h"
 #include "gs_app/edit/edit_picture.h"
 #include "gs_app/export/export_model.h"
-#include "gs_app/jobs/edit_job.h"
+#include "gs_app/jobs/edit/edit_job.h"
 #include "gs_app/jobs/verbs.h"
 #include "gs_app/run/make_backend.h"
 #include "gs_app/run/output_place.h"

@@ -5,7 +5,7 @@
 
 #include "gs_app/experiment/slurm.h"
 #include "gs_app/experiment/tables/experiment_tables.h"
-#include "gs_app/jobs/experiment_progress.h"
+#include "gs_app/jobs/experiment/experiment_progress.h"
 #include "gs_app/jobs/verbs.h"
 #include "gs_app/run/text.h"
 #include "gs_core/math/constants.h"

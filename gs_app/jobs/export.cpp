@@ -7,7 +7,7 @@
 
 #include "gs_app/export/cameras.h"
 #include "gs_app/export/export_model.h"
-#include "gs_app/jobs/export_job.h"
+#include "gs_app/jobs/export/export_job.h"
 #include "gs_app/jobs/verbs.h"
 #include "gs_app/run/make_backend.h"
 #include "gs_app/run/open_model.h"

@@ -7,7 +7,7 @@
 #include "data_loaders/georef/find_georeference.h"
 #include "data_loaders/scene/place_scene.h"
 #include "gs_app/export/export_model.h"
-#include "gs_app/jobs/shared_options.h"
+#include "gs_app/jobs/parts/shared_options.h"
 #include "gs_app/jobs/verbs.h"
 #include "gs_app/run/output_place.h"
 #include "gs_app/run/text.h"

@@ -8,7 +8,7 @@
 #include "data_loaders/doctor/forecast.h"
 #include "gs_app/blocks/picture_shares.h"
 #include "gs_app/blocks/write_partition.h"
-#include "gs_app/jobs/shared_options.h"
+#include "gs_app/jobs/parts/shared_options.h"
 #include "gs_app/jobs/verbs.h"
 #include "gs_app/run/make_backend.h"
 #include "gs_app/run/output_place.h"

@@ -3,8 +3,8 @@
 #include <algorithm>
 
 #include "gs_app/checks/self_checks.h"
-#include "gs_app/jobs/capabilities.h"
-#include "gs_app/jobs/job.h"
+#include "gs_app/jobs/parts/capabilities.h"
+#include "gs_app/jobs/parts/job.h"
 #include "gs_app/jobs/verbs.h"
 #include "gs_app/run/make_backend.h"
 #include "gs_app/run/text.h"

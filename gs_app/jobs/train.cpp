@@ -5,9 +5,9 @@
 #include <optional>
 
 #include "gs_app/checkpoints/resume.h"
-#include "gs_app/jobs/colmap_progress.h"
-#include "gs_app/jobs/foreign_flags.h"
-#include "gs_app/jobs/shared_options.h"
+#include "gs_app/jobs/parts/colmap_progress.h"
+#include "gs_app/jobs/parts/foreign_flags.h"
+#include "gs_app/jobs/parts/shared_options.h"
 #include "gs_app/jobs/verbs.h"
 #include "gs_app/run/make_backend.h"
 #include "gs_app/run/output_place.h"

@@ -4,7 +4,7 @@
 
 #include "data_loaders/scene/find_scene.h"
 #include "data_loaders/scene/undistort_scene.h"
-#include "gs_app/jobs/shared_options.h"
+#include "gs_app/jobs/parts/shared_options.h"
 #include "gs_app/jobs/verbs.h"
 #include "gs_app/run/output_place.h"
 #include "gs_app/run/text.h"

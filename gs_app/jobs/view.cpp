@@ -2,7 +2,7 @@
 // gemsplat view: a trained model in the browser.
 #include <cstdlib>
 
-#include "gs_app/jobs/shared_options.h"
+#include "gs_app/jobs/parts/shared_options.h"
 #include "gs_app/jobs/verbs.h"
 #include "gs_app/run/text.h"
 #include "gs_app/view/file_view.h"

@@ -143,10 +143,12 @@ const std::map<std::string, std::set<std::string>> kRooms = {
     {"gs_app/experiment", {"gs_app/run"}},
     {"gs_app/experiment/tables", {"gs_app/experiment", "gs_app/report", "gs_app/run"}},
     {"gs_app/checks", {"gs_app/run"}},
+    {"gs_app/jobs/parts", {"gs_app/run", "gs_app/view/http"}},
     {"gs_app/jobs",
-     {"gs_app/run", "gs_app/pictures", "gs_app/export", "gs_app/edit", "gs_app/blocks",
-      "gs_app/checkpoints", "gs_app/observers", "gs_app/report", "gs_app/session", "gs_app/view",
-      "gs_app/view/http", "gs_app/experiment", "gs_app/experiment/tables", "gs_app/checks"}},
+     {"gs_app/jobs/parts", "gs_app/run", "gs_app/pictures", "gs_app/export", "gs_app/edit",
+      "gs_app/blocks", "gs_app/checkpoints", "gs_app/observers", "gs_app/report", "gs_app/session",
+      "gs_app/view", "gs_app/view/http", "gs_app/experiment", "gs_app/experiment/tables",
+      "gs_app/checks"}},
 };
 
 // Target -> its layer, where the target's name is not "gs_" and the folder.

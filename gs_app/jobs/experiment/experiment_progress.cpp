@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "gs_app/jobs/experiment_progress.h"
+#include "gs_app/jobs/experiment/experiment_progress.h"
 
 #include <spdlog/fmt/fmt.h>
 #include <unistd.h>

@@ -4,7 +4,7 @@
 
 #include "gs_app/blocks/merge_blocks.h"
 #include "gs_app/edit/edit_cameras.h"
-#include "gs_app/jobs/edit_job.h"
+#include "gs_app/jobs/edit/edit_job.h"
 #include "gs_model/edit/merge_models.h"
 
 namespace gs {

@@ -2,7 +2,7 @@
 // The options of gemsplat export.
 #include <spdlog/fmt/fmt.h>
 
-#include "gs_app/jobs/export_job.h"
+#include "gs_app/jobs/export/export_job.h"
 
 namespace gs {
 namespace {

@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "gs_app/jobs/shared_options.h"
+#include "gs_app/jobs/parts/shared_options.h"
 
-#include "gs_app/jobs/foreign_flags.h"
-#include "gs_app/jobs/job.h"
+#include "gs_app/jobs/parts/foreign_flags.h"
+#include "gs_app/jobs/parts/job.h"
 #include "gs_core/config/config_presets.h"
 
 namespace gs {

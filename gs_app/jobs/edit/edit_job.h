@@ -7,8 +7,8 @@
 
 #include "gs_app/blocks/blocks_file.h"
 #include "gs_app/edit/edit_step.h"
-#include "gs_app/jobs/job.h"
-#include "gs_app/jobs/shared_options.h"
+#include "gs_app/jobs/parts/job.h"
+#include "gs_app/jobs/parts/shared_options.h"
 #include "gs_app/run/open_model.h"
 #include "gs_model/formats/formats.h"
 

@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "gs_app/jobs/job.h"
+#include "gs_app/jobs/parts/job.h"
 
 #include <algorithm>
 
-#include "gs_app/jobs/foreign_flags.h"
+#include "gs_app/jobs/parts/foreign_flags.h"
 #include "gs_app/run/run_folder.h"
 #include "gs_core/threads/parallel.h"
 

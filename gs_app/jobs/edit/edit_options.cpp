@@ -5,7 +5,7 @@
 #include <algorithm>
 #include <iterator>
 
-#include "gs_app/jobs/edit_job.h"
+#include "gs_app/jobs/edit/edit_job.h"
 
 namespace gs {
 namespace {

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// A verb as data. A file of this folder has a request with its defaults, the list of its options,
+// A verb as data. A file of gs_app/jobs has a request with its defaults, the list of its options,
 // and the work:
 //
 //   struct CountJob : JobSettings { std::string model; };
@@ -18,7 +18,7 @@
 #include <string>
 #include <vector>
 
-#include "gs_app/jobs/option.h"
+#include "gs_app/jobs/parts/option.h"
 #include "gs_core/config/config.h"
 #include "gs_core/error.h"
 #include "gs_core/system/log.h"

@@ -5,7 +5,7 @@
 #include <cmath>
 
 #include "data_loaders/georef/georef_file.h"
-#include "gs_app/jobs/export_job.h"
+#include "gs_app/jobs/export/export_job.h"
 #include "gs_app/run/output_place.h"
 #include "gs_app/view/page/model_page.h"
 #include "gs_core/system/files/output_names.h"

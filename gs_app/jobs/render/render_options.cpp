@@ -10,7 +10,7 @@
 #include <utility>
 
 #include "gs_app/export/key_frames.h"
-#include "gs_app/jobs/render_job.h"
+#include "gs_app/jobs/render/render_job.h"
 #include "gs_app/run/output_place.h"
 #include "gs_core/math/constants.h"
 

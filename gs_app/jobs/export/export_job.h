@@ -8,8 +8,8 @@
 #include <vector>
 
 #include "gs_app/export/export_model.h"
-#include "gs_app/jobs/job.h"
-#include "gs_app/jobs/shared_options.h"
+#include "gs_app/jobs/parts/job.h"
+#include "gs_app/jobs/parts/shared_options.h"
 #include "gs_app/run/open_model.h"
 #include "gs_model/tiles/tileset.h"
 

@@ -5,7 +5,7 @@
 #include <optional>
 #include <string>
 
-#include "gs_app/jobs/option.h"
+#include "gs_app/jobs/parts/option.h"
 #include "gs_app/view/http/http_server.h"
 
 namespace gs {
