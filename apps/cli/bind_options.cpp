@@ -7,7 +7,7 @@
 #include <algorithm>
 #include <map>
 
-#include "gs_app/jobs/job.h"
+#include "gs_app/jobs/parts/job.h"
 
 namespace gs {
 namespace {

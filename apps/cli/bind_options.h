@@ -5,7 +5,7 @@
 #include <string>
 #include <vector>
 
-#include "gs_app/jobs/option.h"
+#include "gs_app/jobs/parts/option.h"
 
 namespace CLI {
 class App;

@@ -1,13 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
 // Habits of users of other trainers and of older versions: `eval -m RUN`, --start_checkpoint, prune.
-// Flags that mean the same here are options of the verbs (gs_app/jobs/foreign_flags.h).
+// Flags that mean the same here are options of the verbs (gs_app/jobs/parts/foreign_flags.h).
 #pragma once
 
 #include <string>
 #include <string_view>
 #include <vector>
 
-#include "gs_app/jobs/job.h"
+#include "gs_app/jobs/parts/job.h"
 
 namespace gs {
 

@@ -4,7 +4,7 @@
 
 #include <string>
 
-#include "gs_app/jobs/job.h"
+#include "gs_app/jobs/parts/job.h"
 
 namespace gs {
 

@@ -59,21 +59,22 @@ void set_up_messages(const BoundVerb& bound) {
   detail::set_log_sink(log_as_json);
 }
 
-std::string text_of(const Json& json) {
-  return json.dump(2, ' ', false, Json::error_handler_t::replace) + "\n";
-}
-
+// Behind an answer, which may go to a file, the commands go to standard error.
 void show(const BoundVerb& bound, Outcome outcome) {
   const bool is_quiet = bound.call->settings().quiet;
   if (bound.json) {
     if (outcome.json.is_object())
       for (const NextCommand& next : outcome.next) outcome.json["next"].push_back(next.command);
-    if (!outcome.json.is_null()) std::cout << text_of(outcome.json);
+    if (!outcome.json.is_null()) std::cout << file_text(outcome.json);
   } else {
-    if (!is_quiet || outcome.is_answer) std::cout << outcome.text;
-    if (!is_quiet)
-      for (const NextCommand& next : outcome.next)
-        std::cout << next.why << ": " << next.command << "\n";
+    if (!is_quiet || outcome.is_answer) std::cout << outcome.text << std::flush;
+    for (const NextCommand& next : outcome.next) {
+      const std::string line = next.why + ": " + next.command;
+      if (outcome.is_answer)
+        log_info("{}", line);
+      else if (!is_quiet)
+        std::cout << line << "\n";
+    }
   }
   std::cout.flush();
   if (outcome.failure) throw Error(*outcome.failure);

@@ -5,7 +5,7 @@
 #include <memory>
 #include <string>
 
-#include "gs_app/jobs/job.h"
+#include "gs_app/jobs/parts/job.h"
 
 namespace CLI {
 class App;

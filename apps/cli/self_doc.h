@@ -6,7 +6,7 @@
 
 #include <vector>
 
-#include "gs_app/jobs/job.h"
+#include "gs_app/jobs/parts/job.h"
 
 namespace CLI {
 class App;

@@ -3,6 +3,7 @@
 
 #include <algorithm>
 
+#include "data_loaders/photos/encode/encode_png.h"
 #include "data_loaders/photos/photo_codec.h"
 #include "data_loaders/photos/photo_names.h"
 #include "gs_core/system/files/atomic_file.h"

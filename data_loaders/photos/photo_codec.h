@@ -50,7 +50,4 @@ std::string codec_name();
 std::vector<std::uint8_t> encode_jpeg_copy(const std::filesystem::path& photo, const Image8& image);
 inline constexpr int kCopyQuality = 98;
 
-/// encode_jpeg() (photos.h) on one thread.
-std::vector<std::uint8_t> encode_jpeg_alone(const Image8& image, int quality);
-
 }  // namespace gs

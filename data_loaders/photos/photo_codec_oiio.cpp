@@ -9,6 +9,7 @@
 #include <OpenImageIO/filesystem.h>
 #include <OpenImageIO/imageio.h>
 
+#include "data_loaders/photos/encode/encode_jpeg.h"
 #include "data_loaders/photos/photo_codec.h"
 #include "data_loaders/photos/picture_header.h"
 #include "gs_core/error.h"

@@ -14,6 +14,7 @@
 #include <memory>
 #include <numeric>
 
+#include "data_loaders/photos/encode/encode_jpeg.h"
 #include "data_loaders/photos/exif_tags.h"
 #include "data_loaders/photos/photo_codec.h"
 #include "gs_core/error.h"

@@ -9,12 +9,10 @@
 #include <cstring>
 #include <new>
 
-#include "data_loaders/photos/encode_png.h"
 #include "data_loaders/photos/photo_codec.h"
 #include "data_loaders/photos/picture_header.h"
 #include "gs_core/error.h"
 #include "gs_core/system/files/access.h"
-#include "gs_core/system/files/atomic_file.h"
 #include "gs_core/system/text/plain_message.h"
 #include "gs_core/threads/parallel.h"
 
@@ -170,14 +168,6 @@ Image8 area_resized(const Image8& image, int width, int height) {
 std::string note_on_reduced_photos(const PhotoSize& largest, const PhotoSize& reduced) {
   return fmt::format("photos of {}x{} are trained at {}x{}; -r 1 keeps all of their pixels",
                      largest.width, largest.height, reduced.width, reduced.height);
-}
-
-void write_png(const fs::path& path, const Image8& image) {
-  GS_CHECK(!image.empty() && (image.channels == 1 || image.channels == 3 || image.channels == 4));
-  const std::vector<std::uint8_t> bytes = encode_png(image);
-  AtomicFile file(path);
-  file.write(bytes.data(), bytes.size());
-  file.commit();
 }
 
 }  // namespace gs

@@ -1,13 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
-// Reads and writes photos, and makes them smaller. Pixels are read as COLMAP reads them: in stored
+// Reads photos, and makes them smaller. Pixels are read as COLMAP reads them: in stored
 // order, without following an EXIF orientation.
 #pragma once
 
-#include <cstdint>
 #include <filesystem>
 #include <optional>
 #include <string>
-#include <vector>
 
 #include "gs_core/geodesy/geodetic.h"
 #include "gs_core/image.h"
@@ -57,14 +55,6 @@ std::optional<float> read_exposure_stops(const std::filesystem::path& path);
 /// with pixels that it covers in part counted by that part; halves are rounded up. Exact (whole
 /// numbers), so the same on every machine. `width` and `height` are > 0.
 Image8 area_resized(const Image8& image, int width, int height);
-
-/// Writes an image with 1, 3 or 4 channels (the fourth is straight alpha) as PNG. The file exists
-/// whole or not at all. Throws Error.
-void write_png(const std::filesystem::path& path, const Image8& image);
-
-/// The bytes of a JPEG file with three channels; quality 1 to 100. For viewing, not for measuring.
-/// Large ones are made on all threads. Throws Error.
-std::vector<std::uint8_t> encode_jpeg(const Image8& image, int quality);
 
 /// A sentence for photos that dataset.resolution = 0 has reduced. `largest` is the size of the
 /// largest photo, and `reduced` its size in training.

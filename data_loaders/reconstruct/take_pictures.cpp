@@ -10,6 +10,7 @@
 
 #include "data_loaders/counted.h"
 #include "data_loaders/photos/orientation.h"
+#include "data_loaders/video/sharpest_frames.h"
 #include "data_loaders/video/video_frames.h"
 #include "gs_core/error.h"
 #include "gs_core/system/files/access.h"

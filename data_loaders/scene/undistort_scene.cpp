@@ -14,6 +14,8 @@
 #include <tuple>
 
 #include "data_loaders/colmap/colmap_write.h"
+#include "data_loaders/photos/encode/encode_jpeg.h"
+#include "data_loaders/photos/encode/encode_png.h"
 #include "data_loaders/photos/exr.h"
 #include "data_loaders/photos/photo_codec.h"
 #include "data_loaders/photos/photo_names.h"

@@ -5,10 +5,7 @@
 
 #include <algorithm>
 
-#include "data_loaders/photos/photos.h"
-#include "data_loaders/photos/picture_quality.h"
 #include "gs_core/error.h"
-#include "gs_core/system/log.h"
 
 #ifdef GS_HAVE_VIDEO
 #include <opencv2/core.hpp>
@@ -25,15 +22,6 @@ namespace fs = std::filesystem;
 #ifdef GS_HAVE_VIDEO
 
 namespace {
-
-constexpr double kEndedEarly = 0.9;  // of the frames in the header, which may be off by a few
-
-[[noreturn]] void cannot_read_video(const fs::path& video, const std::string& what) {
-  throw Error(fmt::format(
-      "cannot read video {}: {}; copy it again, or convert it with ffmpeg -i VIDEO -c:v libx264 "
-      "-crf 16 NEW.mp4 and name NEW.mp4",
-      video.string(), what));
-}
 
 /// FFmpeg alone, where OpenCV has it. Its other readers take the name for a row of pictures, which
 /// they decode without our limits, for a pipeline, or for a camera, whose drivers they load.
@@ -77,12 +65,6 @@ class OpenCvReader final : public VideoReader {
   cv::VideoCapture capture_;
 };
 
-struct Frame {
-  std::int64_t number = -1;
-  Image8 picture;
-  double sharpness = -1;
-};
-
 }  // namespace
 
 bool can_read_videos() { return true; }
@@ -100,39 +82,6 @@ std::int64_t count_frames(const fs::path& video) {
   while (capture.grab()) ++count;
   if (count == 0) cannot_read_video(video, "it has no frame that can be decoded");
   return count;
-}
-
-std::vector<std::string> take_frames(const fs::path& video, std::int64_t total, std::int64_t wanted,
-                                     const fs::path& folder, const std::string& stem,
-                                     const FrameProgress& progress) {
-  GS_CHECK(total > 0 && wanted > 0);
-  wanted = std::min(wanted, total);
-  cv::VideoCapture capture = open_capture(video);
-  std::vector<std::string> names;
-  Frame best;
-  const auto keep_best = [&] {
-    if (best.number < 0) return;
-    names.push_back(fmt::format("{}_{:06d}.png", stem, best.number));
-    write_png(folder / names.back(), best.picture);
-    best = {};
-  };
-  const auto stretch_of = [&](std::int64_t number) { return number * wanted / total; };
-  std::int64_t number = 0;
-  for (cv::Mat frame; capture.read(frame) && !frame.empty(); ++number) {
-    if (number > 0 && stretch_of(number) != stretch_of(number - 1)) keep_best();
-    Image8 picture = picture_of(frame);
-    const double sharpness = quality_of(picture).sharpness;
-    if (sharpness > best.sharpness) best = {number, std::move(picture), sharpness};
-    if (progress) progress(number + 1);
-  }
-  keep_best();
-  if (number == 0) cannot_read_video(video, "it has no frame that can be decoded");
-  if (double(number) < kEndedEarly * double(total))
-    log_warning(
-        "video {} ends after {} of {} frames: it is damaged or cut short; the frames before are "
-        "used",
-        video.string(), number, total);
-  return names;
 }
 
 #else
@@ -153,10 +102,6 @@ bool can_read_videos() { return false; }
 std::string video_codec_name() { return {}; }
 std::unique_ptr<VideoReader> open_video(const fs::path& video) { fail_without_opencv(video); }
 std::int64_t count_frames(const fs::path& video) { fail_without_opencv(video); }
-std::vector<std::string> take_frames(const fs::path& video, std::int64_t, std::int64_t,
-                                     const fs::path&, const std::string&, const FrameProgress&) {
-  fail_without_opencv(video);
-}
 
 #endif
 

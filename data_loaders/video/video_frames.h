@@ -1,18 +1,25 @@
 // SPDX-License-Identifier: Apache-2.0
-// Decodes videos: all frames in order, or the sharpest of each of many short stretches as photos.
-// Needs OpenCV; film_frames.h does not.
+// Decodes the frames of videos in order. Needs OpenCV; film_frames.h does not.
 #pragma once
 
 #include <cstdint>
 #include <filesystem>
-#include <functional>
 #include <memory>
 #include <string>
-#include <vector>
 
+#include "gs_core/error.h"
 #include "gs_core/image.h"
 
 namespace gs {
+
+/// Throws Error: cannot read video FILE: `what`.
+[[noreturn]] inline void cannot_read_video(const std::filesystem::path& video,
+                                           const std::string& what) {
+  throw Error(
+      "cannot read video " + video.string() + ": " + what +
+      "; copy it again, or convert it with ffmpeg -i VIDEO -c:v libx264 -crf 16 NEW.mp4 and "
+      "name NEW.mp4");
+}
 
 /// Whether this build reads videos.
 bool can_read_videos();
@@ -38,18 +45,5 @@ std::unique_ptr<VideoReader> open_video(const std::filesystem::path& video);
 /// The number of frames from the file's header, or else counted. Throws Error if the video cannot
 /// be read.
 std::int64_t count_frames(const std::filesystem::path& video);
-
-/// Called after each frame.
-using FrameProgress = std::function<void(std::int64_t done)>;
-
-/// Cuts the video's `total` frames into `wanted` stretches of equal length (single frames if there
-/// are no more) and writes the sharpest frame of each to FOLDER/STEM_NNNNNN.png. Sharpness is the
-/// variance of the Laplacian; among equals the first frame counts. NNNNNN is the frame's number
-/// from 0, so names sort by time. A rotation stored in the file (phones held upright) is applied.
-/// Returns the names. The same call writes the same files. Warns if the video ends early; throws
-/// Error if it cannot be read at all.
-std::vector<std::string> take_frames(const std::filesystem::path& video, std::int64_t total,
-                                     std::int64_t wanted, const std::filesystem::path& folder,
-                                     const std::string& stem, const FrameProgress& progress);
 
 }  // namespace gs

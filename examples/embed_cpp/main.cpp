@@ -5,7 +5,7 @@
 #include <filesystem>
 #include <string>
 
-#include "data_loaders/photos/photos.h"
+#include "data_loaders/photos/encode/encode_png.h"
 #include "data_loaders/scene/load_scene.h"
 #include "gs_app/run/make_backend.h"
 #include "gs_core/error.h"

@@ -4,64 +4,24 @@
 #include <spdlog/fmt/fmt.h>
 
 #include <algorithm>
-#include <charconv>
 #include <cmath>
 #include <cstddef>
 #include <string>
 #include <utility>
 
-#include "gs_core/config/config_limits.h"
+#include "gs_app/checkpoints/checkpoint_about.h"
+#include "gs_app/checkpoints/checkpoint_views.h"
 #include "gs_core/config/text/setting_lines.h"
 #include "gs_core/error.h"
 #include "gs_core/system/files/checked_file.h"
 #include "gs_core/system/text/foreign_text.h"
-#include "gs_core/system/text/json.h"
-#include "gs_core/system/text/read_json.h"
-#include "gs_core/system/version.h"
 
 namespace gs {
 namespace {
 
 // Version 1 had first and second moments as floats in arrays of their own.
 constexpr FileKind kKind{"gsckpt\r\n", 1, 2};
-constexpr std::int64_t kMostSteps = 2'000'000'000;         // as int, with some left to count on
 constexpr std::size_t kChunkBytes = std::size_t(1) << 24;  // copied from a device at once
-
-// ---- numbers that people may want to read ------------------------------------------------------
-
-// The hashes of the views' photos: 16 hexadecimal digits each.
-constexpr std::size_t kHashDigits = 16;
-
-std::string photo_text(const std::vector<ViewRecord>& views) {
-  std::string text;
-  for (const ViewRecord& view : views) text += fmt::format("{:016x}", view.photo);
-  return text;
-}
-
-void take_photos_of(const std::string& text, std::vector<ViewRecord>& views) {
-  if (text.size() != views.size() * kHashDigits) return;  // a checkpoint of version 0.1.0 has none
-  for (std::size_t i = 0; i < views.size(); ++i) {
-    const char* const first = text.data() + i * kHashDigits;
-    std::from_chars(first, first + kHashDigits, views[i].photo, 16);
-  }
-}
-
-Json about(const RunProgress& progress, const TrainingModel& model, const SceneRecord& scene) {
-  return {{"gemsplat", kVersion},
-          {"step", progress.step},
-          {"gaussians", model.count()},
-          {"adam_steps", model.adam_steps},
-          {"first_gaussians", model.first_count},
-          {"sh_degree", progress.sh_degree},
-          {"loss", progress.loss},
-          {"train_seconds", progress.train_seconds},
-          {"growth_cap", progress.growth_cap},
-          {"extent", scene.extent},
-          {"world_offset", {scene.world_offset.x, scene.world_offset.y, scene.world_offset.z}},
-          {"photos", photo_text(scene.views)}};
-}
-
-// ---- views -------------------------------------------------------------------------------------
 
 // Behind the count of Gaussians, unless it is 0: which arrays there are besides the usual ones.
 constexpr std::uint64_t kHasTime = 1;          // those of space and time
@@ -101,81 +61,6 @@ bool is_kind(std::uint64_t kind) {
   constexpr std::uint64_t kKnown =
       kHasTime | kHasSums | kHasFilter | kHasPhotometric | kHasPoses | kHasHalves;
   return (kind & ~kKnown) == 0;
-}
-
-struct ViewNumbers {
-  std::int32_t is_test, width, height;
-  float fx, fy, cx, cy;
-  Mat3<float> rotation;
-  Vec3f translation, exposure;
-};
-static_assert(sizeof(ViewNumbers) == 22 * 4);
-
-ViewNumbers numbers_of(const ViewRecord& view) {
-  const Camera& camera = view.camera;
-  return {view.is_test,
-          camera.width,
-          camera.height,
-          camera.fx,
-          camera.fy,
-          camera.cx,
-          camera.cy,
-          camera.cam_from_world_rotation,
-          camera.cam_from_world_translation,
-          view.exposure};
-}
-
-ViewRecord view_of(const ViewNumbers& numbers) {
-  ViewRecord view;
-  view.is_test = numbers.is_test != 0;
-  view.exposure = numbers.exposure;
-  Camera& camera = view.camera;
-  camera.width = numbers.width;
-  camera.height = numbers.height;
-  camera.fx = numbers.fx;
-  camera.fy = numbers.fy;
-  camera.cx = numbers.cx;
-  camera.cy = numbers.cy;
-  camera.cam_from_world_rotation = numbers.rotation;
-  camera.cam_from_world_translation = numbers.translation;
-  return view;
-}
-
-void write_views(CheckedWriter& file, const std::vector<ViewRecord>& views) {
-  std::string names;
-  for (const ViewRecord& view : views) names += view.name + '\0';
-  file.text("view_names", names);
-  file.section("views", views.size() * sizeof(ViewNumbers));
-  for (const ViewRecord& view : views) {
-    const ViewNumbers numbers = numbers_of(view);
-    file.write(&numbers, sizeof numbers);
-  }
-}
-
-std::vector<ViewRecord> read_views(CheckedReader& file) {
-  const std::string names = file.text("view_names");
-  std::vector<ViewRecord> views;
-  std::size_t begin = 0;
-  for (const ViewNumbers& numbers : file.values<ViewNumbers>("views")) {
-    const std::size_t end = names.find('\0', begin);
-    if (end == names.npos) file.damaged();
-    views.push_back(view_of(numbers));
-    views.back().name = names.substr(begin, end - begin);
-    begin = end + 1;
-  }
-  return views;
-}
-
-// The times of the views are in a section of their own, which only models in space and time have.
-void write_times(CheckedWriter& file, const std::vector<ViewRecord>& views) {
-  file.section("view_times", views.size() * sizeof(float));
-  for (const ViewRecord& view : views) file.write(&view.camera.time, sizeof view.camera.time);
-}
-
-void read_times(CheckedReader& file, std::vector<ViewRecord>& views) {
-  const std::vector<float> times = file.values<float>("view_times");
-  if (times.size() != views.size()) file.damaged();
-  for (std::size_t i = 0; i < views.size(); ++i) views[i].camera.time = times[i];
 }
 
 // ---- arrays ------------------------------------------------------------------------------------
@@ -336,92 +221,6 @@ void read_poses(CheckedReader& file, PoseState& state) {
   state.start.upload(std::vector<float>(state.size(), 0.0f));
 }
 
-// The texts of a file. They are parsed only after its checksum was found right.
-struct Contents {
-  std::string about, config;
-};
-
-// The right checksum does not prove that this program wrote the file: each number has a range.
-class Numbers {
- public:
-  Numbers(const std::filesystem::path& path, const std::string& text)
-      : path_(path), json_(parse_json(path, text, kRemedy)) {
-    if (!json_.is_object()) refuse("its section \"about\" is no object");
-  }
-  std::int64_t whole(const char* key, std::int64_t most) const {
-    const auto value = json_.find(key);
-    const bool fits = value != json_.end() && value->is_number_unsigned() &&
-                      value->get<std::uint64_t>() <= std::uint64_t(most);
-    if (!fits) refuse(fmt::format("{} is no whole number from 0 to {}", key, most));
-    return value->get<std::int64_t>();
-  }
-  /// A count; 0 where a checkpoint of an older version has none.
-  std::int64_t whole_or_0(const char* key) const {
-    return json_.contains(key) ? whole(key, std::int64_t(limits::kLargestExact)) : 0;
-  }
-  double number(const char* key, double low, double high) const {
-    return inside(json_.value(key, Json()), key, low, high);
-  }
-  /// A text; empty where a checkpoint of an older version has none.
-  std::string text(const char* key) const {
-    const Json value = json_.value(key, Json(""));
-    if (!value.is_string()) refuse(fmt::format("{} is no text", key));
-    return value.get<std::string>();
-  }
-  Vec3d vector(const char* key) const {
-    const Json list = json_.value(key, Json());
-    if (!list.is_array() || list.size() != 3) refuse(fmt::format("{} is no vector", key));
-    Vec3d vector;
-    for (std::size_t k = 0; k < 3; ++k)
-      vector[int(k)] = inside(list[k], key, -limits::kLargestExact, limits::kLargestExact);
-    return vector;
-  }
-
- private:
-  double inside(const Json& value, const char* key, double low, double high) const {
-    const double number = value.is_number() ? value.get<double>() : NAN;
-    if (!(number >= low && number <= high))
-      refuse(fmt::format("{} is no number from {:.3g} to {:.3g}", key, low, high));
-    return number;
-  }
-  [[noreturn]] void refuse(const std::string& what) const {
-    cannot_read(path_, fmt::format("{}; {}", what, kRemedy));
-  }
-
-  static constexpr const char* kRemedy = "it is of another version or forged, resume another one";
-  const std::filesystem::path& path_;
-  Json json_;
-};
-
-void apply(const std::filesystem::path& path, const Contents& contents, Checkpoint& checkpoint) {
-  const Numbers numbers(path, contents.about);
-  constexpr double kLargest = limits::kLargestFloat;
-  RunProgress& progress = checkpoint.state.progress;
-  progress.step = int(numbers.whole("step", kMostSteps));
-  progress.sh_degree = int(numbers.whole("sh_degree", kMaxShDegree));
-  progress.loss = numbers.number("loss", -kLargest, kLargest);
-  progress.train_seconds = numbers.number("train_seconds", 0, kLargest);
-  progress.growth_cap = numbers.whole("growth_cap", std::int64_t(limits::kLargestExact));
-  checkpoint.state.model.adam_steps = int(numbers.whole("adam_steps", kMostSteps));
-  checkpoint.state.model.first_count = std::size_t(numbers.whole_or_0("first_gaussians"));
-  checkpoint.scene.extent = float(numbers.number("extent", 0, kLargest));
-  checkpoint.scene.world_offset = numbers.vector("world_offset");
-  take_photos_of(numbers.text("photos"), checkpoint.scene.views);
-  checkpoint.config = config_of_lines(contents.config);
-}
-
-bool is_sound(const ViewRecord& view) {
-  const Camera& camera = view.camera;
-  const Mat3<float>& R = camera.cam_from_world_rotation;
-  constexpr int kLargestSide = 1 << 20;  // pixels, as for cameras.json
-  const auto is_side = [](int pixels) { return pixels > 0 && pixels <= kLargestSide; };
-  return is_side(camera.width) && is_side(camera.height) && camera.fx > 0 && camera.fy > 0 &&
-         is_finite(Vec3f(camera.fx, camera.fy, 0)) && is_finite(Vec3f(camera.cx, camera.cy, 0)) &&
-         is_finite(R.row0) && is_finite(R.row1) && is_finite(R.row2) &&
-         is_finite(camera.cam_from_world_translation) && is_finite(view.exposure) &&
-         std::isfinite(camera.time);
-}
-
 void check(const std::filesystem::path& path, const Checkpoint& checkpoint) {
   constexpr int kMostStrikes = 1000;  // far above those after which a view is skipped
   constexpr const char* kRemedy = "the checkpoint is forged, resume another one";
@@ -479,7 +278,7 @@ void write_checkpoint(const std::filesystem::path& path, const Config& config,
                       const SceneRecord& scene, const RunProgress& progress,
                       const TrainingModel& model) {
   CheckedWriter file(path, kKind);
-  file.text("about", about(progress, model, scene).dump());
+  file.text("about", about_text(progress, model, scene));
   file.text("config", setting_lines(config));
   write_views(file, scene.views);
   write_values(file, "strikes", progress.strikes);
@@ -498,12 +297,12 @@ void write_checkpoint(const std::filesystem::path& path, const Config& config,
 Checkpoint read_checkpoint(const std::filesystem::path& path, CheckpointPart part) {
   CheckedReader file(path, kKind);
   Checkpoint checkpoint;
-  Contents contents;
-  contents.about = file.text("about");
-  contents.config = file.text("config");
+  // They are parsed only after the file's checksum was found right.
+  const std::string about = file.text("about"), config = file.text("config");
   if (part == CheckpointPart::whole) read_views_and_arrays(path, file, checkpoint);
   try {
-    apply(path, contents, checkpoint);
+    take_about(path, about, checkpoint);
+    checkpoint.config = config_of_lines(config);
   } catch (const UsageError& error) {  // whole, but with a setting that this version does not have
     cannot_read(path, std::string("it is of another version of gemsplat: ") + error.what());
   }

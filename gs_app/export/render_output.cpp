@@ -6,9 +6,9 @@
 #include <set>
 #include <utility>
 
+#include "data_loaders/photos/encode/encode_png.h"
 #include "data_loaders/photos/exr.h"
 #include "data_loaders/photos/photo_names.h"
-#include "data_loaders/photos/photos.h"
 #include "gs_app/export/export_model.h"
 #include "gs_app/pictures/pictures.h"
 #include "gs_core/error.h"

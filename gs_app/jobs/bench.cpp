@@ -1,5 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // gemsplat bench: times training and rendering of a trained or a generated model on one device.
+#include <spdlog/fmt/fmt.h>
+
 #include <filesystem>
 
 #include "data_loaders/scene/load_scene.h"
@@ -7,7 +9,7 @@
 #include "gs_app/checks/benchmark_report.h"
 #include "gs_app/checks/generated_scene.h"
 #include "gs_app/export/export_model.h"
-#include "gs_app/jobs/shared_options.h"
+#include "gs_app/jobs/parts/shared_options.h"
 #include "gs_app/jobs/verbs.h"
 #include "gs_app/run/make_backend.h"
 #include "gs_app/run/open_model.h"
@@ -15,7 +17,6 @@
 #include "gs_app/run/text.h"
 #include "gs_core/math/constants.h"
 #include "gs_core/system/files/output_lock.h"
-#include "gs_core/threads/parallel.h"
 #include "gs_render/render_settings.h"
 
 namespace gs {
@@ -87,8 +88,7 @@ BenchmarkSubject generated_subject(const BenchJob& job) {
   recipe.views = job.views;
   BenchmarkSubject subject;
   subject.model = subject.scene = "generated";
-  subject.config = resolve(job);
-  set_thread_count(subject.config.train.threads);
+  subject.config = resolve_to_work(job);
   subject.settings = render_settings(subject.config);
   GeneratedScene scene = generated_scene(recipe);
   subject.gaussians = std::move(scene.model);
@@ -101,11 +101,10 @@ BenchmarkSubject trained_subject(const BenchJob& job) {
   // A bare model does not say which views were held out; the usual rule is assumed.
   if (!opened.run) opened.config.dataset.eval = true;
   BenchmarkSubject subject;
-  subject.config = resolve(job, opened.config);
+  subject.config = resolve_to_work(job, opened.config);
   const DatasetConfig& dataset = subject.config.dataset;
   if (dataset.source.empty())
     throw UsageError("the model has no views to time; give its scene with --data SCENE");
-  set_thread_count(subject.config.train.threads);
   subject.model = opened.ply.string();
   subject.scene = dataset.source;
   subject.settings = view_settings(opened, subject.config);
@@ -160,6 +159,15 @@ BenchmarkReport measure(const BenchmarkSubject& subject, const BenchJob& job) {
   return report;
 }
 
+NextCommand next_of(const BenchJob& job) {
+  const std::string subject =
+      job.model.empty() ? fmt::format("--gaussians {}", job.gaussians) : shell_word(job.model);
+  if (job.output.empty())
+    return {"keep such figures", fmt::format("gemsplat bench {} -o before.json", subject)};
+  return {"compare a later build with it",
+          fmt::format("gemsplat bench {} --against {}", subject, shell_word(job.output))};
+}
+
 Outcome run(const BenchJob& job, JobEvents&) {
   std::optional<OutputLock> lock;
   if (!job.output.empty()) lock.emplace(OutputLock::of_file(job.output));
@@ -174,9 +182,7 @@ Outcome run(const BenchJob& job, JobEvents&) {
   }
   Outcome outcome{report_text(subject, job.plan, report), Json::parse(json), {}, true};
   if (!others.empty()) outcome.text += "\n" + comparison_text({"this call", outcome.json}, others);
-  if (!job.output.empty())
-    outcome.next = {
-        {"compare a later build with it", "gemsplat bench --against " + shell_word(job.output)}};
+  outcome.next = {next_of(job)};
   return outcome;
 }
 

@@ -4,7 +4,7 @@
 
 #include <algorithm>
 
-#include "gs_app/jobs/shared_options.h"
+#include "gs_app/jobs/parts/shared_options.h"
 #include "gs_app/jobs/verbs.h"
 #include "gs_core/config/config_fields.h"
 #include "gs_core/config/config_presets.h"
@@ -86,7 +86,8 @@ Outcome compare(const ConfigJob& job) {
   load_config(b, job.b.empty() ? job.a : job.b, &b_origins);
   const std::string text = difference(a, a_origins, b, b_origins);
   return {text.empty() ? "no setting differs\n" : text,
-          {{"a", json_of(a, a_origins)}, {"b", json_of(b, b_origins)}}};
+          {{"a", json_of(a, a_origins)}, {"b", json_of(b, b_origins)}},
+          {{"what they mean", "gemsplat config explain SECTION.KEY"}}};
 }
 
 Outcome answer(const ConfigJob& job) {
@@ -96,7 +97,9 @@ Outcome answer(const ConfigJob& job) {
   if (job.compares) return compare(job);
   SettingOrigins origins;
   const Config config = resolve(job, {}, &origins);
-  return {to_toml(config), json_of(config, origins)};
+  return {to_toml(config),
+          json_of(config, origins),
+          {{"train with them", "gemsplat train SCENE -c FILE"}}};
 }
 
 Outcome run(const ConfigJob& job, JobEvents&) {

@@ -6,13 +6,12 @@
 
 #include <algorithm>
 
-#include "gs_app/jobs/shared_options.h"
+#include "gs_app/jobs/parts/shared_options.h"
 #include "gs_app/jobs/verbs.h"
 #include "gs_app/run/make_backend.h"
 #include "gs_app/run/text.h"
 #include "gs_app/session/load_run_scene.h"
 #include "gs_core/system/text/foreign_text.h"
-#include "gs_core/threads/parallel.h"
 
 namespace gs {
 namespace {
@@ -83,10 +82,9 @@ ForecastDevice device_of(const Config& config) {
 }
 
 Outcome run(const DoctorJob& job, JobEvents& events) {
-  const Config config = resolve(job);
+  const Config config = resolve_to_work(job);
   if (config.dataset.source.empty())
     throw UsageError("there is no scene; give its folder: gemsplat doctor SCENE");
-  set_thread_count(config.train.threads);
   const auto show = [&](std::size_t done, std::size_t total) {
     if (!events.wants_json()) events.progress("", "photo", done, total);
   };

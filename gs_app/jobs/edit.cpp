@@ -7,22 +7,20 @@
 #include <memory>
 
 #include "data_loaders/colmap/world_offset.h"
+#include "data_loaders/photos/encode/encode_png.h"
 #include "data_loaders/photos/photo_names.h"
-#include "data_loaders/photos/photos.h"
-#include "gs_app/blocks/merge_blocks.h"
-#include "gs_app/edit/edit_cameras.h"
 #include "gs_app/edit/edit_picture.h"
 #include "gs_app/export/export_model.h"
-#include "gs_app/jobs/edit_job.h"
+#include "gs_app/jobs/edit/edit_job.h"
 #include "gs_app/jobs/verbs.h"
 #include "gs_app/run/make_backend.h"
+#include "gs_app/run/output_place.h"
 #include "gs_app/run/results.h"
 #include "gs_app/run/text.h"
 #include "gs_core/system/files/output_lock.h"
 #include "gs_core/system/files/output_names.h"
 #include "gs_core/threads/parallel.h"
 #include "gs_eval/metrics.h"
-#include "gs_model/edit/merge_models.h"
 #include "gs_render/render_settings.h"
 
 namespace gs {
@@ -53,95 +51,36 @@ void check_picture(const EditJob& job) {
   names.add_file(job.picture);
 }
 
-void check(const EditJob& job, const std::vector<EditStep>& steps) {
+void check_wish(const EditJob& job, const std::vector<EditStep>& steps) {
   if (steps.empty() && job.inputs.size() < 2 && !job.has_blocks())
     throw UsageError(
         "there is nothing to do; give operations, such as --keep opacity=0.1.., or several models "
         "or the blocks of a partition to merge");
   if (!job.block_runs.empty() && !job.has_blocks())
     throw UsageError("--run names a run of a block; give the folder of its partition as MODEL");
-  if (job.output.empty() && !job.dry_run)
-    throw UsageError("there is no file to write; name it with -o, or give --dry-run");
-  if (!job.output.empty() && !job.dry_run) check_export({job.output, job.options}, job.force);
-  if (!job.picture.empty()) check_picture(job);
   if (!job.picture_view.empty() && job.picture.empty())
     throw UsageError("--picture-view goes with --picture FILE.png");
 }
 
+// Beside the first model, and in its format where that can be written.
+std::string usual_output(const EditJob& job) {
+  const std::string& input = job.inputs.front();
+  const ModelFormat* const own = find_format(input);
+  const bool keeps_format = own && own->write && !job.was_given("--time");
+  const std::string ending(keeps_format ? own->ending : ".ply");
+  const bool is_merged = job.has_blocks() || job.inputs.size() > 1;
+  return new_place(beside(input, is_merged ? "-merged" : "-edited"),
+                   {ending, sidecar_of(ending).string()})
+      .string();
+}
+
+void check_outputs(const EditJob& job) {
+  if (!job.output.empty() && !job.dry_run) check_export({job.output, job.options}, job.force);
+  if (!job.picture.empty()) check_picture(job);
+}
+
 bool any_of(const std::vector<EditStep>& steps, bool EditStep::*wish) {
   return std::any_of(steps.begin(), steps.end(), [&](const EditStep& s) { return s.*wish; });
-}
-
-// The cameras that go with one of the models; none where they are not known.
-std::vector<EditCamera> cameras_of(const EditJob& job, const Config& config,
-                                   const std::optional<RunFolder>& run, const EditModel& model) {
-  if (!job.cameras.empty()) return cameras_to_edit(job.cameras, model);
-  if (job.has("dataset.source")) return cameras_to_edit(config.dataset, model);
-  if (run && std::filesystem::exists(run->cameras())) return cameras_to_edit(*run, model);
-  return {};
-}
-
-/// All models as one, with what is known of each.
-struct Opened {
-  EditModel model;
-  Config config;                 // that of the first
-  std::optional<RunFolder> run;  // of the first
-  Json inputs = Json::array();
-};
-
-/// Models of one scene share a frame; those of two have nothing to do with each other.
-void warn_of_two_scenes(const std::string& first, const Config& first_config,
-                        const std::string& other, const Config& config) {
-  const auto scene_of = [](const Config& c) {
-    std::error_code ignored;
-    return std::filesystem::weakly_canonical(c.dataset.source, ignored);
-  };
-  if (first_config.dataset.source.empty() || config.dataset.source.empty() ||
-      scene_of(first_config) == scene_of(config))
-    return;
-  log_warning(
-      "{} was trained on {}, and {} on {}: places of two scenes have nothing to do with each "
-      "other; place one of them with --move, --turn and --scale, and merge them with --as-stored",
-      first, first_config.dataset.source, other, config.dataset.source);
-}
-
-/// The trained blocks of a partition as one model.
-Opened open_blocks(const EditJob& job, bool with_cameras) {
-  const BlockRuns runs{{job.block_runs.begin(), job.block_runs.end()}, job.choice.step};
-  MergedBlocks merged = merge_blocks(read_blocks(job.inputs.front()), runs);
-  Opened result{std::move(merged.model), resolve(job), {}};
-  for (const BlockShare& share : merged.shares)
-    result.inputs.push_back({{"file", share.run.string()},
-                             {"block", share.name},
-                             {"gaussians", share.gaussians},
-                             {"kept", share.owned}});
-  if (with_cameras) result.model.cameras = cameras_of(job, result.config, {}, result.model);
-  return result;
-}
-
-Opened open_all(const EditJob& job, bool with_cameras) {
-  if (job.has_blocks()) return open_blocks(job, with_cameras);
-  Opened result;
-  std::vector<NamedModel> models;
-  bool cameras_are_shared = false;
-  for (const std::string& input : job.inputs) {
-    OpenedModel opened = open_model(input, job.choice.step);
-    const Config config = resolve(job, opened.config);
-    if (models.empty()) result.config = config, result.run = opened.run;
-    if (!models.empty() && !job.as_stored && !job.has("dataset.source"))
-      warn_of_two_scenes(job.inputs.front(), result.config, input, config);
-    result.inputs.push_back(
-        {{"file", opened.ply.string()}, {"gaussians", opened.model.gaussians.count()}});
-    const std::optional<RunFolder> run = opened.run;
-    models.push_back({opened.ply.string(), model_to_edit(std::move(opened))});
-    if (with_cameras && !cameras_are_shared)
-      models.back().model.cameras = cameras_of(job, config, run, models.back().model);
-    cameras_are_shared = !job.cameras.empty() || job.has("dataset.source");
-  }
-  MergeOptions options{job.as_stored, {}};
-  if (!job.antialiased.empty()) options.antialiased = job.antialiased == "yes";
-  result.model = merge_models(std::move(models), options);
-  return result;
 }
 
 RenderSettings settings_of_pictures(const GaussianModel& model, Config config) {
@@ -209,7 +148,7 @@ bool wants_cameras(const EditJob& job, const std::vector<EditStep>& steps) {
 }
 
 // The photos. A model without a run does not say which views were held out; the usual rule applies.
-Scene scene_of(const EditJob& job, const Opened& opened, const Vec3d& offset) {
+Scene scene_of(const EditJob& job, const EditInputs& opened, const Vec3d& offset) {
   DatasetConfig dataset = opened.config.dataset;
   if (!opened.run) dataset.eval = true;
   return scene_for(opened.run ? &*opened.run : nullptr, dataset, job.has("dataset.source"), offset);
@@ -263,25 +202,27 @@ std::vector<StepReport> apply_all(const std::vector<EditStep>& steps, EditSessio
   return reports;
 }
 
-std::string name_of_inputs(const EditJob& job, const Opened& opened) {
-  if (job.has_blocks()) return fmt::format("{} blocks merged", opened.inputs.size());
-  if (job.inputs.size() == 1) return job.inputs.front();
-  return fmt::format("{} models merged", job.inputs.size());
-}
-
 void write_picture(const std::string& file, const Image8& picture) {
   keep_older_aside(file);
   write_png(file, picture);
 }
 
+NextCommand next_of(const EditJob& job, const std::optional<ExportedFile>& written) {
+  if (written) return {"look at it", "gemsplat view " + shell_word(written->file.string())};
+  if (job.has_blocks()) return {"merge them", "gemsplat edit " + shell_word(job.inputs.front())};
+  return {"look at it as it is", "gemsplat view " + shell_word(job.inputs.front())};
+}
+
 }  // namespace
 
-Outcome run(const EditJob& job, JobEvents& events) {
+Outcome run(EditJob job, JobEvents& events) {
   const std::vector<EditStep> steps = steps_of(job);
+  check_wish(job, steps);
+  if (job.output.empty() && !job.dry_run) job.output = usual_output(job);
   std::optional<OutputLock> lock;  // of the picture; that of the model is taken when it is written
   if (!job.picture.empty()) lock.emplace(OutputLock::of_file(job.picture));
-  check(job, steps);
-  Opened opened = open_all(job, wants_cameras(job, steps));
+  check_outputs(job);
+  EditInputs opened = open_inputs(job, wants_cameras(job, steps));
   set_thread_count(opened.config.train.threads);
   check_format(job, opened.model.model);
 
@@ -309,9 +250,8 @@ Outcome run(const EditJob& job, JobEvents& events) {
   const std::optional<ExportedFile> written = write(job, session.model);
   if (picture) write_picture(job.picture, picture->beside(session.model));
   Outcome outcome{text_of(compared, written),
-                  json_of(job, opened.inputs, reports, session.model, written, compared)};
-  if (written)
-    outcome.next = {{"look at it", "gemsplat view " + shell_word(written->file.string())}};
+                  json_of(job, opened.described, reports, session.model, written, compared)};
+  outcome.next = {next_of(job, written)};
   return outcome;
 }
 
@@ -320,7 +260,7 @@ Verb edit_verb() {
                           "Crop, merge, move, straighten and shrink trained models",
                           {"edit out/scene --straighten --keep box=-2,-2,-2,2,2,2 -o table.ply",
                            "edit out/scene --drop floaters=0.35 --measure -o clean.ply",
-                           "edit out/scene --decimate 25% -o small.spz"});
+                           "edit out/scene --decimate 25%"});
 }
 
 }  // namespace gs

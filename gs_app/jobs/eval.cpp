@@ -4,7 +4,7 @@
 #include <iterator>
 
 #include "gs_app/export/export_model.h"
-#include "gs_app/jobs/shared_options.h"
+#include "gs_app/jobs/parts/shared_options.h"
 #include "gs_app/jobs/verbs.h"
 #include "gs_app/run/make_backend.h"
 #include "gs_app/run/open_model.h"
@@ -12,7 +12,6 @@
 #include "gs_app/run/results.h"
 #include "gs_app/run/text.h"
 #include "gs_core/system/files/output_lock.h"
-#include "gs_core/threads/parallel.h"
 #include "gs_eval/depth_error.h"
 #include "gs_eval/lpips/lpips.h"
 
@@ -81,9 +80,8 @@ Outcome run(const EvalJob& job, JobEvents& events) {
   OpenedModel opened = open_model(job.model, job.choice.step);
   // A single file does not say which views were held out, so the usual rule applies.
   if (!opened.run) opened.config.dataset.eval = true;
-  const Config config = resolve(job, opened.config);
+  const Config config = resolve_to_work(job, opened.config);
   const std::unique_ptr<Lpips> lpips = make_lpips(config.eval);
-  set_thread_count(config.train.threads);
   const std::unique_ptr<Backend> backend = make_backend(config.train.device);
   Scene scene = scene_for(opened, config.dataset, job.has("dataset.source"));
   const EvaluationOptions options = options_of(job, opened, scene, lpips.get());

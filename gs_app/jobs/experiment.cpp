@@ -2,19 +2,11 @@
 // gemsplat experiment: trains scenes x configs x seeds of a file, each run in its own process, and
 // writes tables.
 #include <spdlog/fmt/fmt.h>
-#include <unistd.h>
 
-#include <algorithm>
-#include <chrono>
-#include <csignal>
-
-#include "gs_app/experiment/experiment_pool.h"
-#include "gs_app/experiment/experiment_status.h"
 #include "gs_app/experiment/slurm.h"
 #include "gs_app/experiment/tables/experiment_tables.h"
+#include "gs_app/jobs/experiment/experiment_progress.h"
 #include "gs_app/jobs/verbs.h"
-#include "gs_app/report/report_experiment.h"
-#include "gs_app/run/progress_bar.h"
 #include "gs_app/run/text.h"
 #include "gs_core/math/constants.h"
 #include "gs_core/system/files/output_lock.h"
@@ -77,109 +69,7 @@ std::vector<RunSlot> slots_of(const ExperimentJob& job) {
   return slots_on(job.devices, job.gpus_per_run, job.jobs);
 }
 
-std::string describe(const ProcessEnd& end, const std::string& error) {
-  if (!error.empty()) return error;
-  return end.signal ? fmt::format("killed by signal {}", end.signal)
-                    : fmt::format("exit code {}", end.exit_code);
-}
-
-bool is_stopped(const ProcessEnd& end) {
-  return end.exit_code == int(ExitCode::interrupted) || end.signal == SIGTERM;
-}
-
-// Writes the tables and the report. Returns the number of finished runs.
-std::size_t write_outcome(const Experiment& experiment, const std::vector<ExperimentRun>& runs,
-                          const std::vector<std::size_t>& failed) {
-  const std::size_t finished = write_tables(experiment, runs, failed);
-  keep_experiment_report(experiment.output);
-  return finished;
-}
-
-struct Failure {
-  const ExperimentRun* run;
-  std::string why;
-};
-
-/// Shows the progress of the experiment, as a bar on a terminal and as lines of the log elsewhere,
-/// and writes the tables whenever a run has ended.
-class Progress {
- public:
-  Progress(const Experiment& experiment, const std::vector<ExperimentRun>& runs, std::size_t todo,
-           const ExperimentJob& job)
-      : experiment_(experiment), runs_(runs), todo_(todo),
-        is_terminal_(::isatty(STDERR_FILENO) == 1),
-        bar_(std::int64_t(runs.size()), is_terminal_ && !job.quiet),
-        status_(is_terminal_ ? 0 : job.status_every) {}
-
-  void started(const ExperimentRun& run, const RunSlot& slot) {
-    bar_.clear();
-    status_.started(run);
-    log_info("{} starts{}; log: {}", run.name(), slot.device.empty() ? "" : " on " + slot.device,
-             run.log().string());
-  }
-
-  void ended(const ExperimentRun& run, const ProcessEnd& end, double seconds,
-             const std::string& error) {
-    bar_.clear();
-    status_.ended(run);
-    if (error.empty() && is_stopped(end)) {
-      stopped_.push_back({&run, describe(end, error)});
-      return log_info("{} was stopped", run.name());
-    }
-    ++ended_;
-    const bool is_good = error.empty() && end.good() && is_finished(run);
-    if (!is_good) failures_.push_back({&run, describe(end, error)});
-    const std::string outcome =
-        is_good ? summary_of(run)
-                : fmt::format("FAILED ({}); log: {}", failures_.back().why, run.log().string());
-    log_info("[{}/{}] {}: {} | {}; {} left", runs_.size() - todo_ + ended_, runs_.size(),
-             run.name(), outcome, clock_text(seconds), clock_text(seconds_left()));
-    try {
-      write();
-    } catch (const Error& failure) {  // it costs no run; the last tables are those that count
-      log_warning("the tables are not up to date: {}", failure.what());
-    }
-  }
-
-  void waiting(std::size_t running) {
-    const auto done = std::int64_t(runs_.size() - todo_ + ended_);
-    if (bar_.due(done))
-      bar_.draw(done, fmt::format("{} running, {} failed", running, failures_.size()), "run");
-    status_.waiting(fmt::format("{} of {} runs done; ", done, runs_.size()));
-  }
-
-  std::size_t write() const {
-    std::vector<std::size_t> failed;
-    for (const Failure& failure : failures_) failed.push_back(failure.run->index);
-    return write_outcome(experiment_, runs_, failed);
-  }
-
-  /// Includes runs that were stopped: they count as failed unless the whole experiment was stopped.
-  std::vector<Failure> failures() const {
-    std::vector<Failure> all = failures_;
-    all.insert(all.end(), stopped_.begin(), stopped_.end());
-    return all;
-  }
-
- private:
-  // Assumes that the other runs take as long as those that have ended, with as many at a time.
-  double seconds_left() const {
-    const double elapsed = std::chrono::duration<double>(Clock::now() - start_).count();
-    return elapsed / double(ended_) * double(todo_ - ended_);
-  }
-
-  using Clock = std::chrono::steady_clock;
-  const Experiment& experiment_;
-  const std::vector<ExperimentRun>& runs_;
-  std::size_t todo_, ended_ = 0;
-  bool is_terminal_;
-  ProgressBar bar_;
-  StatusLog status_;
-  std::vector<Failure> failures_, stopped_;
-  Clock::time_point start_ = Clock::now();
-};
-
-bool work(const ExperimentJob& job, const Runs& runs, Progress& progress) {
+bool work(const ExperimentJob& job, const Runs& runs, ExperimentProgress& progress) {
   const PoolEvents events = {
       [&](const auto& run, const auto& slot) { progress.started(run, slot); },
       [&](const auto& run, const auto& end, double seconds, const auto& error) {
@@ -198,9 +88,9 @@ Error stopped(const ExperimentJob& job) {
 }
 
 // What is said of runs that failed; empty if none did.
-std::optional<Error> failure_of(const std::vector<Failure>& failures) {
+std::optional<Error> failure_of(const std::vector<FailedRun>& failures) {
   if (failures.empty()) return {};
-  for (const Failure& failure : failures)
+  for (const FailedRun& failure : failures)
     log_error("{}: {}; log: {}", failure.run->name(), failure.why, failure.run->log().string());
   return Error(
       fmt::format("{} of the runs failed; run the command again to repeat them", failures.size()));
@@ -220,6 +110,7 @@ Outcome tables_of(const Experiment& experiment, const std::vector<ExperimentRun>
   Outcome outcome{
       fmt::format("{} of {} runs finished\ntables: {}\n", finished, runs.size(), tables),
       {{"finished", finished}, {"tables", tables}, {"runs", list_of(runs)}}};
+  outcome.next = {{"read the tables", "less " + shell_word(tables)}};
   if (!std::filesystem::exists(report)) return outcome;
   outcome.text += fmt::format("report: {}\n", report.string());
   outcome.json["report"] = report.string();
@@ -233,13 +124,19 @@ Outcome run_all(const ExperimentJob& job, const Experiment& experiment,
   const Runs todo = unfinished(runs);
   log_info("{}: {} runs, {} finished already; output: {}", job.file, runs.size(),
            runs.size() - todo.size(), experiment.output.string());
-  Progress progress(experiment, runs, todo.size(), job);
+  ExperimentProgress progress(experiment, runs, todo.size(), !job.quiet, job.status_every);
   progress.write();
   const bool is_whole = work(job, todo, progress);
   const std::size_t finished = progress.write();
   Outcome outcome = tables_of(experiment, runs, finished);
   outcome.failure = is_whole ? failure_of(progress.failures()) : stopped(job);
   return outcome;
+}
+
+// When all tasks have ended.
+NextCommand gathering(const ExperimentJob& job) {
+  return {"when all runs are finished",
+          "gemsplat experiment " + shell_word(job.file) + " --gather"};
 }
 
 // Trains one run as a task of a job array. Other tasks work on the same output, so the tables are
@@ -253,7 +150,7 @@ Outcome run_only(const ExperimentJob& job, const Experiment& experiment,
   const OutputLock lock = OutputLock::of_folder(experiment.output, OutputLock::Kind::shared);
   if (is_finished(run)) {
     log_info("{} is finished already", run.name());
-    return {"", list_of({run})};
+    return {"", list_of({run}), {gathering(job)}};
   }
   std::string why;
   StatusLog status(job.status_every);
@@ -272,7 +169,7 @@ Outcome run_only(const ExperimentJob& job, const Experiment& experiment,
   if (!why.empty())
     throw Error(fmt::format("{} failed: {}; log: {}", run.name(), why, run.log().string()));
   log_info("{}: {}", run.name(), summary_of(run));
-  return {"", list_of({run})};
+  return {"", list_of({run}), {gathering(job)}};
 }
 
 Outcome gather(const Experiment& experiment, const std::vector<ExperimentRun>& runs) {
@@ -304,7 +201,10 @@ Outcome run(const ExperimentJob& job, JobEvents&) {
   if (job.gathers) return gather(experiment, runs);
   if (job.slurm) {
     submit(experiment, unfinished(runs), job.gpus_per_run, job.dry_run);
-    return {"", {{"runs", list_of(runs)}}};
+    const std::string submission = "gemsplat experiment " + shell_word(job.file) + " --slurm";
+    return {"",
+            {{"runs", list_of(runs)}},
+            {job.dry_run ? NextCommand{"submit it", submission} : gathering(job)}};
   }
   if (job.dry_run) return list(job, runs);
   return job.only >= 0 ? run_only(job, experiment, runs) : run_all(job, experiment, runs);

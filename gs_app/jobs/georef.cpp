@@ -7,8 +7,9 @@
 #include "data_loaders/georef/find_georeference.h"
 #include "data_loaders/scene/place_scene.h"
 #include "gs_app/export/export_model.h"
-#include "gs_app/jobs/shared_options.h"
+#include "gs_app/jobs/parts/shared_options.h"
 #include "gs_app/jobs/verbs.h"
+#include "gs_app/run/output_place.h"
 #include "gs_app/run/text.h"
 #include "gs_core/system/files/atomic_file.h"
 #include "gs_core/system/files/output_lock.h"
@@ -167,6 +168,7 @@ Outcome run(const GeorefJob& job, JobEvents&) {
   check(job);
   const std::filesystem::path path =
       job.output.empty() ? georef_file_of(config.dataset.source).string() : job.output;
+  if (job.output.empty()) say_place(path);
   const OutputLock lock = OutputLock::of_file(path);
   check_place(path, job.force);
   const GeorefFile file = georeference_of(job, config);

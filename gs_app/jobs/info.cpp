@@ -2,8 +2,8 @@
 // gemsplat info: what a trained model holds; without one, what this build can and cannot do.
 #include <spdlog/fmt/fmt.h>
 
-#include "gs_app/jobs/capabilities.h"
-#include "gs_app/jobs/shared_options.h"
+#include "gs_app/jobs/parts/capabilities.h"
+#include "gs_app/jobs/parts/shared_options.h"
 #include "gs_app/jobs/verbs.h"
 #include "gs_app/run/open_model.h"
 #include "gs_app/run/provenance.h"

@@ -8,12 +8,12 @@
 #include "data_loaders/doctor/forecast.h"
 #include "gs_app/blocks/picture_shares.h"
 #include "gs_app/blocks/write_partition.h"
-#include "gs_app/jobs/shared_options.h"
+#include "gs_app/jobs/parts/shared_options.h"
 #include "gs_app/jobs/verbs.h"
 #include "gs_app/run/make_backend.h"
+#include "gs_app/run/output_place.h"
 #include "gs_app/run/text.h"
 #include "gs_core/system/files/output_lock.h"
-#include "gs_core/threads/parallel.h"
 
 namespace gs {
 namespace {
@@ -25,7 +25,8 @@ struct PartitionJob : JobSettings {
 };
 
 void visit_options(PartitionJob& job, OptionList& option) {
-  option("-o,--output", job.output, "folder to write").takes("FOLDER");
+  option("-o,--output", job.output, "folder to write [beside the scene: SCENE-blocks]")
+      .takes("FOLDER");
   option("--blocks", job.options.blocks, "number of blocks [2]").takes("N").between(2, 10'000);
   option("--border", job.options.border,
          "width of the border that a block trains beyond its planes, as a share of its size [0.1]")
@@ -127,15 +128,12 @@ Json json_of(const Config& config, const Partition& partition) {
   return {{"blocks", blocks}};
 }
 
-Outcome run(const PartitionJob& job, JobEvents&) {
-  const Config config = settings_of_all_blocks(resolve(job));
+Outcome run(PartitionJob job, JobEvents&) {
+  const Config config = settings_of_all_blocks(resolve_to_work(job));
   if (config.dataset.source.empty())
-    throw UsageError("there is no scene; give its folder: gemsplat partition SCENE -o OUT");
+    throw UsageError("there is no scene; give its folder: gemsplat partition SCENE");
   if (!config.density.region.empty())
     throw UsageError("density.region is what a partition finds for each block; leave it out");
-  if (job.output.empty() && !job.dry_run)
-    throw UsageError("there is no output; give a folder with -o OUT, or --dry-run");
-  set_thread_count(config.train.threads);
   warn_of(config);
   if (job.dry_run) {
     const Partition parts = partition_of(job, config);
@@ -143,9 +141,10 @@ Outcome run(const PartitionJob& job, JobEvents&) {
     return {text_of(config, parts) + "nothing is written\n",
             json_of(config, parts),
             {{"write them",
-              fmt::format("gemsplat partition {} -o OUT --blocks {}", scene, job.options.blocks)}},
+              fmt::format("gemsplat partition {} --blocks {}", scene, job.options.blocks)}},
             true};
   }
+  if (job.output.empty()) job.output = new_place(beside(config.dataset.source, "-blocks")).string();
   check_partition(job.output, config);
   OutputLock lock = OutputLock::of_folder(job.output);
   if (!job.force) make_room(job, config, lock);  // before the work
@@ -155,9 +154,8 @@ Outcome run(const PartitionJob& job, JobEvents&) {
   const std::string experiment = (blocks.folder() / "blocks.toml").string();
   Outcome outcome{text_of(config, parts), json_of(config, parts)};
   outcome.json["file"] = blocks.file.string();
-  outcome.next = {
-      {"train", "gemsplat experiment " + shell_word(experiment)},
-      {"merge", "gemsplat edit " + shell_word(blocks.folder().string()) + " -o merged.ply"}};
+  outcome.next = {{"train", "gemsplat experiment " + shell_word(experiment)},
+                  {"merge", "gemsplat edit " + shell_word(blocks.folder().string())}};
   return outcome;
 }
 

@@ -5,9 +5,10 @@
 #include "data_loaders/reconstruct/photo_folder.h"
 #include "data_loaders/scene/find_scene.h"
 #include "data_loaders/scene/scene_model.h"
-#include "gs_app/jobs/colmap_progress.h"
-#include "gs_app/jobs/shared_options.h"
+#include "gs_app/jobs/parts/colmap_progress.h"
+#include "gs_app/jobs/parts/shared_options.h"
 #include "gs_app/jobs/verbs.h"
+#include "gs_app/run/output_place.h"
 #include "gs_app/run/text.h"
 
 namespace gs {
@@ -21,7 +22,9 @@ struct ReconstructJob : JobSettings {
 void visit_options(ReconstructJob& job, OptionList& option) {
   option.setting("photos,-d,--data", "dataset.source", "Scene",
                  "a folder of photos or videos, or a video; nothing in it is changed");
-  option("-o,--output", job.scene, "folder of the new scene").takes("FOLDER").group("Output");
+  option("-o,--output", job.scene, "folder of the new scene [beside the photos: PHOTOS-scene]")
+      .takes("FOLDER")
+      .group("Output");
   option("--force", job.force, "if SCENE holds a scene, move it to SCENE.bak-N first")
       .group("Output");
   option.setting("--frames", "reconstruct.frames", "COLMAP");
@@ -57,17 +60,19 @@ Outcome run(const ReconstructJob& job, JobEvents& events) {
   const Config config = resolve(job);
   if (config.dataset.source.empty())
     throw UsageError(
-        "there are no photos; give their folder, or a video: gemsplat reconstruct PHOTOS -o SCENE");
-  if (job.scene.empty())
-    throw UsageError("there is no output; give the folder of the scene with -o SCENE");
-  ColmapJob colmap{config.dataset.source, job.scene, config.reconstruct,
+        "there are no photos; give their folder, or a video: gemsplat reconstruct PHOTOS");
+  // A call that is repeated goes on in the same folder.
+  const std::string scene =
+      job.scene.empty() ? beside(config.dataset.source, "-scene").string() : job.scene;
+  if (job.scene.empty()) say_place(scene);
+  ColmapJob colmap{config.dataset.source, scene,     config.reconstruct,
                    config.train.threads,  job.force, true};
   colmap.poses = poses_without_points(config.dataset, colmap.photos);
   const Reconstruction result = run_colmap(colmap, ColmapEvents(events));
   const std::string log = (result.scene / "colmap.log").string();
-  return {describe(result) + fmt::format("scene: {} (log: {})\n", job.scene, log),
-          {{"scene", job.scene}, {"log", log}, {"summary", describe(result)}},
-          {{"train it with", fmt::format("gemsplat train {} -o OUT", shell_word(job.scene))}}};
+  return {describe(result) + fmt::format("scene: {} (log: {})\n", scene, log),
+          {{"scene", scene}, {"log", log}, {"summary", describe(result)}},
+          {{"train it with", "gemsplat train " + shell_word(scene)}}};
 }
 
 }  // namespace
@@ -75,7 +80,7 @@ Outcome run(const ReconstructJob& job, JobEvents& events) {
 Verb reconstruct_verb() {
   return verb_of<ReconstructJob>(
       "reconstruct", VerbGroup::train, "Find where photos were taken, with COLMAP",
-      {"reconstruct photos -o scene", "reconstruct film.mp4 -o scene --frames 200",
+      {"reconstruct photos", "reconstruct film.mp4 -o scene --frames 200",
        "reconstruct photos -o scene --matching exhaustive"});
 }
 

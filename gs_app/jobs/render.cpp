@@ -13,7 +13,7 @@
 #include "gs_app/export/cameras.h"
 #include "gs_app/export/export_model.h"
 #include "gs_app/export/key_frames.h"
-#include "gs_app/jobs/render_job.h"
+#include "gs_app/jobs/render/render_job.h"
 #include "gs_app/jobs/verbs.h"
 #include "gs_app/run/make_backend.h"
 #include "gs_app/run/open_model.h"
@@ -23,7 +23,6 @@
 #include "gs_core/system/files/move_aside.h"
 #include "gs_core/system/processes/signals.h"
 #include "gs_core/system/version.h"
-#include "gs_core/threads/parallel.h"
 
 namespace gs {
 namespace {
@@ -177,7 +176,7 @@ void put_descriptions_aside(const RenderJob& job, const RenderOutput& output) {
 void write_description(const RenderOutput& output, const std::vector<NamedCamera>& cameras,
                        const Json& json) {
   write_cameras_json(output.cameras(), cameras);
-  write_text(output.description(), json.dump(2, ' ', false, Json::error_handler_t::replace) + "\n");
+  write_text(output.description(), file_text(json));
 }
 
 std::vector<std::string> names_of(const std::vector<NamedCamera>& cameras) {
@@ -250,8 +249,7 @@ Outcome run(const RenderJob& given, JobEvents& events) {
   OpenedModel opened = open_model(job.model, job.choice.step);
   // A cameras.json has the size of its pictures already; only -r makes them smaller.
   if (!job.has("dataset.source")) opened.config.dataset.resolution = 1;
-  const Config config = resolve(job, opened.config);
-  set_thread_count(config.train.threads);
+  const Config config = resolve_to_work(job, opened.config);
   std::vector<NamedCamera> cameras = cameras_of(job, opened, config);
   if (cameras.empty())
     throw UsageError("there is no view to render; choose another --split, or --cameras");

@@ -2,6 +2,7 @@
 // gemsplat report: writes report.html of a run or an experiment.
 #include "gs_app/jobs/verbs.h"
 #include "gs_app/report/report_folder.h"
+#include "gs_app/run/output_place.h"
 #include "gs_app/run/text.h"
 #include "gs_core/system/files/output_lock.h"
 
@@ -26,6 +27,7 @@ Outcome run(const ReportJob& job, JobEvents& events) {
   const std::filesystem::path file =
       job.output.empty() ? folder / "report.html" : std::filesystem::path(job.output);
   check_can_report(folder);
+  if (job.output.empty()) say_place(file);
   const OutputLock lock = OutputLock::of_file(file);
   const std::string written = write_folder_report(folder, file).string();
   return {"report: " + written + "\n", nullptr, {{"open it", "xdg-open " + shell_word(written)}}};

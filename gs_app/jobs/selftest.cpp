@@ -3,13 +3,12 @@
 #include <algorithm>
 
 #include "gs_app/checks/self_checks.h"
-#include "gs_app/jobs/capabilities.h"
-#include "gs_app/jobs/job.h"
+#include "gs_app/jobs/parts/capabilities.h"
+#include "gs_app/jobs/parts/job.h"
 #include "gs_app/jobs/verbs.h"
 #include "gs_app/run/make_backend.h"
 #include "gs_app/run/text.h"
 #include "gs_core/system/version.h"
-#include "gs_core/threads/parallel.h"
 
 namespace gs {
 namespace {
@@ -108,8 +107,7 @@ std::string text_of(const SelftestReport& report) {
 }
 
 Outcome run(const SelftestJob& job, JobEvents&) {
-  const Config config = resolve(job);
-  set_thread_count(config.train.threads);
+  const Config config = resolve_to_work(job);
   const SelftestReport report = run_checks(config.train.device);
   Outcome outcome{text_of(report), json_of(report), {}, true};
   if (const std::size_t failures = report.failures())

@@ -5,11 +5,12 @@
 #include <optional>
 
 #include "gs_app/checkpoints/resume.h"
-#include "gs_app/jobs/colmap_progress.h"
-#include "gs_app/jobs/foreign_flags.h"
-#include "gs_app/jobs/shared_options.h"
+#include "gs_app/jobs/parts/colmap_progress.h"
+#include "gs_app/jobs/parts/foreign_flags.h"
+#include "gs_app/jobs/parts/shared_options.h"
 #include "gs_app/jobs/verbs.h"
 #include "gs_app/run/make_backend.h"
+#include "gs_app/run/output_place.h"
 #include "gs_app/run/text.h"
 #include "gs_app/run/wall_clock.h"
 #include "gs_app/session/train_session.h"
@@ -112,15 +113,6 @@ void visit_options(TrainJob& job, OptionList& option) {
       .rare();
 }
 
-// The folder of a run that no one has named: scene/ or film.mp4 get scene-run, film-run beside them.
-std::string folder_beside(const std::string& scene) {
-  std::filesystem::path path = std::filesystem::absolute(scene).lexically_normal();
-  if (!path.has_filename()) path = path.parent_path();
-  const bool is_folder = std::filesystem::is_directory(path);
-  const auto name = is_folder ? path.filename() : path.stem();
-  return (path.parent_path() / (name.string() + "-run")).string();
-}
-
 // A new run starts from the defaults, which have no output.
 Config settings_of(const TrainJob& job, const Config& start = {}) {
   Config config = resolve(job, start);
@@ -137,7 +129,7 @@ Config settings_of(const TrainJob& job, const std::optional<ProcessPlace>& place
   if (place && is_new && config.train.batch <= config.train.ranks)
     config.train.batch = std::min(config.train.ranks * place->count, kMostBatch);
   if (config.model.output.empty() && !config.dataset.source.empty())
-    config.model.output = folder_beside(config.dataset.source);
+    config.model.output = beside(config.dataset.source, "-run").string();
   return config;
 }
 
@@ -204,9 +196,8 @@ Outcome outcome_of(const RunFolder& folder, std::string text) {
   Outcome outcome{std::move(text), {{"folder", root}}};
   if (std::filesystem::exists(folder.results()))
     outcome.json["results"] = read_json(folder.results());
-  outcome.next = {can_view()
-                      ? NextCommand{"look at it", "gemsplat view " + shell_word(root)}
-                      : NextCommand{"pictures", "gemsplat render " + shell_word(root) + " -o DIR"}};
+  outcome.next = {can_view() ? NextCommand{"look at it", "gemsplat view " + shell_word(root)}
+                             : NextCommand{"pictures", "gemsplat render " + shell_word(root)}};
   return outcome;
 }
 
@@ -225,7 +216,7 @@ TrainRequest request_of(const TrainJob& job, const std::optional<ProcessPlace>& 
     Config config = settings_of(job, place, start);
     const bool is_default = start.model.output.empty() && resolve(job, start).model.output.empty();
     if (is_default && !config.model.output.empty() && !std::exchange(*is_said, true))
-      log_info("the run goes to {}; -o OUT names another folder", config.model.output);
+      say_place(config.model.output);
     return config;
   };
   request.place = place;
@@ -259,7 +250,11 @@ Outcome train(const TrainJob& job, JobEvents& events) {
     std::optional<TrainViewer>& viewer;
     ~EndViewer() { viewer.reset(); }
   } end_viewer{viewer};
-  if (job.print_config) return {to_toml(settings_of(job)), nullptr, {}, true};
+  if (job.print_config)
+    return {to_toml(settings_of(job)),
+            nullptr,
+            {{"train with these", "gemsplat train SCENE -c FILE"}},
+            true};
   const SessionEnd end = session.run();
   if (end == SessionEnd::nothing_left) return outcome_of(session.folder(), "");
   if (end == SessionEnd::stopped) {

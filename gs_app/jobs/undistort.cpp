@@ -4,11 +4,11 @@
 
 #include "data_loaders/scene/find_scene.h"
 #include "data_loaders/scene/undistort_scene.h"
-#include "gs_app/jobs/shared_options.h"
+#include "gs_app/jobs/parts/shared_options.h"
 #include "gs_app/jobs/verbs.h"
+#include "gs_app/run/output_place.h"
 #include "gs_app/run/text.h"
 #include "gs_core/system/files/output_lock.h"
-#include "gs_core/threads/parallel.h"
 
 namespace gs {
 namespace {
@@ -25,9 +25,9 @@ void visit_options(UndistortJob& job, OptionList& option) {
   option.setting("--masks", "dataset.masks", "Scene");
   option.setting("--invert-masks", "dataset.invert_masks", "Scene");
   option.setting("--depth", "dataset.depth", "Scene");
-  option("-o,--output", job.output, "folder of the copy; it must be empty or not exist")
-      .takes("FOLDER")
-      .required();
+  option("-o,--output", job.output,
+         "folder of the copy; it must be empty or not exist [beside the scene: SCENE-undistorted]")
+      .takes("FOLDER");
   option("--force", job.force, "if the folder is not empty, rename it to FOLDER.bak-N first");
   option("--jpeg", job.jpeg_quality,
          "write JPEG of this quality, 1 to 100, instead of PNG, and print the loss")
@@ -59,13 +59,14 @@ Json json_of(const UndistortJob& job, const UndistortedScene& scene) {
   return json;
 }
 
-Outcome run(const UndistortJob& job, JobEvents& events) {
-  const Config config = resolve(job);
+Outcome run(UndistortJob job, JobEvents& events) {
+  const Config config = resolve_to_work(job);
   if (config.dataset.source.empty())
-    throw UsageError("there is no scene; give its folder: gemsplat undistort SCENE -o OUT");
-  set_thread_count(config.train.threads);
+    throw UsageError("there is no scene; give its folder: gemsplat undistort SCENE");
+  if (job.output.empty() || job.force) find_scene(config.dataset);  // a wrong name moves nothing
+  if (job.output.empty())
+    job.output = new_place(beside(config.dataset.source, "-undistorted")).string();
   if (job.force) {
-    find_scene(config.dataset);  // a wrong name moves nothing
     OutputLock::of_freed_folder(job.output, inputs_of(job, config));
   }
   const UndistortedScene scene = undistort_scene(
@@ -74,8 +75,7 @@ Outcome run(const UndistortJob& job, JobEvents& events) {
   const char* const mode = scene.needs_background ? " --mask-mode background" : "";
   return {text_of(job, scene),
           json_of(job, scene),
-          {{"train on it with",
-            fmt::format("gemsplat train {}{} -o RUN", shell_word(job.output), mode)}}};
+          {{"train on it with", fmt::format("gemsplat train {}{}", shell_word(job.output), mode)}}};
 }
 
 }  // namespace
@@ -84,8 +84,7 @@ Verb undistort_verb() {
   return verb_of<UndistortJob>(
       "undistort", VerbGroup::change,
       "Write a copy of a scene with undistorted photos and PINHOLE cameras",
-      {"undistort scene -o flat", "undistort scene -o flat --jpeg 95",
-       "undistort scene -o flat --force"});
+      {"undistort scene", "undistort scene -o flat --jpeg 95", "undistort scene -o flat --force"});
 }
 
 }  // namespace gs

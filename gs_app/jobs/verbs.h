@@ -4,7 +4,7 @@
 
 #include <vector>
 
-#include "gs_app/jobs/job.h"
+#include "gs_app/jobs/parts/job.h"
 
 // A row for each verb, in the order of --help. `eval` is eval.cpp, which defines eval_verb().
 #define GS_VERBS(row)                                                                         \

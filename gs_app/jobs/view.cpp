@@ -2,13 +2,12 @@
 // gemsplat view: a trained model in the browser.
 #include <cstdlib>
 
-#include "gs_app/jobs/shared_options.h"
+#include "gs_app/jobs/parts/shared_options.h"
 #include "gs_app/jobs/verbs.h"
 #include "gs_app/run/text.h"
 #include "gs_app/view/file_view.h"
 #include "gs_core/system/processes/process.h"
 #include "gs_core/system/processes/signals.h"
-#include "gs_core/threads/parallel.h"
 
 namespace gs {
 namespace {
@@ -89,8 +88,7 @@ Outcome run(const ViewJob& job, JobEvents& events) {
   SignalWait signal;
   const OpenedModel opened = open_model(job.model, job.choice.step);
   if (job.time) check_has_time(opened);
-  const Config config = resolve(job, opened.config);
-  set_thread_count(config.train.threads);
+  const Config config = resolve_to_work(job, opened.config);
   const std::unique_ptr<FileView> source = view_of(job, opened, config);
   const HttpServer server(
       job.place, [&](const HttpRequest& request) { return view_answer(*source, request); });
@@ -101,7 +99,14 @@ Outcome run(const ViewJob& job, JobEvents& events) {
   events.say((events.wants_json() ? json.dump() : server.url()) + "\n", true);
   open_browser(server.url(), job.open);
   signal.wait();
-  return {};
+  const bool has_cameras = opened.run && std::filesystem::exists(opened.run->cameras());
+  const std::string model = shell_word(job.model);
+  return {
+      "",
+      nullptr,
+      {has_cameras ? NextCommand{"make a film of it", "gemsplat render " + model + " --path orbit"}
+                   : NextCommand{"see what it holds", "gemsplat info " + model}},
+      true};
 }
 
 }  // namespace

@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "data_loaders/photos/encode/encode_jpeg.h"
 #include "data_loaders/photos/photos.h"
 #include "gs_app/pictures/pictures.h"
 #include "gs_app/report/report_page.h"

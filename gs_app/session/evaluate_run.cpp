@@ -1,11 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "gs_eval/evaluate_run.h"
+#include "data_loaders/photos/encode/encode_png.h"
 #include "gs_app/session/evaluate_run.h"
 
 #include <algorithm>
 #include <utility>
 
-#include "data_loaders/photos/photos.h"
 #include "gs_app/pictures/comparison.h"
 #include "gs_app/pictures/pictures.h"
 #include "gs_app/report/report_views.h"

@@ -5,7 +5,7 @@
 #include <chrono>
 #include <utility>
 
-#include "data_loaders/photos/photos.h"
+#include "data_loaders/photos/encode/encode_jpeg.h"
 #include "gs_app/pictures/pictures.h"
 #include "gs_app/run/make_backend.h"
 

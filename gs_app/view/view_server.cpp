@@ -7,7 +7,7 @@
 #include <mutex>
 
 #include "apps/web/pages.h"
-#include "data_loaders/photos/photos.h"
+#include "data_loaders/photos/encode/encode_jpeg.h"
 #include "gs_core/error.h"
 #include "gs_core/system/host_name.h"
 #include "gs_core/system/log.h"

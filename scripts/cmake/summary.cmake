@@ -35,7 +35,7 @@ function(gs_leave_out test library)
   set_property(GLOBAL APPEND_STRING PROPERTY GS_SUMMARY "  tests/${test}: left out, needs ${library}\n")
 endfunction()
 
-# gs_write_features(file): writes the features of the program as a header for gs_app/jobs/capabilities.cpp.
+# gs_write_features(file): writes the features of the program as a header for gs_app/jobs/parts/capabilities.cpp.
 function(gs_write_features file)
   get_property(features GLOBAL PROPERTY GS_FEATURES)
   file(CONFIGURE OUTPUT ${file} @ONLY CONTENT "// What CMake has found; written by scripts/cmake/summary.cmake.

@@ -9,6 +9,7 @@
 #include <thread>
 
 #include "data_loaders/georef/georef_file.h"
+#include "data_loaders/photos/photos.h"
 #include "gs_app/view/file_view.h"
 #include "gs_core/error.h"
 #include "gs_core/system/host_name.h"

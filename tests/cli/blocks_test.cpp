@@ -144,7 +144,6 @@ TEST_F(Blocks, ANameThatIsNotUtf8IsRefusedBeforeAnythingIsWritten) {
 
 TEST_F(Blocks, RefusalsNameTheRemedy) {
   EXPECT_THAT(run("partition").err, HasSubstr("gemsplat partition SCENE"));
-  EXPECT_THAT(run("partition " + text("scene")).err, HasSubstr("-o OUT"));
   EXPECT_THAT(partition("--blocks 1000").err, HasSubstr("--blocks"));
   EXPECT_THAT(partition("--set density.region=1,0,0,2").err, HasSubstr("density.region"));
   EXPECT_FALSE(fs::exists(path("parts")));

@@ -8,6 +8,7 @@
 #include <regex>
 #include <sstream>
 
+#include "data_loaders/photos/encode/encode_png.h"
 #include "data_loaders/photos/photos.h"
 #include "gs_core/system/text/json.h"
 #include "tests/support/program.h"

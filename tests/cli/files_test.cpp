@@ -10,6 +10,7 @@
 #include <thread>
 
 #include "data_loaders/photos/photo_cache.h"
+#include "data_loaders/photos/photos.h"
 #include "data_loaders/video/video_frames.h"
 #include "gs_core/system/files/output_lock.h"
 #include "tests/support/avi_writer.h"

@@ -3,7 +3,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include "data_loaders/photos/photos.h"
+#include "data_loaders/photos/encode/encode_png.h"
 #include "data_loaders/refine/refine_exposure.h"
 #include "gs_core/system/text/json.h"
 #include "tests/support/program.h"

@@ -8,6 +8,7 @@
 #include <cstdlib>
 
 #include "tests/support/avi_writer.h"
+#include "tests/support/fake_colmap.h"
 
 namespace gs {
 namespace {
@@ -21,23 +22,7 @@ constexpr int kWidth = 40, kHeight = 32;  // pixels; SSIM needs 11
 /// Three photos of one size, and a colmap that always gives the same model of them.
 class Reconstruct : public testing::Test {
  protected:
-  Reconstruct() {
-    ColmapModel model = small_model(3);
-    ColmapCamera& camera = model.cameras.begin()->second;
-    camera.width = kWidth;
-    camera.height = kHeight;
-    camera.params = {40, 40, 20, 16};
-    write_binary_model(temp_.path() / "model", model);
-    for (const ColmapImage& image : model.images)
-      write_png(temp_.path() / "photos" / image.name, plain_photo(kWidth, kHeight, 90));
-    write_bytes(colmap(),
-                "#!/bin/sh\n"
-                "[ \"$1 $2\" = 'mapper --database_path' ] || exit 0\n"
-                "while [ \"$1\" != --output_path ]; do shift; done\n"
-                "cp -r '" +
-                    (temp_.path() / "model").string() + "' \"$2/0\"\n");
-    fs::permissions(colmap(), fs::perms::owner_all);
-  }
+  Reconstruct() { write_fake_colmap(temp_.path()); }
 
   fs::path colmap() const { return temp_.path() / "colmap"; }
   std::string path(const std::string& name) const { return (temp_.path() / name).string(); }
@@ -61,11 +46,20 @@ TEST_F(Reconstruct, EndsWithAVerdictAndTheNextCommand) {
   EXPECT_TRUE(is_colmap_model(path("scene/sparse/0")));
 }
 
-TEST_F(Reconstruct, MissingProgramIsBadDataAndMissingOutputIsUsage) {
+TEST_F(Reconstruct, WithoutAFolderTheSceneStandsBesideThePhotosAndIsGoneOnWith) {
+  const std::string command = "reconstruct " + path("photos") + " --colmap " + path("colmap");
+  for (int call = 0; call < 2; ++call) {
+    ASSERT_EQ(run(command), 0) << printed();
+    EXPECT_THAT(printed(), AllOf(HasSubstr("writing to " + path("photos-scene") + "; -o"),
+                                 HasSubstr("gemsplat train " + path("photos-scene") + "\n")));
+  }
+  EXPECT_FALSE(fs::exists(path("photos-scene-2")));
+}
+
+TEST_F(Reconstruct, MissingProgramIsBadData) {
   EXPECT_EQ(run("reconstruct " + path("photos") + " -o " + path("scene") + " --colmap /no/colmap"),
             3);
   EXPECT_THAT(printed(), AllOf(HasSubstr("apt install colmap"), HasSubstr("--colmap PATH")));
-  EXPECT_EQ(run("reconstruct " + path("photos")), 2);
 }
 
 TEST_F(Reconstruct, TrainOnBarePhotosMakesTheSceneFirstAndNamesItInItsConfig) {

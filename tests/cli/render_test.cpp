@@ -7,7 +7,9 @@
 
 #include "data_loaders/cameras/read_cameras.h"
 #include "data_loaders/photos/exr.h"
+#include "data_loaders/photos/photos.h"
 #include "data_loaders/video/film_writer.h"
+#include "data_loaders/video/sharpest_frames.h"
 #include "data_loaders/video/video_frames.h"
 #include "gs_core/error.h"
 #include "gs_core/system/text/json.h"

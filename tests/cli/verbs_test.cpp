@@ -6,7 +6,9 @@
 #include <regex>
 #include <sstream>
 
+#include "gs_app/view/view_server.h"
 #include "gs_core/system/text/json.h"
+#include "tests/support/fake_colmap.h"
 #include "tests/support/program.h"
 
 namespace gs {
@@ -118,9 +120,106 @@ TEST_F(VerbList, ARunHasAFolderBesideTheSceneAndSaysSo) {
   write_scene(path("scene"));
   const Outcome first = run("train " + text("scene/") + kTrain);
   ASSERT_EQ(first.code, 0) << first.err;
-  EXPECT_THAT(first.err, HasSubstr("the run goes to " + text("scene-run") + "; -o OUT names"));
+  EXPECT_THAT(first.err, HasSubstr("writing to " + text("scene-run") + "; -o names another"));
   EXPECT_TRUE(fs::exists(path("scene-run/results.json")));
   EXPECT_THAT(run("train " + text("scene") + kTrain).err, HasSubstr("--resume goes on with it"));
+}
+
+// The place that a call has said and written to.
+std::string place_of(const Outcome& outcome) {
+  const std::size_t at = outcome.err.find("writing to "), end = outcome.err.find("; -o names", at);
+  EXPECT_EQ(outcome.code, 0) << outcome.err;
+  EXPECT_NE(end, outcome.err.npos) << outcome.err;
+  return outcome.err.substr(at + 11, end - at - 11);
+}
+
+TEST_F(VerbList, WhatIsWrittenStandsBesideTheInputAndOverNothing) {
+  ASSERT_EQ(train("run").code, 0);
+  const std::string scene = text("scene"), run_folder = text("run");
+  const std::vector<std::pair<std::string, std::string>> calls = {
+      {"render " + run_folder, "run-pictures"},
+      {"export " + run_folder + " --no-measure", "run.spz"},
+      {"export " + run_folder + " --table --no-measure", "run-formats"},
+      {"edit " + run_folder + " --recenter", "run-edited.ply"},
+      {"edit " + run_folder + " " + run_folder + " --as-stored", "run-merged.ply"},
+      {"undistort " + scene, "scene-undistorted"},
+      {"partition " + scene, "scene-blocks"}};
+  for (const auto& [call, name] : calls) {
+    const std::string stem = fs::path(name).stem(), ending = fs::path(name).extension();
+    EXPECT_EQ(place_of(run(call)), text(name)) << call;
+    EXPECT_TRUE(fs::exists(path(name))) << call;
+    EXPECT_EQ(place_of(run(call)), text(stem + "-2" + ending)) << call;
+  }
+  EXPECT_EQ(place_of(run("edit " + text("run.spz") + " --recenter")), text("run-edited.spz"));
+  EXPECT_EQ(place_of(run("export " + text("run.spz") + " --no-measure")), text("run.ply"));
+  EXPECT_EQ(place_of(run("report " + run_folder)), text("run/report.html"));
+  EXPECT_EQ(place_of(run("georef " + scene + " --origin 8.5,47.4,400")), text("scene/georef.json"));
+  EXPECT_EQ(run("export " + run_folder + " -o " + text("named.ply") + " --no-measure").code, 0);
+  EXPECT_TRUE(fs::exists(path("named.ply")));
+}
+
+TEST_F(VerbList, WhatIsRelativeStaysSo) {
+  ASSERT_EQ(train("run").code, 0);
+  const std::string there = "cd " + text("run") + " && ";
+  EXPECT_EQ(place_of(run("edit ../run/ --recenter", there)), "../run-edited.ply");
+  EXPECT_EQ(place_of(run("edit . --recenter", there)), "../run-edited-2.ply");
+}
+
+// A call of each verb that shows something at its end.
+std::vector<std::string> calls_of(const std::string& verb, const std::string& folder) {
+  const std::string scene = folder + "/scene", run = folder + "/run";
+  const std::map<std::string, std::vector<std::string>> calls = {
+      {"train", {"train " + scene + kTrain, "train " + scene + " --print-config"}},
+      {"reconstruct", {"reconstruct " + folder + "/photos --colmap " + folder + "/colmap"}},
+      {"partition", {"partition " + scene, "partition " + scene + " --dry-run"}},
+      {"view", {"view " + run + " --no-open --port 0"}},
+      {"render", {"render " + run}},
+      {"report", {"report " + run}},
+      {"edit", {"edit " + run + " --recenter", "edit " + run + " --recenter --dry-run"}},
+      {"export",
+       {"export " + run + " --no-measure", "export " + run + " --table --no-measure",
+        "export " + run + " " + folder + "/page.html",
+        "export " + run + " " + folder + "/tiles/ --georef " + scene + "/georef.json"}},
+      {"undistort", {"undistort " + scene}},
+      {"georef", {"georef " + scene + " --origin 8.5,47.4,400 --force"}},
+      {"eval", {"eval " + run}},
+      {"experiment",
+       {"experiment " + folder + "/e.toml --dry-run",
+        "experiment " + folder + "/e.toml --slurm --dry-run",
+        "experiment " + folder + "/e.toml --only 0", "experiment " + folder + "/e.toml"}},
+      {"bench", {"bench --gaussians 500 --width 48 --height 32 --steps 1 --warmup 0 --frames 1"}},
+      {"doctor", {"doctor " + scene}},
+      {"info", {"info", "info " + run}},
+      {"config", {"config", "config --list", "config explain loss", "config diff fast"}},
+      {"selftest", {"selftest --device cpu"}}};
+  const auto found = calls.find(verb);
+  return found == calls.end() ? std::vector<std::string>() : found->second;
+}
+
+// With an answer, which may go to a file, on standard error, and else on standard output.
+TEST_F(VerbList, EachEndsWithTheCommandThatOneMayWantNext) {
+  ASSERT_EQ(train("run").code, 0);
+  write_fake_colmap(path(""));
+  write_bytes(path("e.toml"),
+              "output = '" + text("e") + "'\nscenes = ['" + text("scene") +
+                  "']\nset = {train.iterations = 5, train.device = 'cpu', dataset.eval = true, "
+                  "dataset.test_every = 3}\n");
+  ASSERT_EQ(run("georef " + text("scene") + " --origin 8.5,47.4,400").code, 0);
+  const std::regex command("[a-z ]+: (gemsplat|xdg-open|ls|less) .*");
+  for (const std::string& verb : names()) {
+    const std::vector<std::string> calls = calls_of(verb, text(""));
+    EXPECT_FALSE(calls.empty()) << "add a call of " << verb << " here";
+    for (const std::string& call : calls) {
+      if (verb == "view" && !can_view()) continue;
+      const Outcome outcome = run(call, verb == "view" ? "timeout -s INT 2 " : "");
+      const std::vector<std::string> out = lines_of(outcome.out), err = lines_of(outcome.err);
+      const bool is_behind_out = !out.empty() && std::regex_match(out.back(), command);
+      const bool is_behind_err = !err.empty() && std::regex_match(err.back(), command);
+      EXPECT_NE(is_behind_out, is_behind_err) << call << "\n" << outcome.out << outcome.err;
+    }
+  }
+  EXPECT_EQ(run("config -q").err, "");
+  EXPECT_EQ(count_lines(run("edit -q --recenter " + text("run")).out, "gemsplat"), 0);
 }
 
 TEST_F(VerbList, AFolderInPlaceOfACommandIsTrainedOnAndGoesOn) {

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Scenes and cameras in JSON: transforms.json with its points, Blender's two files, cameras.json and
 // film paths. An input is one file, or two, one behind the other.
+#include "data_loaders/photos/encode/encode_png.h"
 #include "data_loaders/transforms/transforms_json.h"
 
 #include "data_loaders/cameras/read_cameras.h"

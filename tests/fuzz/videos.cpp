@@ -4,6 +4,7 @@
 // the rest is the file.
 // FFmpeg is not instrumented: what is tested is that we end where it gives nothing, less than was
 // promised, or another size.
+#include "data_loaders/video/sharpest_frames.h"
 #include "data_loaders/video/video_frames.h"
 
 #include "data_loaders/photos/photos.h"

@@ -12,6 +12,7 @@
 
 // [recipe]
 #include "gs_app/jobs/verbs.h"
+#include "gs_app/run/text.h"
 #include "gs_model/formats/formats.h"
 
 namespace gs {
@@ -27,7 +28,9 @@ void visit_options(CountJob& job, OptionList& option) {
 
 Outcome run(const CountJob& job, JobEvents&) {
   const std::size_t count = read_model(job.model).gaussians.count();
-  return {std::to_string(count) + " Gaussians\n", {{"gaussians", count}}};
+  return {std::to_string(count) + " Gaussians\n",
+          {{"gaussians", count}},
+          {{"look at it", "gemsplat view " + shell_word(job.model)}}};
 }
 
 }  // namespace
@@ -45,6 +48,7 @@ namespace {
 
 using ::testing::AllOf;
 using ::testing::HasSubstr;
+using ::testing::StartsWith;
 
 std::string output_of(const std::string& command) {
   CLI::App program;
@@ -58,8 +62,8 @@ TEST(RecipeVerb, PrintsTheNumberOfGaussiansAsTextAndAsJson) {
   const TempFolder folder;
   const std::string file = (folder.path() / "model.ply").string();
   write_model(file, random_model(7, 1));
-  EXPECT_EQ(output_of("count " + file), "7 Gaussians\n");
-  EXPECT_EQ(output_of("count --json " + file), "{\n  \"gaussians\": 7\n}\n");
+  EXPECT_EQ(output_of("count " + file), "7 Gaussians\nlook at it: gemsplat view " + file + "\n");
+  EXPECT_THAT(output_of("count --json " + file), StartsWith("{\n  \"gaussians\": 7,\n"));
 }
 
 TEST(RecipeVerb, ItsListIsItsManual) {

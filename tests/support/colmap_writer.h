@@ -8,7 +8,7 @@
 #include <string>
 
 #include "data_loaders/colmap/colmap_model.h"
-#include "data_loaders/photos/photos.h"
+#include "data_loaders/photos/encode/encode_png.h"
 #include "tests/support/temp_folder.h"
 
 namespace gs {

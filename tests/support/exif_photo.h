@@ -9,7 +9,7 @@
 #include <string>
 #include <vector>
 
-#include "data_loaders/photos/photos.h"
+#include "data_loaders/photos/encode/encode_jpeg.h"
 #include "gs_core/geodesy/geodetic.h"
 #include "tests/support/temp_folder.h"
 

@@ -13,7 +13,7 @@
 #include <sstream>
 #include <string>
 
-#include "data_loaders/photos/photos.h"
+#include "data_loaders/photos/encode/encode_png.h"
 #include "gs_core/math/random.h"
 #include "gs_core/system/text/json.h"
 #include "tests/support/temp_folder.h"

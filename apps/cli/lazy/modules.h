@@ -16,6 +16,7 @@
 #include <string_view>
 #include <vector>
 
+#include "data_loaders/photos/encode/encode_jpeg.h"
 #include "data_loaders/photos/photo_codec.h"
 #include "data_loaders/video/film_encoder.h"
 #include "data_loaders/video/video_frames.h"
@@ -23,8 +24,8 @@
 
 namespace gs {
 
-/// The module gemsplat_photos.so, in the order of its functions in photo_codec.h, photos.h and
-/// exr.h.
+/// The module gemsplat_photos.so, in the order of its functions in photo_codec.h,
+/// encode_jpeg.h and exr.h.
 struct PhotoModule {
   void (*set_log_sink)(void (*)(detail::LogLevel, std::string_view));
   Image8 (*decode_photo)(const std::filesystem::path&);
@@ -46,9 +47,6 @@ struct VideoModule {
   std::string (*video_codec_name)();
   std::unique_ptr<VideoReader> (*open_video)(const std::filesystem::path&);
   std::int64_t (*count_frames)(const std::filesystem::path&);
-  std::vector<std::string> (*take_frames)(const std::filesystem::path&, std::int64_t, std::int64_t,
-                                          const std::filesystem::path&, const std::string&,
-                                          const FrameProgress&);
   std::unique_ptr<FilmEncoder> (*make_film_encoder)();
 };
 

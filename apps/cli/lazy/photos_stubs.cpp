@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Photos and EXR pictures, by way of gemsplat_photos.so; modules.h says why.
 #include "apps/cli/lazy/modules.h"
+#include "data_loaders/photos/encode/encode_jpeg.h"
 #include "data_loaders/photos/exr.h"
 
 namespace gs {

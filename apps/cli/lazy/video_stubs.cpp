@@ -21,11 +21,6 @@ std::unique_ptr<VideoReader> open_video(const std::filesystem::path& video) {
 std::int64_t count_frames(const std::filesystem::path& video) {
   return module().count_frames(video);
 }
-std::vector<std::string> take_frames(const std::filesystem::path& video, std::int64_t total,
-                                     std::int64_t wanted, const std::filesystem::path& folder,
-                                     const std::string& stem, const FrameProgress& progress) {
-  return module().take_frames(video, total, wanted, folder, stem, progress);
-}
 std::unique_ptr<FilmEncoder> make_film_encoder() { return module().make_film_encoder(); }
 
 }  // namespace gs

@@ -5,6 +5,7 @@
 
 #include "data_loaders/colmap/world_offset.h"
 #include "data_loaders/georef/find_georeference.h"
+#include "data_loaders/photos/encode/encode_png.h"
 #include "data_loaders/photos/photos.h"
 #include "gs_core/geodesy/utm.h"
 #include "gs_core/geometry/vectors.h"

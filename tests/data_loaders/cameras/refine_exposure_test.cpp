@@ -6,6 +6,7 @@
 
 #include <cmath>
 
+#include "data_loaders/photos/encode/encode_png.h"
 #include "data_loaders/scene/load_scene.h"
 #include "gs_core/error.h"
 #include "gs_core/math/random.h"

@@ -14,6 +14,9 @@
 #include <tuple>
 
 #include "data_loaders/colmap/colmap_model.h"
+#include "data_loaders/photos/encode/encode_jpeg.h"
+#include "data_loaders/photos/encode/encode_png.h"
+#include "data_loaders/photos/photos.h"
 #include "data_loaders/reconstruct/colmap_log.h"
 #include "data_loaders/reconstruct/foreign_cameras.h"
 #include "data_loaders/reconstruct/photo_folder.h"

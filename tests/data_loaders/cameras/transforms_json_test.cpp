@@ -7,6 +7,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "data_loaders/photos/encode/encode_png.h"
 #include "gs_core/error.h"
 #include "gs_core/math/random.h"
 #include "gs_core/math/render/rotation.h"

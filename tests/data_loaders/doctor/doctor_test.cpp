@@ -8,6 +8,8 @@
 #include <random>
 
 #include "data_loaders/colmap/colmap_write.h"
+#include "data_loaders/photos/encode/encode_png.h"
+#include "data_loaders/photos/photos.h"
 #include "data_loaders/photos/picture_quality.h"
 #include "data_loaders/video/video_frames.h"
 #include "tests/support/adaptive.h"

@@ -5,7 +5,9 @@
 
 #include <cmath>
 
+#include "data_loaders/photos/encode/encode_jpeg.h"
 #include "data_loaders/photos/exif_tags.h"
+#include "data_loaders/photos/photos.h"
 #include "tests/support/exif_photo.h"
 #include "tests/support/temp_folder.h"
 

@@ -9,6 +9,7 @@
 #include <cstdlib>
 
 #include "data_loaders/photos/photos.h"
+#include "data_loaders/video/sharpest_frames.h"
 #include "data_loaders/video/video_frames.h"
 #include "gs_core/error.h"
 #include "tests/support/error_of.h"

@@ -6,6 +6,7 @@
 
 #include "data_loaders/doctor/doctor.h"
 #include "data_loaders/lenses/undistort.h"
+#include "data_loaders/photos/encode/encode_png.h"
 #include "data_loaders/scene/load_scene.h"
 #include "tests/support/load_scene.h"
 #include "tests/support/tiny_photos.h"

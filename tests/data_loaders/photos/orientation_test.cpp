@@ -5,6 +5,7 @@
 #include <gmock/gmock.h>
 
 #include "data_loaders/photos/exif_tags.h"
+#include "data_loaders/photos/photos.h"
 #include "tests/support/exif_photo.h"
 #include "tests/support/temp_folder.h"
 #include "tests/support/tiny_photos.h"

@@ -1,12 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "data_loaders/photos/photos.h"
+#include "data_loaders/photos/encode/encode_jpeg.h"
+#include "data_loaders/photos/encode/encode_png.h"
 
 #include <gmock/gmock.h>
 
 #include <numeric>
 
 #include "data_loaders/photos/cut_short.h"
-#include "data_loaders/photos/encode_png.h"
 #include "data_loaders/photos/photo_codec.h"
 #include "data_loaders/photos/photo_names.h"
 #include "gs_core/error.h"

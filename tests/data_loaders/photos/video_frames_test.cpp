@@ -1,12 +1,14 @@
 // SPDX-License-Identifier: Apache-2.0
 // Frames from generated videos, in which noise is sharp and a gradient is not.
 #include "data_loaders/video/video_frames.h"
+#include "data_loaders/video/sharpest_frames.h"
 
 #include <gmock/gmock.h>
 
 #include <algorithm>
 #include <mutex>
 
+#include "data_loaders/photos/photos.h"
 #include "data_loaders/video/film_frames.h"
 #include "gs_core/error.h"
 #include "tests/support/avi_writer.h"

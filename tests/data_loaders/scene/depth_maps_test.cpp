@@ -7,6 +7,7 @@
 #include "data_loaders/doctor/doctor.h"
 #include "data_loaders/lenses/undistort.h"
 #include "data_loaders/photos/depth_file.h"
+#include "data_loaders/photos/encode/encode_png.h"
 #include "data_loaders/photos/exr.h"
 #include "data_loaders/scene/depth/depth_map.h"
 #include "data_loaders/scene/load_scene.h"

@@ -6,6 +6,7 @@
 #include <algorithm>
 
 #include "data_loaders/lenses/undistort.h"
+#include "data_loaders/photos/encode/encode_png.h"
 #include "data_loaders/photos/photo_cache.h"
 #include "data_loaders/photos/photo_pool.h"
 #include "gs_core/error.h"

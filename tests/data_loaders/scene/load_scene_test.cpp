@@ -4,6 +4,8 @@
 #include <gmock/gmock.h>
 
 #include "data_loaders/lenses/undistort.h"
+#include "data_loaders/photos/encode/encode_png.h"
+#include "data_loaders/photos/photos.h"
 #include "gs_core/error.h"
 #include "tests/support/exif_photo.h"
 #include "tests/support/load_scene.h"

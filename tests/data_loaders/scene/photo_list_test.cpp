@@ -6,6 +6,7 @@
 
 #include <algorithm>
 
+#include "data_loaders/photos/encode/encode_png.h"
 #include "tests/support/load_scene.h"
 
 namespace gs {

@@ -6,6 +6,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include "data_loaders/photos/encode/encode_png.h"
 #include "data_loaders/photos/photo_cache.h"
 #include "data_loaders/photos/photo_names.h"
 #include "data_loaders/scene/load_scene.h"

@@ -6,6 +6,7 @@
 #include <cmath>
 
 #include "data_loaders/lenses/undistort.h"
+#include "data_loaders/photos/encode/encode_png.h"
 #include "gs_core/error.h"
 #include "tests/support/colmap_writer.h"
 #include "tests/support/error_of.h"

@@ -8,7 +8,7 @@
 
 #include <jpeglib.h>
 
-#include "data_loaders/photos/photo_codec.h"
+#include "data_loaders/photos/encode/encode_jpeg.h"
 #include "gs_core/error.h"
 
 namespace gs {

@@ -2,7 +2,7 @@
 // The options of gemsplat export.
 #include <spdlog/fmt/fmt.h>
 
-#include "gs_app/jobs/export_job.h"
+#include "gs_app/jobs/export/export_job.h"
 
 namespace gs {
 namespace {
@@ -61,14 +61,14 @@ void visit_options(ExportJob& job, OptionList& option) {
   option("model", job.model, "a model in any format that gemsplat reads, or a run's folder")
       .takes("MODEL|RUN")
       .required();
-  option("output", job.outputs,
+  option("output,-o,--output", job.outputs,
          "files to write, each with a FILE.transforms.json that describes it; the ending of a name "
          "chooses its format: " +
              format_names() +
              "; .html is a page that shows the model without a server; a name that ends in / is "
-             "the folder of a 3D Tiles tileset, which needs a georeference")
-      .takes("FILE")
-      .required();
+             "the folder of a 3D Tiles tileset, which needs a georeference [beside the model: "
+             "MODEL.spz]")
+      .takes("FILE");
   model_options(option, job.choice);
   time_option(option, job.time,
               "write this moment of Gaussians in space and time, 0 to 1, as 3D Gaussians");

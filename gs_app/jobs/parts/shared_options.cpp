@@ -1,14 +1,14 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "gs_app/jobs/shared_options.h"
+#include "gs_app/jobs/parts/shared_options.h"
 
-#include "gs_app/jobs/foreign_flags.h"
-#include "gs_app/jobs/job.h"
+#include "gs_app/jobs/parts/foreign_flags.h"
+#include "gs_app/jobs/parts/job.h"
 #include "gs_core/config/config_presets.h"
 
 namespace gs {
 namespace {
 
-constexpr int kMostLevels = 63, kMostPort = 65535;
+constexpr int kMostPort = 65535;
 
 std::vector<std::string> preset_names() {
   std::vector<std::string> names;
@@ -46,10 +46,6 @@ void model_options(OptionList& option, ModelChoice& choice) {
 
 Option& time_option(OptionList& option, std::optional<double>& time, const std::string& meaning) {
   return option("--time", time, meaning).takes("T").between(0, 1).rare();
-}
-
-Option& force_option(OptionList& option, bool& force, const std::string& meaning) {
-  return option("--force", force, meaning);
 }
 
 void camera_options(OptionList& option, const std::string& scene_names) {

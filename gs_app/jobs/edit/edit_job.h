@@ -7,8 +7,9 @@
 
 #include "gs_app/blocks/blocks_file.h"
 #include "gs_app/edit/edit_step.h"
-#include "gs_app/jobs/job.h"
-#include "gs_app/jobs/shared_options.h"
+#include "gs_app/jobs/parts/job.h"
+#include "gs_app/jobs/parts/shared_options.h"
+#include "gs_app/run/open_model.h"
 #include "gs_model/formats/formats.h"
 
 namespace gs {
@@ -27,5 +28,19 @@ struct EditJob : JobSettings {
 };
 
 void visit_options(EditJob& job, OptionList& option);
+
+/// All models as one, with what is known of them.
+struct EditInputs {
+  EditModel model;
+  Config config;                 // that of the first
+  std::optional<RunFolder> run;  // of the first
+  Json described = Json::array();
+};
+
+/// Reads them, with the cameras that go with them if asked for. Throws Error.
+EditInputs open_inputs(const EditJob& job, bool with_cameras);
+
+/// "house.ply", or "3 models merged".
+std::string name_of_inputs(const EditJob& job, const EditInputs& inputs);
 
 }  // namespace gs

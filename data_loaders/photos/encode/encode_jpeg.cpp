@@ -4,7 +4,7 @@
 #include <algorithm>
 #include <optional>
 
-#include "data_loaders/photos/photo_codec.h"
+#include "data_loaders/photos/encode/encode_jpeg.h"
 #include "gs_core/threads/parallel.h"
 
 namespace gs {

@@ -1,16 +1,17 @@
 // SPDX-License-Identifier: Apache-2.0
 // PNG (W3C 2003, second edition): strips of rows are filtered and compressed side by side, each
 // into a chunk of its own.
-#include "data_loaders/photos/encode_png.h"
+#include "data_loaders/photos/encode/encode_png.h"
 
 #include <algorithm>
 #include <cstdlib>
 #include <string>
 #include <string_view>
 
-#include "data_loaders/photos/deflate.h"
+#include "data_loaders/photos/encode/deflate.h"
 #include "gs_core/error.h"
 #include "gs_core/system/crc32.h"
+#include "gs_core/system/files/atomic_file.h"
 #include "gs_core/threads/parallel.h"
 
 namespace gs {
@@ -172,6 +173,14 @@ std::vector<std::uint8_t> encode_png(const Image8& image) {
   for (const Strip& strip : strips) bytes.insert(bytes.end(), strip.data.begin(), strip.data.end());
   bytes.insert(bytes.end(), end.begin(), end.end());
   return bytes;
+}
+
+void write_png(const std::filesystem::path& path, const Image8& image) {
+  GS_CHECK(!image.empty());
+  const std::vector<std::uint8_t> bytes = encode_png(image);
+  AtomicFile file(path);
+  file.write(bytes.data(), bytes.size());
+  file.commit();
 }
 
 }  // namespace gs

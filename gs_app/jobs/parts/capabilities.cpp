@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "gs_app/jobs/capabilities.h"
+#include "gs_app/jobs/parts/capabilities.h"
 
-#include "gs_app/jobs/features.h"
+#include "gs_app/jobs/parts/features.h"
+#include "gs_app/run/make_backend.h"
 #include "gs_core/threads/parallel.h"
 
 namespace gs {

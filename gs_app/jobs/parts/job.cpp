@@ -1,10 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "gs_app/jobs/job.h"
+#include "gs_app/jobs/parts/job.h"
 
 #include <algorithm>
 
-#include "gs_app/jobs/foreign_flags.h"
+#include "gs_app/jobs/parts/foreign_flags.h"
 #include "gs_app/run/run_folder.h"
+#include "gs_core/threads/parallel.h"
 
 namespace gs {
 namespace {
@@ -43,6 +44,12 @@ Config resolve(const JobSettings& job, Config start, SettingOrigins* origins) {
   validate(start, known);
   if (origins) *origins = std::move(known);
   return start;
+}
+
+Config resolve_to_work(const JobSettings& job, Config start) {
+  const Config config = resolve(job, std::move(start));
+  set_thread_count(config.train.threads);
+  return config;
 }
 
 std::vector<std::filesystem::path> inputs_of(const JobSettings& job, const Config& config) {

@@ -7,7 +7,7 @@
 #include <stb_image_write.h>
 #pragma GCC diagnostic pop
 
-#include "data_loaders/photos/photo_codec.h"
+#include "data_loaders/photos/encode/encode_jpeg.h"
 #include "gs_core/error.h"
 
 namespace gs {

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "data_loaders/photos/deflate.h"
+#include "data_loaders/photos/encode/deflate.h"
 
 #include <algorithm>
 #include <array>

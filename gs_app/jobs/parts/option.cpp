@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "gs_app/jobs/option.h"
+#include "gs_app/jobs/parts/option.h"
 
 #include <spdlog/fmt/fmt.h>
 

@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "gs_app/jobs/foreign_flags.h"
+#include "gs_app/jobs/parts/foreign_flags.h"
 
 #include <algorithm>
 #include <iterator>
 
-#include "gs_app/jobs/option.h"
+#include "gs_app/jobs/parts/option.h"
 
 namespace gs {
 namespace {

@@ -3,7 +3,7 @@
 #pragma once
 
 #include "data_loaders/reconstruct/run_colmap.h"
-#include "gs_app/jobs/job.h"
+#include "gs_app/jobs/parts/job.h"
 
 namespace gs {
 

@@ -5,7 +5,7 @@
 #include <algorithm>
 #include <iterator>
 
-#include "gs_app/jobs/edit_job.h"
+#include "gs_app/jobs/edit/edit_job.h"
 
 namespace gs {
 namespace {
@@ -43,7 +43,8 @@ void visit_options(EditJob& job, OptionList& option) {
       .takes("MODEL|RUN")
       .required();
   option("-o,--output", job.output,
-         "file to write; its ending chooses the format: " + format_names())
+         "file to write; its ending chooses the format: " + format_names() +
+             " [beside the model: MODEL-edited, in its format; of several MODEL-merged]")
       .takes("FILE");
   model_options(option, job.choice);
   visit_operations(job, option);

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// A verb as data. A file of this folder has a request with its defaults, the list of its options,
+// A verb as data. A file of gs_app/jobs has a request with its defaults, the list of its options,
 // and the work:
 //
 //   struct CountJob : JobSettings { std::string model; };
@@ -18,7 +18,7 @@
 #include <string>
 #include <vector>
 
-#include "gs_app/jobs/option.h"
+#include "gs_app/jobs/parts/option.h"
 #include "gs_core/config/config.h"
 #include "gs_core/error.h"
 #include "gs_core/system/log.h"
@@ -46,6 +46,9 @@ struct JobSettings {
 /// UsageError.
 Config resolve(const JobSettings& job, Config start = {}, SettingOrigins* origins = nullptr);
 
+/// The same for a verb that computes: with the threads that they ask for from here on.
+Config resolve_to_work(const JobSettings& job, Config start = {});
+
 /// The files and folders that a request and its settings name to be read. None of them is ever
 /// moved.
 std::vector<std::filesystem::path> inputs_of(const JobSettings& job, const Config& config);
@@ -59,9 +62,9 @@ struct NextCommand {
 struct Outcome {
   std::string text = {};  // what a terminal shows, whole lines
   Json json = nullptr;
-  std::vector<NextCommand> next = {};
-  bool is_answer = false;             // the text is what was asked for, also with -q
-  std::optional<Error> failure = {};  // said after the text
+  std::vector<NextCommand> next = {};  // none only where nothing is shown
+  bool is_answer = false;              // the text is what was asked for, also with -q
+  std::optional<Error> failure = {};   // said after the text
 };
 
 /// What a verb tells while it works.

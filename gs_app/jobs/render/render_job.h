@@ -8,8 +8,8 @@
 
 #include "gs_app/export/film_path.h"
 #include "gs_app/export/render_output.h"
-#include "gs_app/jobs/job.h"
-#include "gs_app/jobs/shared_options.h"
+#include "gs_app/jobs/parts/job.h"
+#include "gs_app/jobs/parts/shared_options.h"
 
 namespace gs {
 

@@ -3,6 +3,7 @@
 #pragma once
 
 #include <cstdint>
+#include <filesystem>
 #include <vector>
 
 #include "gs_core/image.h"
@@ -12,5 +13,8 @@ namespace gs {
 /// The bytes of a PNG file with 1, 3 or 4 channels, the last of 4 straight alpha. They are the same
 /// on every machine and with any number of threads.
 std::vector<std::uint8_t> encode_png(const Image8& image);
+
+/// Writes them as a file, whole or not at all. Throws Error.
+void write_png(const std::filesystem::path& path, const Image8& image);
 
 }  // namespace gs

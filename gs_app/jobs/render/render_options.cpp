@@ -10,11 +10,14 @@
 #include <utility>
 
 #include "gs_app/export/key_frames.h"
-#include "gs_app/jobs/render_job.h"
+#include "gs_app/jobs/render/render_job.h"
+#include "gs_app/run/output_place.h"
 #include "gs_core/math/constants.h"
 
 namespace gs {
 namespace {
+
+namespace fs = std::filesystem;
 
 const std::vector<std::string> kPathKinds = {"orbit", "spline", "flythrough"};
 constexpr double kSeconds = 10;      // of a path, where nothing is said
@@ -68,7 +71,7 @@ std::size_t frames_of(const RenderJob& job, double usual_seconds) {
 double take_path_file(RenderJob& job) {
   PathRequest& path = job.path;
   if (path.kind.empty() || contains(kPathKinds, path.kind)) return kSeconds;
-  if (!std::filesystem::exists(path.kind))
+  if (!fs::exists(path.kind))
     throw UsageError(
         fmt::format("--path {}: it is none of {}, and there is no such file of key frames",
                     path.kind, fmt::join(kPathKinds, ", ")));
@@ -79,6 +82,15 @@ double take_path_file(RenderJob& job) {
   path.is_loop = frames.is_closed;
   path.pace = frames.pace;
   return frames.seconds;
+}
+
+// A path is a film where that can hold it and this build writes films.
+fs::path usual_output(const RenderJob& job) {
+  if (!job.is_path() || job.output.exr || !can_write_films())
+    return new_place(beside(job.model, "-pictures"));
+  std::vector<std::string> endings = {".mp4", ".json", ".cameras.json"};
+  for (const std::string& quantity : quantity_names()) endings.push_back("." + quantity + ".mp4");
+  return new_place(beside(job.model, "-film"), endings);
 }
 
 // --- Options
@@ -207,9 +219,9 @@ bool RenderJob::shows(Quantity quantity) const {
 void visit_options(RenderJob& job, OptionList& option) {
   option("model", job.model, kModelHelp).takes("MODEL|RUN").required();
   option("-o,--output", job.output_path,
-         "folder for pictures, named after their views, or a film whose name ends in .mp4")
-      .takes("FOLDER|FILM")
-      .required();
+         "folder for pictures, named after their views, or a film whose name ends in .mp4 [beside "
+         "the model: MODEL-pictures, or MODEL-film.mp4 of a --path]")
+      .takes("FOLDER|FILM");
   model_options(option, job.choice);
   option("--cameras", job.cameras,
          "cameras.json, transforms.json or the folder of a COLMAP model [those of the run]")
@@ -233,12 +245,12 @@ RenderJob checked(RenderJob job) {
   job.path.frames = frames_of(job, usual_seconds);
   if (!job.center.empty()) job.path.center = Vec3d(job.center[0], job.center[1], job.center[2]);
   if (!job.size_words.empty()) job.size = size_of(job.size_words);
-  job.output.output = job.output_path;
   const auto& names = quantity_names();
   for (std::size_t i = 0; i < names.size(); ++i)
     if (contains(job.quantities, names[i])) job.output.quantities.push_back(Quantity(i));
   job.output.exr = contains(job.formats, "exr");
   job.output.png = job.formats.empty() || contains(job.formats, "png");
+  job.output.output = job.output_path.empty() ? usual_output(job) : fs::path(job.output_path);
   check_output(job.output);
   const std::vector<float>& range = job.depth_range;
   if (!range.empty() && !(range[0] < range[1]))

@@ -5,7 +5,7 @@
 #include <optional>
 #include <string>
 
-#include "gs_app/jobs/option.h"
+#include "gs_app/jobs/parts/option.h"
 #include "gs_app/view/http/http_server.h"
 
 namespace gs {
@@ -26,9 +26,6 @@ void model_options(OptionList& option, ModelChoice& choice);
 
 /// --time: a moment of Gaussians in space and time.
 Option& time_option(OptionList& option, std::optional<double>& time, const std::string& meaning);
-
-/// --force: of a file, or of a folder that is not empty.
-Option& force_option(OptionList& option, bool& force, const std::string& meaning);
 
 /// The scene (`scene_names`: its option's names), --images, -r, --test-every: all that poses and
 /// sizes of its cameras depend on.

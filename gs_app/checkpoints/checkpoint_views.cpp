@@ -1,0 +1,98 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "gs_app/checkpoints/checkpoint_views.h"
+
+#include <cmath>
+#include <string>
+
+namespace gs {
+namespace {
+
+struct ViewNumbers {
+  std::int32_t is_test, width, height;
+  float fx, fy, cx, cy;
+  Mat3<float> rotation;
+  Vec3f translation, exposure;
+};
+static_assert(sizeof(ViewNumbers) == 22 * 4);
+
+ViewNumbers numbers_of(const ViewRecord& view) {
+  const Camera& camera = view.camera;
+  return {view.is_test,
+          camera.width,
+          camera.height,
+          camera.fx,
+          camera.fy,
+          camera.cx,
+          camera.cy,
+          camera.cam_from_world_rotation,
+          camera.cam_from_world_translation,
+          view.exposure};
+}
+
+ViewRecord view_of(const ViewNumbers& numbers) {
+  ViewRecord view;
+  view.is_test = numbers.is_test != 0;
+  view.exposure = numbers.exposure;
+  Camera& camera = view.camera;
+  camera.width = numbers.width;
+  camera.height = numbers.height;
+  camera.fx = numbers.fx;
+  camera.fy = numbers.fy;
+  camera.cx = numbers.cx;
+  camera.cy = numbers.cy;
+  camera.cam_from_world_rotation = numbers.rotation;
+  camera.cam_from_world_translation = numbers.translation;
+  return view;
+}
+
+}  // namespace
+
+void write_views(CheckedWriter& file, const std::vector<ViewRecord>& views) {
+  std::string names;
+  for (const ViewRecord& view : views) names += view.name + '\0';
+  file.text("view_names", names);
+  file.section("views", views.size() * sizeof(ViewNumbers));
+  for (const ViewRecord& view : views) {
+    const ViewNumbers numbers = numbers_of(view);
+    file.write(&numbers, sizeof numbers);
+  }
+}
+
+std::vector<ViewRecord> read_views(CheckedReader& file) {
+  const std::string names = file.text("view_names");
+  std::vector<ViewRecord> views;
+  std::size_t begin = 0;
+  for (const ViewNumbers& numbers : file.values<ViewNumbers>("views")) {
+    const std::size_t end = names.find('\0', begin);
+    if (end == names.npos) file.damaged();
+    views.push_back(view_of(numbers));
+    views.back().name = names.substr(begin, end - begin);
+    begin = end + 1;
+  }
+  return views;
+}
+
+void write_times(CheckedWriter& file, const std::vector<ViewRecord>& views) {
+  file.section("view_times", views.size() * sizeof(float));
+  for (const ViewRecord& view : views) file.write(&view.camera.time, sizeof view.camera.time);
+}
+
+void read_times(CheckedReader& file, std::vector<ViewRecord>& views) {
+  const std::vector<float> times = file.values<float>("view_times");
+  if (times.size() != views.size()) file.damaged();
+  for (std::size_t i = 0; i < views.size(); ++i) views[i].camera.time = times[i];
+}
+
+bool is_sound(const ViewRecord& view) {
+  const Camera& camera = view.camera;
+  const Mat3<float>& R = camera.cam_from_world_rotation;
+  constexpr int kLargestSide = 1 << 20;  // pixels, as for cameras.json
+  const auto is_side = [](int pixels) { return pixels > 0 && pixels <= kLargestSide; };
+  return is_side(camera.width) && is_side(camera.height) && camera.fx > 0 && camera.fy > 0 &&
+         is_finite(Vec3f(camera.fx, camera.fy, 0)) && is_finite(Vec3f(camera.cx, camera.cy, 0)) &&
+         is_finite(R.row0) && is_finite(R.row1) && is_finite(R.row2) &&
+         is_finite(camera.cam_from_world_translation) && is_finite(view.exposure) &&
+         std::isfinite(camera.time);
+}
+
+}  // namespace gs

@@ -1,0 +1,22 @@
+// SPDX-License-Identifier: Apache-2.0
+// The sections "view_names", "views" and "view_times" of a checkpoint.
+#pragma once
+
+#include <vector>
+
+#include "gs_app/checkpoints/checkpoint_file.h"
+#include "gs_core/system/files/checked_file.h"
+
+namespace gs {
+
+void write_views(CheckedWriter& file, const std::vector<ViewRecord>& views);
+std::vector<ViewRecord> read_views(CheckedReader& file);
+
+/// The times of the views are in a section of their own, which only models in space and time have.
+void write_times(CheckedWriter& file, const std::vector<ViewRecord>& views);
+void read_times(CheckedReader& file, std::vector<ViewRecord>& views);
+
+/// Whether a camera can have the numbers of the view.
+bool is_sound(const ViewRecord& view);
+
+}  // namespace gs
