@@ -3,38 +3,29 @@
 
 #include <CLI/CLI.hpp>
 #include <iostream>
-#include <optional>
 
 #include "apps/cli/bind_options.h"
 #include "apps/cli/help.h"
-#include "gs_app/run/progress_bar.h"
+#include "gs_app/jobs/parts/bar_events.h"
 
 namespace gs {
 namespace {
 
 /// Progress as a bar for each part, and text on standard output.
-class TerminalEvents final : public JobEvents {
+class TerminalEvents final : public BarEvents {
  public:
   explicit TerminalEvents(const BoundVerb& bound)
-      : is_quiet_(bound.call->settings().quiet), wants_json_(bound.json) {}
+      : BarEvents(!bound.call->settings().quiet), is_quiet_(bound.call->settings().quiet),
+        wants_json_(bound.json) {}
 
-  void progress(const std::string& part, const char* unit, std::size_t done,
-                std::size_t total) override {
-    if (!bar_ || part != part_) bar_.emplace(std::int64_t(total), !is_quiet_);
-    part_ = part;
-    if (bar_->due(std::int64_t(done))) bar_->draw(std::int64_t(done), part, unit);
-    if (done == total) bar_.reset();  // before the log goes on
-  }
   void say(const std::string& text, bool is_answer) override {
-    bar_.reset();
+    end_bar();
     if (is_answer || !(is_quiet_ || wants_json_)) std::cout << text << std::flush;
   }
   bool wants_json() const override { return wants_json_; }
 
  private:
   bool is_quiet_, wants_json_;
-  std::optional<ProgressBar> bar_;
-  std::string part_;
 };
 
 Verbosity g_verbosity = Verbosity::normal;
@@ -60,12 +51,10 @@ void set_up_messages(const BoundVerb& bound) {
 }
 
 // Behind an answer, which may go to a file, the commands go to standard error.
-void show(const BoundVerb& bound, Outcome outcome) {
+void show(const BoundVerb& bound, const Outcome& outcome) {
   const bool is_quiet = bound.call->settings().quiet;
   if (bound.json) {
-    if (outcome.json.is_object())
-      for (const NextCommand& next : outcome.next) outcome.json["next"].push_back(next.command);
-    if (!outcome.json.is_null()) std::cout << file_text(outcome.json);
+    if (!outcome.json.is_null()) std::cout << file_text(shown_json(outcome));
   } else {
     if (!is_quiet || outcome.is_answer) std::cout << outcome.text << std::flush;
     for (const NextCommand& next : outcome.next) {

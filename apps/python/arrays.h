@@ -1,11 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
-// Between NumPy and our arrays. Arguments are checked and copied; results are views of our memory.
+// Our arrays as NumPy's: views of our memory. gemsplat/_classes.py checks arrays that come in.
 #pragma once
 
 #include <pybind11/numpy.h>
 
+#include <cstring>
 #include <memory>
-#include <string>
+#include <tuple>
 #include <vector>
 
 #include "gs_core/image.h"
@@ -16,20 +17,8 @@ namespace gs::python {
 namespace py = pybind11;
 
 using FloatArray = py::array_t<float, py::array::c_style | py::array::forcecast>;
+using ByteArray = py::array_t<std::uint8_t, py::array::c_style | py::array::forcecast>;
 using Shape = std::vector<py::ssize_t>;
-inline constexpr py::ssize_t kAny = -1;  // in a shape that is asked for: any length
-
-/// The argument as float32 in C order, converted from any other type of real numbers. Throws
-/// UsageError that names the argument if it is no array of numbers, has another shape, or holds NaN
-/// or infinity.
-FloatArray floats_of(const char* name, const py::handle& value, const Shape& shape);
-/// The argument as uint8 in C order. Throws UsageError for any other type, since 0..1 cannot be
-/// told from 0..255, and for any other shape.
-py::array_t<std::uint8_t, py::array::c_style> bytes_of(const char* name, const py::handle& value,
-                                                       const Shape& shape);
-
-/// Three numbers, finite. Throws UsageError.
-Vec3d vector_of(const char* name, const py::handle& value);
 
 /// An array over elements in the memory of `owner`, which lives as long as the array does. Strides
 /// are in bytes; empty means C order.
@@ -50,6 +39,23 @@ py::capsule keep_alive(std::shared_ptr<T> owner) {
 }
 
 /// (height, width, channels), or (height, width) for one channel. The array takes over the pixels.
-py::array_t<float> array_of(ImageF image);
+inline py::array_t<float> array_of(ImageF image) {
+  const auto kept = std::make_shared<ImageF>(std::move(image));
+  Shape shape{kept->height, kept->width};
+  if (kept->channels > 1) shape.push_back(kept->channels);
+  return array_in<float>(kept->pixels.data(), shape, {}, keep_alive(kept), true);
+}
+
+/// x, y, z as a tuple of Python.
+template <class T>
+std::tuple<double, double, double> three_of(const Vec3<T>& v) {
+  return {v.x, v.y, v.z};
+}
+
+/// The elements of an array, which has as many, into a buffer.
+template <class T>
+void copy_rows(const FloatArray& from, const Buffer<T>& to) {
+  if (from.size()) std::memcpy(to.data(), from.data(), std::size_t(from.size()) * sizeof(float));
+}
 
 }  // namespace gs::python

@@ -26,7 +26,7 @@ Device& device_named(const std::string& name) {
 }
 
 std::mutex g_work_mutex;
-int g_work = 0;
+int g_work = 0, g_threads = 0;
 
 }  // namespace
 
@@ -42,24 +42,25 @@ BorrowedBackend::BorrowedBackend(const std::string& called) {
   backend_->device().make_current();
 }
 
-Work::Work() {
+void Work::count(int change) {
   const std::scoped_lock lock(g_work_mutex);
-  ++g_work;
-}
-
-Work::~Work() {
-  const std::scoped_lock lock(g_work_mutex);
-  --g_work;
+  g_work += change;
 }
 
 void set_threads(int threads) {
   const std::scoped_lock lock(g_work_mutex);
   if (threads < 0) throw UsageError("the number of threads must be 0 (all cores) or more");
   const int wanted = threads > 0 ? threads : std::max(1, int(std::thread::hardware_concurrency()));
-  if (wanted == thread_count()) return;
-  if (g_work)
+  const bool changes = wanted != thread_count();
+  if (changes && g_work)
     throw UsageError("the number of threads cannot change while gemsplat trains or renders");
-  set_thread_count(threads);
+  g_threads = threads;
+  if (changes) set_thread_count(threads);
+}
+
+int threads_asked_for() {
+  const std::scoped_lock lock(g_work_mutex);
+  return g_threads;
 }
 
 }  // namespace gs::python

@@ -28,14 +28,19 @@ class BorrowedBackend {
 /// While one lives, the number of threads cannot change.
 class Work {
  public:
-  Work();
-  ~Work();
+  Work() { count(1); }
+  ~Work() { count(-1); }
   Work(const Work&) = delete;
   Work& operator=(const Work&) = delete;
+
+ private:
+  static void count(int change);
 };
 
 /// Sets the number of threads of all parallel loops; 0 means all cores. Throws UsageError while
 /// there is Work.
 void set_threads(int threads);
+/// What set_threads() was called with last; 0 before.
+int threads_asked_for();
 
 }  // namespace gs::python

@@ -1,17 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
-// The module gemsplat._gemsplat; gemsplat/__init__.py offers its names as gemsplat. Types are in
-// gemsplat/__init__.pyi, shapes in docs/reference/python.md.
-#include <pybind11/pybind11.h>
+// The module gemsplat._gemsplat; gemsplat/__init__.py offers its names as gemsplat.
+#include <pybind11/stl/filesystem.h>
 
-#include "apps/python/camera.h"
 #include "apps/python/devices.h"
-#include "apps/python/errors.h"
-#include "apps/python/model.h"
-#include "apps/python/outputs.h"
-#include "apps/python/progress.h"
-#include "apps/python/render.h"
-#include "apps/python/scene.h"
-#include "apps/python/train.h"
+#include "apps/python/module.h"
+#include "gs_app/report/report_folder.h"
 #include "gs_app/run/make_backend.h"
 #include "gs_core/error.h"
 #include "gs_core/system/log.h"
@@ -25,14 +18,11 @@ namespace gs::python {
 namespace {
 
 void set_verbosity(const std::string& name) {
-  if (name == "quiet")
-    setup_log(Verbosity::quiet);
-  else if (name == "normal")
-    setup_log(Verbosity::normal);
-  else if (name == "verbose")
-    setup_log(Verbosity::verbose);
-  else
+  if (name != "quiet" && name != "normal" && name != "verbose")
     throw UsageError("there is no verbosity " + name + "; there are quiet, normal and verbose");
+  setup_log(name == "quiet"    ? Verbosity::quiet
+            : name == "normal" ? Verbosity::normal
+                               : Verbosity::verbose);
 }
 
 }  // namespace
@@ -51,7 +41,8 @@ PYBIND11_MODULE(_gemsplat, module) {
   bind_render(module);
   bind_progress(module);
   bind_train(module);
-  bind_outputs(module);
+  bind_edit(module);
+  bind_jobs(module);
   module.attr("__name__") = own_name;
   module.def("set_verbosity", set_verbosity, py::arg("name"),
              "Sets how much is logged to standard error: quiet (warnings and errors, the default), "
@@ -63,5 +54,6 @@ PYBIND11_MODULE(_gemsplat, module) {
   module.def("cuda_device_count", cuda_device_count,
              "How many GPUs the device \"cuda:N\" can name; 0 also where gemsplat was built "
              "without CUDA.");
+  module.def("write_report", write_folder_report, py::call_guard<py::gil_scoped_release>());
   setup_log(Verbosity::quiet);
 }

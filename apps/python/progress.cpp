@@ -1,9 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "apps/python/progress.h"
 
-#include "apps/python/settings.h"
-#include "gs_core/error.h"
-
 namespace py = pybind11;
 
 namespace gs::python {
@@ -12,42 +9,15 @@ namespace {
 // Between two checks for Ctrl-C, since taking the GIL may cost some milliseconds.
 constexpr auto kSignalsEvery = std::chrono::milliseconds(50);
 
-/// The object that a callback gets: the run after a step. It is valid while the callback runs, in
-/// its thread.
-class Progress {
- public:
-  explicit Progress(Trainer& trainer) : trainer_(&trainer), thread_(std::this_thread::get_id()) {}
-  void end() { trainer_ = nullptr; }
-  Trainer& trainer() const {
-    if (!trainer_ || std::this_thread::get_id() != thread_)
-      throw UsageError(
-          "progress can be used only while the callback that got it runs, in the same thread");
-    return *trainer_;
-  }
-
- private:
-  Trainer* trainer_;
-  std::thread::id thread_;
-};
-
-// False of Python or of NumPy; None and 0 are not.
-bool is_false(const py::handle& answer) {
-  return is_bool(answer) && PyObject_IsTrue(answer.ptr()) == 0;
-}
-
 }  // namespace
 
-std::shared_ptr<Model> model_of(Trainer& trainer) {
+ModelPointer model_of(Trainer& trainer) {
   auto model = std::make_shared<Model>();
   model->model = trained_model(trainer);
   model->config = trainer.config();
   model->config.train = {};
   return model;
 }
-
-CallbackObserver::CallbackObserver(py::object callback, int every, OnFailure on_failure)
-    : callback_(std::move(callback)), has_callback_(!callback_.is_none()), every_(every),
-      on_failure_(on_failure) {}
 
 void CallbackObserver::after_step(int step, Trainer& trainer) {
   const bool is_last = step == trainer.schedule().steps();
@@ -58,39 +28,23 @@ void CallbackObserver::after_step(int step, Trainer& trainer) {
   try {
     look(is_due, trainer);
   } catch (...) {
-    if (on_failure_ == OnFailure::throw_at_once) throw;
+    if (!saves_first_) throw;
     failure_ = std::current_exception();
     trainer.stop();
   }
-}
-
-void CallbackObserver::after_rollback(int step, Trainer&) {
-  while (!rows_.empty() && rows_.back().step > step) rows_.pop_back();
-}
-
-void CallbackObserver::after_run(Trainer& trainer) {
-  if (rows_.empty() || rows_.back().step != trainer.step()) note(trainer);  // was stopped
-}
-
-void CallbackObserver::note(Trainer& trainer) {
-  rows_.push_back(
-      {trainer.step(), trainer.loss(), trainer.gaussian_count(), trainer.train_seconds()});
 }
 
 void CallbackObserver::look(bool is_due, Trainer& trainer) {
   const py::gil_scoped_acquire gil;
   if (PyErr_CheckSignals()) throw py::error_already_set();
   next_look_ = Clock::now() + kSignalsEvery;
-  if (is_due) call_back(trainer);
-}
-
-void CallbackObserver::call_back(Trainer& trainer) {
+  if (!is_due) return;
   const auto progress = std::make_shared<Progress>(trainer);
   const struct End {
     Progress& progress;
     ~End() { progress.end(); }
   } end{*progress};
-  if (is_false(callback_(progress))) trainer.stop();
+  if (!callback_(progress).cast<bool>()) trainer.stop();
   trainer.backend().device().make_current();  // the callback may have used another GPU
 }
 

@@ -2,21 +2,38 @@
 // gemsplat.Progress, and the observer that calls back to Python.
 #pragma once
 
-#include <pybind11/pybind11.h>
-
 #include <chrono>
 #include <exception>
 #include <memory>
 #include <thread>
 #include <vector>
 
-#include "apps/python/model.h"
+#include "apps/python/module.h"
+#include "gs_core/error.h"
 #include "gs_train/loop/trainer.h"
 
 namespace gs::python {
 
 /// The trained model as the run would leave it if it ended now; a copy. Waits for the device.
-std::shared_ptr<Model> model_of(Trainer& trainer);
+ModelPointer model_of(Trainer& trainer);
+
+/// The object that a callback gets: the run after a step. It is valid while the callback runs, in
+/// its thread.
+class Progress {
+ public:
+  explicit Progress(Trainer& trainer) : trainer_(&trainer), thread_(std::this_thread::get_id()) {}
+  void end() { trainer_ = nullptr; }
+  Trainer& trainer() const {
+    if (!trainer_ || std::this_thread::get_id() != thread_)
+      throw UsageError(
+          "progress can be used only while the callback that got it runs, in the same thread");
+    return *trainer_;
+  }
+
+ private:
+  Trainer* trainer_;
+  std::thread::id thread_;
+};
 
 /// A row of Result.metrics.
 struct MetricsRow {
@@ -29,14 +46,19 @@ struct MetricsRow {
 /// Records metrics, checks for Ctrl-C, and calls back. Holds the GIL only for the latter two.
 class CallbackObserver final : public Observer {
  public:
-  /// An exception of the callback, or Ctrl-C, ends the run: at once, or after one more step, so
-  /// that model and checkpoint can be saved before rethrow_failure() throws it.
-  enum class OnFailure { throw_at_once, stop_first };
-
-  CallbackObserver(pybind11::object callback, int every, OnFailure on_failure);
+  /// The callback returns whether the run goes on; None is no callback. Its exception, or Ctrl-C,
+  /// ends the run: at once, or where the run `saves_first`, after one more step, so that model and
+  /// checkpoint can be saved before rethrow_failure() throws it.
+  CallbackObserver(const pybind11::object& callback, int every, bool saves_first)
+      : callback_(callback), has_callback_(!callback.is_none()), saves_first_(saves_first),
+        every_(every) {}
   void after_step(int step, Trainer& trainer) override;
-  void after_rollback(int step, Trainer&) override;
-  void after_run(Trainer& trainer) override;
+  void after_rollback(int step, Trainer&) override {
+    while (!rows_.empty() && rows_.back().step > step) rows_.pop_back();
+  }
+  void after_run(Trainer& trainer) override {
+    if (rows_.empty() || rows_.back().step != trainer.step()) note(trainer);  // was stopped
+  }
 
   const std::vector<MetricsRow>& rows() const { return rows_; }
   /// Throws what ended the run, if anything did.
@@ -47,19 +69,18 @@ class CallbackObserver final : public Observer {
  private:
   using Clock = std::chrono::steady_clock;
 
-  void note(Trainer& trainer);
+  void note(Trainer& trainer) {
+    rows_.push_back(
+        {trainer.step(), trainer.loss(), trainer.gaussian_count(), trainer.train_seconds()});
+  }
   void look(bool is_due, Trainer& trainer);
-  void call_back(Trainer& trainer);
 
-  pybind11::object callback_;
-  const bool has_callback_;
+  const pybind11::object& callback_;
+  const bool has_callback_, saves_first_;
   int every_;
-  OnFailure on_failure_;
   std::exception_ptr failure_;
   Clock::time_point next_look_{};
   std::vector<MetricsRow> rows_;
 };
-
-void bind_progress(pybind11::module_& module);
 
 }  // namespace gs::python

@@ -11,15 +11,13 @@
 #include "gs_core/system/files/access.h"
 #include "gs_core/system/files/output_lock.h"
 #include "gs_core/system/log.h"
+#include "gs_core/system/processes/process.h"
 #include "gs_core/threads/parallel.h"
 
 namespace gs {
 namespace {
 
 namespace fs = std::filesystem;
-
-// Works even if the program's file was replaced meanwhile.
-constexpr const char* kThisProgram = "/proc/self/exe";
 
 // Whether the folder holds a run that gives the result of this one. A settings file that is
 // missing, or that this version cannot read, belongs to another run.
@@ -118,7 +116,8 @@ std::vector<RunSlot> slots_on(const std::vector<std::string>& devices, int gpus_
 
 std::vector<std::string> train_command(const ExperimentRun& run, const RunSlot& slot) {
   std::vector<std::string> command = {
-      kThisProgram, "train", "-c", run.settings_file().string(), "-o", run.folder.root().string()};
+      program_to_start().string(),  "train", "-c",
+      run.settings_file().string(), "-o",    run.folder.root().string()};
   if (!slot.device.empty()) command.insert(command.end(), {"--device", slot.device});
   if (slot.gpus > 0)
     command.insert(command.end(), {"--set", fmt::format("train.ranks={}", slot.gpus)});

@@ -63,9 +63,10 @@ std::string array_script(const Experiment& experiment,
       "# One task for each unfinished run of the experiment; written by gemsplat experiment "
       "--slurm.\n";
   const std::string gpus = gpus_per_run > 0 ? fmt::format(" --gpus-per-run {}", gpus_per_run) : "";
-  return text + line_of(fmt::format("exec {} experiment {}{} --only \"$SLURM_ARRAY_TASK_ID\"",
-                                    shell_word(own_program().string()),
-                                    shell_word(experiment.file.string()), gpus));
+  return text + line_of(fmt::format(
+                    "exec {} experiment {}{} --only \"$SLURM_ARRAY_TASK_ID\"",
+                    shell_word(std::filesystem::weakly_canonical(program_to_start()).string()),
+                    shell_word(experiment.file.string()), gpus));
 }
 
 void submit(const Experiment& experiment, const std::vector<const ExperimentRun*>& runs,

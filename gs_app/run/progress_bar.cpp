@@ -29,6 +29,7 @@ int terminal_width() {
 }
 
 ProgressStyle g_style = ProgressStyle::bar;
+std::function<void(const Json&)> g_sink;
 
 std::string joined(const ProgressFigures& figures) {
   const std::string middle = figures.detail.empty() ? "" : " | " + figures.detail;
@@ -39,7 +40,10 @@ std::string joined(const ProgressFigures& figures) {
 
 void set_progress_style(ProgressStyle style) { g_style = style; }
 
+void set_progress_sink(std::function<void(const Json&)> sink) { g_sink = std::move(sink); }
+
 void write_progress_json(const Json& json) {
+  if (g_sink) return g_sink(json);
   const std::string line = json.dump(-1, ' ', false, Json::error_handler_t::replace) + "\n";
   std::fwrite(line.data(), 1, line.size(), stderr);
 }

@@ -5,6 +5,7 @@
 
 #include <chrono>
 #include <cstdint>
+#include <functional>
 #include <string>
 
 #include "gs_app/run/rate_meter.h"
@@ -19,6 +20,8 @@ void set_progress_style(ProgressStyle style);
 
 /// Writes one line to standard error, whole, also where several threads do.
 void write_progress_json(const Json& json);
+/// Gives the objects to `sink` instead; null: writes them to standard error again.
+void set_progress_sink(std::function<void(const Json&)> sink);
 
 /// What is known of a job, for one line.
 struct ProgressFigures {

@@ -113,8 +113,9 @@ std::once_flag g_pool_made;
 }  // namespace
 
 void set_thread_count(int threads) {
+  const int before = thread_count();
   g_thread_count = threads;
-  if (!g_pool) return;
+  if (!g_pool || thread_count() == before) return;
   delete g_pool;
   g_pool = new Pool(thread_count() - 1);
 }

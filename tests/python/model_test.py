@@ -165,9 +165,9 @@ class Files(TestCase):
     def test_saving_and_exporting_refuse_another_version_of_spz(self):
         model = gemsplat.Model(**random_arrays())
         path = self.folder / "model.spz"
-        self.assert_refused("spz_version must be 2, 3 or 4", model.save, path, spz_version=5)
-        self.assert_refused("spz_version must be 2, 3 or 4", gemsplat.export, model, path, spz_version=5)
-        self.assert_refused("spz_sh_bits must be 1 to 8", model.save, path, spz_sh_bits=9)
+        self.assert_refused("spz_version takes 2, 3 or 4, and not 5", model.save, path, spz_version=5)
+        self.assert_refused("spz_version takes 2, 3 or 4, and not 5", gemsplat.export, model, path, spz_version=5)
+        self.assert_refused("spz_sh_bits takes a whole number from 1 to 8", model.save, path, spz_sh_bits=9)
 
     def test_a_process_that_was_forked_ends(self):
         gemsplat.Model(**random_arrays()).save(self.folder / "model.ply")  # starts the threads
@@ -252,7 +252,7 @@ class Edits(TestCase):
         self.assert_refused("operations are words", model.edit, model.opacities > 0.5)
         self.assert_refused("an array of 50 booleans", model.keep, [True])
         self.assert_refused("an array of 50 booleans", model.keep, np.arange(50))
-        self.assert_refused("decimate_by must be", model.edit, "decimate 5", decimate_by="magic")
+        self.assert_refused("decimate_by takes merge or drop, and not", model.edit, "decimate 5", decimate_by="magic")
         self.assert_refused("one model at least", gemsplat.merge, [])
 
 

@@ -152,8 +152,8 @@ class Pictures(TestCase):
         self.assertGreater(np.abs(full - flat).max(), 1e-3)
         self.assert_refused("did you mean render.truncation", gemsplat.render, model, camera(),
                             config={"render.truncatio": "alpha"}, **CPU)
-        self.assert_refused("there is no device gpu", gemsplat.render, model, camera(), device="gpu")
-        self.assert_refused("there is no device cuda:x", gemsplat.render, model, camera(), device="cuda:x")
+        self.assert_refused('train.device = "gpu" cannot be used', gemsplat.render, model, camera(), device="gpu")
+        self.assert_refused('train.device = "cuda:x" cannot be used', gemsplat.render, model, camera(), device="cuda:x")
         self.assert_refused("background must be three numbers", gemsplat.render, model, camera(), background=(1, 1), **CPU)
         if gemsplat.cuda_device_count() == 0:
             with self.assertRaisesRegex(gemsplat.Error, "CUDA|GPU"):

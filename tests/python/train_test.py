@@ -176,8 +176,8 @@ class Training(TestCase):
         refuse("did you mean train.iterations", self.scene, {"train.iteration": 5})
         refuse("did you mean density.strategy", self.scene, {"density": {"strateg": "mcmc"}})
         refuse("train.iterations", self.scene, {"train.iterations": "many"})
-        refuse("the setting train.seed cannot be a NoneType", self.scene, {"train": {"seed": None}})
-        refuse("config must be a dict, a name, or a list", self.scene, 5)
+        refuse("the setting train.seed cannot be null", self.scene, {"train": {"seed": None}})
+        refuse("config must be an object of settings, a name, or a list", self.scene, 5)
         refuse("callback_every", self.scene, callback_every=0)
         refuse("callback must be a function", self.scene, callback=5)
         with self.assertRaisesRegex(gemsplat.Error, "preset"):

@@ -7,6 +7,8 @@
 #include "apps/cli/manual/man_page.h"
 #include "apps/cli/manual/reference_page.h"
 #include "apps/cli/run_verb.h"
+#include "gs_app/jobs/parts/keywords.h"
+#include "gs_core/error.h"
 #include "tests/support/random_model.h"
 #include "tests/support/temp_folder.h"
 
@@ -64,6 +66,27 @@ TEST(RecipeVerb, PrintsTheNumberOfGaussiansAsTextAndAsJson) {
   write_model(file, random_model(7, 1));
   EXPECT_EQ(output_of("count " + file), "7 Gaussians\nlook at it: gemsplat view " + file + "\n");
   EXPECT_THAT(output_of("count --json " + file), StartsWith("{\n  \"gaussians\": 7,\n"));
+}
+
+// The module of Python makes a function of each row of verbs() by these.
+TEST(RecipeVerb, ItsListIsItsKeywordsInPython) {
+  const TempFolder folder;
+  const std::string file = (folder.path() / "model.ply").string();
+  write_model(file, random_model(7, 1));
+  const auto call = count_verb().call();
+  const Json keywords = describe_keywords(call->options());
+  ASSERT_EQ(keywords.size(), 1u);
+  EXPECT_EQ(keywords[0]["name"], "model");
+  EXPECT_EQ(keywords[0]["kind"], "text");
+  EXPECT_EQ(keywords[0]["meaning"], "a file of trained Gaussians");
+  EXPECT_TRUE(keywords[0]["required"]);
+  EXPECT_THROW(check_whole(call->options()), UsageError);
+  EXPECT_THROW(take_keywords(call->options(), {{"modle", file}}), UsageError);
+  EXPECT_THROW(take_keywords(call->options(), {{"model", 5}}), UsageError);
+  take_keywords(call->options(), {{"model", file}});
+  check_whole(call->options());
+  JobEvents events;
+  EXPECT_EQ(call->work(events).json, Json({{"gaussians", 7}}));
 }
 
 TEST(RecipeVerb, ItsListIsItsManual) {

@@ -5,7 +5,8 @@
     result = gemsplat.train(scene, iterations=7000)
     result.model.save("model.ply")
 
-docs/reference/python.md explains all of it; __init__.pyi has the signatures.
+gemsplat.jobs has every command of the program as a function. docs/reference/python.md explains all
+of it; __init__.pyi and jobs.pyi, which the build makes, have the signatures.
 """
 
 try:
@@ -17,62 +18,14 @@ except ModuleNotFoundError as error:
     raise
 
 try:
-    from ._gemsplat import (
-        Camera,
-        Error,
-        Evaluation,
-        Model,
-        OutOfMemoryError,
-        Picture,
-        Progress,
-        Result,
-        Scene,
-        UsageError,
-        View,
-        ViewMetrics,
-        __version__,
-        cuda_device_count,
-        evaluate,
-        export,
-        load,
-        load_cameras,
-        merge,
-        render,
-        report,
-        set_threads,
-        set_verbosity,
-        thread_count,
-        train,
-    )
+    from ._gemsplat import (Camera, Error, Model, OutOfMemoryError, Progress, Scene, UsageError, View, __version__,
+                            cuda_device_count, set_threads, set_verbosity, thread_count)
 except ModuleNotFoundError as error:
     if error.name == "gemsplat._gemsplat":
         error.msg = "the compiled part of gemsplat is not built, or is for another Python: run scripts/setup.sh"
     raise
+from . import jobs
+from ._arrays import (Evaluation, Picture, Result, ViewMetrics, evaluate, export, load, load_cameras, merge, render,
+                     report, train)
 
-__all__ = [
-    "Camera",
-    "Error",
-    "Evaluation",
-    "Model",
-    "OutOfMemoryError",
-    "Picture",
-    "Progress",
-    "Result",
-    "Scene",
-    "UsageError",
-    "View",
-    "ViewMetrics",
-    "__version__",
-    "cuda_device_count",
-    "evaluate",
-    "export",
-    "load",
-    "load_cameras",
-    "merge",
-    "render",
-    "report",
-    "set_threads",
-    "set_verbosity",
-    "thread_count",
-    "train",
-]
+__all__ = [name for name in dir() if not name.startswith("_")] + ["__version__"]

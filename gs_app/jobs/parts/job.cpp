@@ -58,6 +58,13 @@ std::vector<std::filesystem::path> inputs_of(const JobSettings& job, const Confi
   return inputs;
 }
 
+Json shown_json(const Outcome& outcome) {
+  Json json = outcome.json;
+  if (json.is_object())
+    for (const NextCommand& next : outcome.next) json["next"].push_back(next.command);
+  return json;
+}
+
 const char* heading_of(VerbGroup group) {
   switch (group) {
     case VerbGroup::train: return "Train";

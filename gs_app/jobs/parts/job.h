@@ -67,6 +67,9 @@ struct Outcome {
   std::optional<Error> failure = {};   // said after the text
 };
 
+/// The outcome's JSON, with the commands that come next: what --json prints.
+Json shown_json(const Outcome& outcome);
+
 /// What a verb tells while it works.
 class JobEvents {
  public:

@@ -33,6 +33,8 @@ namespace fs = std::filesystem;
 
 constexpr int kCannotStart = 127;  // exit code of a shell in that case
 
+fs::path g_program_to_start = "/proc/self/exe";
+
 std::vector<char*> pointers_to(const std::vector<std::string>& texts) {
   std::vector<char*> result;
   for (const std::string& text : texts) result.push_back(const_cast<char*>(text.c_str()));
@@ -222,6 +224,10 @@ std::optional<fs::path> find_program(const std::string& name) {
 }
 
 fs::path own_program() { return fs::read_symlink("/proc/self/exe"); }
+
+const fs::path& program_to_start() { return g_program_to_start; }
+
+void set_program_to_start(fs::path program) { g_program_to_start = std::move(program); }
 
 namespace {
 

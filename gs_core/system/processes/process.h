@@ -41,6 +41,10 @@ std::optional<std::filesystem::path> find_program(const std::string& name);
 
 /// This program's own file.
 std::filesystem::path own_program();
+/// What to start for another process of gemsplat: this one, also if its file was replaced meanwhile.
+const std::filesystem::path& program_to_start();
+/// Where this process is not gemsplat, but an interpreter: what to start instead.
+void set_program_to_start(std::filesystem::path program);
 
 /// How a program ended.
 struct ProcessEnd {

@@ -8,6 +8,7 @@
 #include <atomic>
 #include <csignal>
 #include <cstdint>
+#include <optional>
 
 namespace gs {
 
@@ -29,6 +30,8 @@ class SignalHandlers {
   };
   explicit SignalHandlers(void (*handler)(int), Calls calls = Calls::first);
   ~SignalHandlers();
+  /// Whether one lives: a signal then asks the work at hand to end.
+  static bool are_set() { return current_ != nullptr; }
   SignalHandlers(const SignalHandlers&) = delete;
   SignalHandlers& operator=(const SignalHandlers&) = delete;
 
@@ -49,13 +52,19 @@ class SignalHandlers {
 class LastWords {
  public:
   /// `line` ends in a line end, and outlives this.
-  explicit LastWords(const char* line) { line_ = line; }
+  explicit LastWords(const char* line) {
+    line_ = line;
+    if (may_end_program) handlers_.emplace(say);
+  }
+
+  /// False in a program that is not ours, such as an interpreter: its own handlers then stay.
+  static inline bool may_end_program = true;
 
  private:
   static void say(int signal);
 
   static inline std::atomic<const char*> line_ = nullptr;
-  SignalHandlers handlers_{say};
+  std::optional<SignalHandlers> handlers_;
 };
 
 /// While it lives, signals are counted and do nothing else. One at a time.
