@@ -139,11 +139,10 @@ Outcome run(const PartitionJob& job, JobEvents&) {
   warn_of(config);
   if (job.dry_run) {
     const Partition parts = partition_of(job, config);
-    const std::string scene = shell_word(config.dataset.source);
-    return {text_of(config, parts) + "nothing is written\n",
+    return {text_of(config, parts) +
+                "nothing is written; the same command without --dry-run writes the blocks\n",
             json_of(config, parts),
-            {{"write them",
-              fmt::format("gemsplat partition {} -o OUT --blocks {}", scene, job.options.blocks)}},
+            {},
             true};
   }
   check_partition(job.output, config);
