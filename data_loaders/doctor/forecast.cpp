@@ -146,8 +146,9 @@ Forecast forecast(const Config& config, const SceneSize& scene, const ForecastDe
   Forecast result;
   result.text = fmt::format(
       "about {} Gaussians{}; photos take {} of RAM{}; ", count_text(gaussians),
-      config.density.max_gaussians > 0 ? fmt::format(" (cap {})", config.density.max_gaussians)
-                                       : "",
+      config.density.max_gaussians > 0
+          ? fmt::format(" (at most {})", count_text(double(config.density.max_gaussians)))
+          : "",
       size_text(photos_in_ram),
       scene.photo_bytes > budget
           ? fmt::format(" (of {}: the other photos are decoded just before their turn)",

@@ -137,11 +137,10 @@ Outcome run(PartitionJob job, JobEvents&) {
   warn_of(config);
   if (job.dry_run) {
     const Partition parts = partition_of(job, config);
-    const std::string scene = shell_word(config.dataset.source);
-    return {text_of(config, parts) + "nothing is written\n",
+    return {text_of(config, parts) +
+                "nothing is written; the same command without --dry-run writes the blocks\n",
             json_of(config, parts),
-            {{"write them",
-              fmt::format("gemsplat partition {} --blocks {}", scene, job.options.blocks)}},
+            {},
             true};
   }
   if (job.output.empty()) job.output = new_place(beside(config.dataset.source, "-blocks")).string();

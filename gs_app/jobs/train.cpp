@@ -204,8 +204,10 @@ Outcome outcome_of(const RunFolder& folder, std::string text) {
 [[noreturn]] void say_stopped(TrainSession& session) {
   const int last = session.trainer().step();
   throw Error(
-      fmt::format("stopped after step {} of {}; the model is in {}, and --resume goes on from {}",
+      fmt::format("stopped after step {} of {}; the model is in {} (look at it: gemsplat view {}), "
+                  "and --resume goes on from {}",
                   last, session.trainer().schedule().steps(), session.folder().ply(last).string(),
+                  shell_word(session.folder().root().string()),
                   session.folder().checkpoints().string()),
       ExitCode::interrupted);
 }

@@ -21,12 +21,30 @@ const std::string kMetricsHeader =
     "step,loss,num_gaussians,seconds,steps_per_second,sh_degree,test_psnr,test_ssim\n";
 
 constexpr int kTimedSteps = 50;
+constexpr double kLongSeconds = 600;  // a person without a GPU asks whether it can be shorter
 
 bool contains(const std::vector<int>& steps, int step) {
   return std::find(steps.begin(), steps.end(), step) != steps.end();
 }
 
 bool is_last(int step, Trainer& trainer) { return step == trainer.schedule().steps(); }
+
+// Why later steps take longer than the first ones; nothing where they do not.
+std::string why_longer(const Config& config) {
+  const bool ramps = !config.train.resolution_ramp.empty(), grows = config.density.until_step > 0;
+  if (!ramps && !grows) return "";
+  return fmt::format(" or more, as {}{}{}", ramps ? "photos become larger" : "",
+                     ramps && grows ? " and " : "", grows ? "Gaussians are added" : "");
+}
+
+// The settings of a smaller run, where this one takes long and has none of its own.
+std::string shorter_run(const Config& config, double seconds_left) {
+  const bool is_reduced = config.dataset.resolution > 1;
+  if (seconds_left < kLongSeconds || is_reduced || config.model.dynamic ||
+      !config.model.start_from.empty())
+    return "";
+  return "; a new run with -c cpu_tiny -r 2 is shorter: a small model, at half the photos' size";
+}
 
 }  // namespace
 
@@ -37,17 +55,16 @@ void ProgressObserver::after_step(int step, Trainer& trainer) {
   bar_.draw(step, detail, "step");
 }
 
-// Only the steps themselves are timed. Most runs slow down as Gaussians are added, so the figure is
-// a lower bound.
+// Only the steps themselves are timed, so the figure is a lower bound where later ones take longer.
 void DurationObserver::after_step(int step, Trainer& trainer) {
   const int left = trainer.schedule().steps() - step;
   if (step != first_step_ + kTimedSteps || left < kTimedSteps) return;
   const double seconds = trainer.train_seconds() - first_seconds_;
   progress_.clear();
-  log_info("{} steps took {:.1f} s here: the other {} take {} or more, as {}Gaussians are added",
-           kTimedSteps, seconds, with_commas(std::uint64_t(left)),
-           duration_text(seconds / kTimedSteps * left),
-           trainer.config().train.resolution_ramp.empty() ? "" : "photos become larger and ");
+  const double seconds_left = seconds / kTimedSteps * left;
+  log_info("{} steps took {:.1f} s here: the other {} take {}{}{}", kTimedSteps, seconds,
+           with_commas(std::uint64_t(left)), duration_text(seconds_left),
+           why_longer(trainer.config()), shorter_run(trainer.config(), seconds_left));
 }
 
 void SaveObserver::after_step(int step, Trainer& trainer) {

@@ -50,8 +50,12 @@ void add_config(const RunFolder& folder, Json& report, std::vector<std::string>&
   } catch (const Error& error) {
     notes.push_back(error.what());
   }
-  const std::string scene = fs::path(config.dataset.source).filename().string();
-  report["title"] = scene.empty() ? folder.root().filename().string() : scene;
+  // The scene of `train PHOTOS` is OUT/scene, and has no name of its own.
+  const fs::path scene = config.dataset.source;
+  const fs::path run = fs::absolute(folder.root() / "").lexically_normal().parent_path();
+  std::error_code ignored;
+  const bool has_name = scene.has_filename() && !fs::equivalent(scene.parent_path(), run, ignored);
+  report["title"] = (has_name ? scene : run).filename().string();
 }
 
 // What the folder and an ended run have; each of them may lack something.

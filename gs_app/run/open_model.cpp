@@ -28,7 +28,7 @@ fs::path ply_of(const RunFolder& run, std::optional<int> step) {
     throw Error(
         "the folder " + name +
         " holds no point_cloud/iteration_N/point_cloud.ply; name the folder that was given to "
-        "`gemsplat train -o`, or a model's file");
+        "`gemsplat train -o`, or a model's file (`gemsplat doctor` describes a scene)");
   if (!step) return run.ply(*newest);
   throw Error("the run in " + name + " saved no model after step " + std::to_string(*step) +
               "; the newest is that of step " + std::to_string(*newest));

@@ -135,7 +135,8 @@ void suspect(const Gaussians& gaussians, const std::vector<std::size_t>& rows, M
       "have a rotation of length 0: they are read as not rotated");
   note_if(
       "huge_scales", [&](std::size_t i) { return largest(gaussians.log_scale[i]) > huge; },
-      fmt::format("are larger than the scene ({:.4g} across): they cover every view like fog",
+      fmt::format("are larger than the scene ({0:.4g} across): they cover every view like fog; "
+                  "`gemsplat edit --drop size={0:.4g}..` removes them",
                   diagonal));
   note_if(
       "zero_scales",

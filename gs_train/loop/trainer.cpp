@@ -110,6 +110,10 @@ Trainer::Trainer(const Scene& scene, const Config& config, Backend& backend, Tra
   backend.use(choices);
   if (scene.time_count > 1 && !config.model.dynamic)
     log_warning("{}", text_of_moving_scene(scene.time_count));
+  if (scene.time_count <= 1 && config.model.dynamic)
+    log_warning(
+        "the photos have no times, so that nothing can move: train without -c dynamic, or say with "
+        "dataset.times where the times are (docs/guide/moving_scenes.md)");
   backend.device().upload_views(scene.train_views,
                                 std::size_t(double(config.train.photo_gib) * kBytesPerGib));
   run_.settings.sh_degree = 0;  // raised by the schedule

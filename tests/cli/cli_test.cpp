@@ -235,6 +235,16 @@ TEST_F(Program, TrainingSaysHowLongItTakesHereAndThatItEvaluates) {
   EXPECT_THAT(train("brief").err, Not(HasSubstr("steps took")));
 }
 
+TEST_F(Program, OnlyARunThatGrowsSaysThatGaussiansAreAdded) {
+  EXPECT_THAT(train("out", "--iterations 120").err, HasSubstr("Gaussians are added"));
+  const Outcome outcome = train("on", "--from " + text("out") + " -c finetune --iterations 120");
+  EXPECT_THAT(outcome.err, AllOf(HasSubstr("50 steps took "), Not(HasSubstr("are added"))));
+}
+
+TEST_F(Program, ADynamicRunOfPhotosWithoutTimesIsWarnedOf) {
+  EXPECT_THAT(train("out", "-c dynamic").err, HasSubstr("the photos have no times"));
+}
+
 TEST_F(Program, MetricsHaveARowForEachIntervalAndEachEvaluation) {
   ASSERT_EQ(train("out", "--test-steps 7").code, 0);
   std::istringstream file(read_bytes(path("out/metrics.csv")));

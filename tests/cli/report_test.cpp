@@ -189,6 +189,13 @@ TEST_F(Report, AColumnOfMetricsCsvThatIsNamedTwiceIsRefused) {
   EXPECT_THAT(refusal("out"), AllOf(HasSubstr("metrics.csv"), HasSubstr("its first line")));
 }
 
+TEST_F(Report, ASceneInTheFolderOfItsRunHasTheNameOfTheRun) {
+  write_scene(path("garden/scene"));
+  ASSERT_EQ(run("train " + text("garden/scene") + " -o " + text("garden") + kTrain).code, 0);
+  EXPECT_EQ(data_of("garden").at("title"), "garden");
+  EXPECT_EQ(data_of("garden/").at("title"), "garden");
+}
+
 TEST_F(Report, AConfigOfAnotherVersionIsShownAllTheSame) {
   ASSERT_EQ(train("out").code, 0);
   write_bytes(path("out/config.toml"), "[train]\nfuture = 1\n");

@@ -206,6 +206,7 @@ TEST_F(Resume, ASignalSavesModelAndCheckpointAndTheRunGoesOnFromThere) {
     if (stopped.code == 0) GTEST_SKIP() << "the run was over before the signal came";
     EXPECT_EQ(stopped.code, 5) << stopped.err;
     EXPECT_THAT(stopped.err, AllOf(HasSubstr("stopped after step"), HasSubstr("--resume"),
+                                   HasSubstr("gemsplat view " + text(out) + ")"),
                                    ::testing::Not(HasSubstr("error"))));
     EXPECT_FALSE(fs::exists(path(out) / "results.json"));
     EXPECT_TRUE(fs::exists(path(out) / "point_cloud"));

@@ -259,6 +259,7 @@ export class Viewer {
         : await askForModel(version, this.scene.model.bytes, share => bar.set(share));
       await this.stage.splats.load(this.scene.model, read, played => this.player.take(played));
       this.facts.show();
+      await this.stage.shown();
     } catch (error) {
       throw new Error(`The model cannot be shown: ${error.message ?? error}`);
     } finally {

@@ -22,7 +22,7 @@ class ColmapEvents {
       case ColmapStage::frames: return {"frames taken", "frame"};
       case ColmapStage::copies: return {"photos copied", "photo"};
       case ColmapStage::features: return {"features found", "photo"};
-      case ColmapStage::matches: return {"photos matched", "block"};
+      case ColmapStage::matches: return {"photos matched", "photo"};
       case ColmapStage::model: return {"photos placed", "photo"};
     }
     return {"", ""};

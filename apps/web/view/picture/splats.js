@@ -243,6 +243,10 @@ export class SplatPicture {
   get gaussians() {
     return this.streamed?.gaussians ?? this.mesh?.numSplats ?? 0;
   }
+  // Whether no Gaussian is drawn, though the model has some.
+  get isBlank() {
+    return this.gaussians > 0 && this.spark.activeSplats === 0;
+  }
   get isPending() {
     return (
       this.spark.sorting ||

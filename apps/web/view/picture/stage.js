@@ -19,6 +19,8 @@ const LEAST_SCALE = 0.3;
 // Colors are what files say, display sRGB: nothing converts them.
 ColorManagement.enabled = false;
 
+const pause = milliseconds => new Promise(done => setTimeout(done, milliseconds));
+
 export class Stage {
   // rig: the viewer's camera; step(seconds): moves it by the held keys, true while any is held;
   // drawn(view): called after each frame; marginsOf(): what the interface covers, {above, below} in
@@ -218,9 +220,17 @@ export class Stage {
     await this.splats.settle();
   }
 
+  // Resolves when Gaussians of the first model are drawn: a slow machine sorts them for seconds.
+  async shown() {
+    while (
+      this.splats.isBlank &&
+      (this.isStale || this.requested || !this.isExact || this.splats.isPending)
+    )
+      await pause(30);
+  }
+
   // Resolves when the picture on the screen is sorted for exactly this view and has all its pixels.
   async settled() {
-    const pause = milliseconds => new Promise(done => setTimeout(done, milliseconds));
     const isPending = () =>
       !this.isExact ||
       this.isMoving ||
