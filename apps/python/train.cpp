@@ -64,7 +64,9 @@ Evaluation evaluation_of(Trainer& trainer, Lpips* lpips) {
 }
 
 Result result_of(Trainer& trainer) {
-  Result result{model_of(trainer), {}, trainer.step()};
+  Result result;
+  result.model = model_of(trainer);
+  result.steps = trainer.step();
   result.stopped_early = trainer.step() < trainer.schedule().steps();
   result.seconds = trainer.train_seconds();
   result.device = trainer.backend().name();

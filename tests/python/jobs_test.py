@@ -147,8 +147,10 @@ class Calls(TestCase):
         for verb, *words in [("info", self.model), ("info",), ("config",), ("config", "diff", "mcmc")]:
             name = "_".join([verb, *words[:1]]) if words[:1] == ["diff"] else verb
             values = words[1:] if words[:1] == ["diff"] else words
-            expected = json.loads(run_program(verb, *words, "--json"))
-            self.assertEqual(getattr(gemsplat.jobs, name)(*values), expected)
+            found, expected = getattr(gemsplat.jobs, name)(*values), json.loads(run_program(verb, *words, "--json"))
+            for json_object in (found, expected):
+                json_object.pop("commit", None)  # program and module may be built at two times
+            self.assertEqual(found, expected)
 
     def test_operations_apply_in_the_order_of_the_call(self):
         out = self.folder / "out.ply"

@@ -9,9 +9,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from . import _gemsplat
-from ._gemsplat import Camera, Model, Scene, UsageError
+from ._gemsplat import MOST_PIXELS, Camera, Model, Scene, UsageError
 
-_MOST_PIXELS = _gemsplat.MOST_PIXELS  # of a side
 _POSE_TOLERANCE = 1e-3  # single precision and rounded text
 _new_model, _new_camera, _new_scene = Model.__init__, Camera.__init__, Scene.__init__
 
@@ -143,8 +142,8 @@ def _init_camera(self, width: int, height: int, fx: float, fy: Optional[float] =
     is at the origin and looks along z. time: the moment of a scene that moves, from 0 to 1.
     """
     fy, cx, cy = fx if fy is None else fy, width / 2 if cx is None else cx, height / 2 if cy is None else cy
-    if not (1 <= min(width, height) and max(width, height) <= _MOST_PIXELS):
-        raise UsageError(f"width and height must lie between 1 and {_MOST_PIXELS} pixels, but are {width} and {height}")
+    if not (1 <= min(width, height) and max(width, height) <= MOST_PIXELS):
+        raise UsageError(f"width and height must lie between 1 and {MOST_PIXELS} pixels, but are {width} and {height}")
     if not (0 < fx < np.inf and 0 < fy < np.inf):
         raise UsageError("fx and fy must be above 0 and finite")
     if not np.isfinite([cx, cy]).all():
