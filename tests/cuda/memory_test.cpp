@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // What training takes of the GPU's memory, compared with training_bytes().
 #include "data_loaders/scene/load_scene.h"
+#include "gs_core/forecast/gpu_step.h"
 #include "gs_core/forecast/training_memory.h"
 #include "tests/support/cuda.h"
 
