@@ -11,7 +11,7 @@
 #include "data_loaders/cameras/camera_file.h"
 #include "gs_app/edit/edit_cameras.h"
 #include "gs_app/edit/edit_step.h"
-#include "gs_app/jobs/parts/keywords.h"
+#include "gs_app/jobs/keywords.h"
 #include "gs_core/error.h"
 #include "gs_model/edit/merge_models.h"
 #include "gs_model/edit/places/words.h"

@@ -7,8 +7,8 @@
 
 #include "apps/python/devices.h"
 #include "apps/python/module.h"
+#include "gs_app/jobs/keywords.h"
 #include "gs_app/jobs/parts/bar_events.h"
-#include "gs_app/jobs/parts/keywords.h"
 #include "gs_app/jobs/verbs.h"
 #include "gs_core/config/text/nearest_word.h"
 #include "gs_core/error.h"

@@ -12,7 +12,7 @@
 #include "apps/python/module.h"
 #include "data_loaders/cameras/camera_file.h"
 #include "gs_app/export/export_model.h"
-#include "gs_app/jobs/parts/keywords.h"
+#include "gs_app/jobs/keywords.h"
 #include "gs_core/error.h"
 #include "gs_core/math/constants.h"
 #include "gs_core/math/render/activations.h"

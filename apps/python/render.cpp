@@ -8,7 +8,7 @@
 #include "apps/python/devices.h"
 #include "apps/python/module.h"
 #include "data_loaders/cameras/camera_file.h"
-#include "gs_app/jobs/parts/keywords.h"
+#include "gs_app/jobs/keywords.h"
 #include "gs_core/error.h"
 #include "gs_eval/lpips/lpips.h"
 #include "gs_eval/metrics.h"

@@ -12,7 +12,7 @@
 #include "apps/python/module.h"
 #include "data_loaders/cameras/camera_file.h"
 #include "data_loaders/scene/load_scene.h"
-#include "gs_app/jobs/parts/keywords.h"
+#include "gs_app/jobs/keywords.h"
 #include "gs_core/error.h"
 
 namespace gs::python {

@@ -7,7 +7,7 @@
 #include "apps/python/devices.h"
 #include "apps/python/module.h"
 #include "apps/python/progress.h"
-#include "gs_app/jobs/parts/keywords.h"
+#include "gs_app/jobs/keywords.h"
 #include "gs_app/run/make_backend.h"
 #include "gs_app/session/train_session.h"
 #include "gs_core/error.h"

@@ -7,7 +7,7 @@
 #include "apps/cli/manual/man_page.h"
 #include "apps/cli/manual/reference_page.h"
 #include "apps/cli/run_verb.h"
-#include "gs_app/jobs/parts/keywords.h"
+#include "gs_app/jobs/keywords.h"
 #include "gs_core/error.h"
 #include "tests/support/random_model.h"
 #include "tests/support/temp_folder.h"

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "gs_app/jobs/parts/keywords.h"
+#include "gs_app/jobs/keywords.h"
 
 #include <spdlog/fmt/fmt.h>
 
@@ -51,7 +51,8 @@ class Taker {
   void take_settings(const Json& object) const {
     const auto* const place = std::get_if<std::vector<std::string>*>(&option_.value);
     if (!place || *place != &settings_.settings) refuse(object);
-    for (std::string& text : settings_of(object)) settings_.settings.push_back(std::move(text));
+    for (std::string& text : setting_texts_of(object))
+      settings_.settings.push_back(std::move(text));
   }
 
   bool truth(const Json& value) const {
@@ -232,13 +233,13 @@ void check_whole(const OptionList& list, const std::string& sub_verb) {
       throw UsageError(keyword_of(*option, list.settings) + " is missing: " + option->meaning);
 }
 
-std::vector<std::string> settings_of(const Json& object, const std::string& section) {
+std::vector<std::string> setting_texts_of(const Json& object, const std::string& section) {
   std::vector<std::string> texts;
   for (const auto& [name, value] : object.items()) {
     const std::string key = section + name;
     if (value.is_null()) throw UsageError("the setting " + key + " cannot be null");
     if (value.is_object())
-      for (std::string& text : settings_of(value, key + ".")) texts.push_back(std::move(text));
+      for (std::string& text : setting_texts_of(value, key + ".")) texts.push_back(std::move(text));
     else
       texts.push_back(key + "=" + value.dump());
   }
@@ -249,7 +250,7 @@ void apply_settings(Config& config, const Json& settings) {
   if (settings.is_string())
     load_config(config, settings.get<std::string>());
   else if (settings.is_object())
-    for (const std::string& text : settings_of(settings)) apply_setting(config, text);
+    for (const std::string& text : setting_texts_of(settings)) apply_setting(config, text);
   else if (settings.is_array())
     for (const Json& one : settings) apply_settings(config, one);
   else if (!settings.is_null())

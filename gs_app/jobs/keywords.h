@@ -31,7 +31,7 @@ void check_whole(const OptionList& list, const std::string& sub_verb = "");
 
 /// An object of settings, nested or with dots in its names, as "section.key=value". Throws
 /// UsageError for a value that no setting takes.
-std::vector<std::string> settings_of(const Json& object, const std::string& section = "");
+std::vector<std::string> setting_texts_of(const Json& object, const std::string& section = "");
 
 /// Applies null; the name of a preset, a TOML file or a run's folder; an object of settings; or a
 /// list of these, the later over the earlier. Throws UsageError that names an unknown setting and
