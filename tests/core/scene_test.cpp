@@ -14,7 +14,7 @@ View view_at(const Vec3f& position) {
 }
 
 /// `count` cameras on a circle of radius 2 around (5, 0, 0).
-std::vector<View> ring(int count) {
+std::vector<View> ring_of_views(int count) {
   std::vector<View> views;
   for (int i = 0; i < count; ++i) {
     const float angle = 6.2831853f * float(i) / float(count);
@@ -24,7 +24,7 @@ std::vector<View> ring(int count) {
 }
 
 TEST(CameraExtent, IsElevenTenthsOfTheLargestDistanceFromTheMean) {
-  EXPECT_NEAR(camera_extent(ring(40)), 2.2f, 1e-5f);
+  EXPECT_NEAR(camera_extent(ring_of_views(40)), 2.2f, 1e-5f);
   EXPECT_NEAR(camera_extent({view_at({0, 0, 0}), view_at({2, 0, 0}), view_at({4, 0, 0})}), 2.2f,
               1e-5f);
 }
@@ -36,7 +36,7 @@ TEST(CameraExtent, IsOneWithoutTwoPlaces) {
 }
 
 TEST(CameraExtent, DoesNotGrowByAStrayCamera) {
-  std::vector<View> views = ring(40);
+  std::vector<View> views = ring_of_views(40);
   views.insert(views.begin() + 7, view_at({1e4f, -300, 70}));
   views.push_back(view_at({0, 900, 0}));
   EXPECT_THAT(outlier_cameras(views), ElementsAre(7, 41));
@@ -45,7 +45,7 @@ TEST(CameraExtent, DoesNotGrowByAStrayCamera) {
 
 // The far end of a path, or a second group of cameras, is not an outlier.
 TEST(StrayCameras, AreNotTheFarEndOfAPath) {
-  std::vector<View> path, places = ring(30);
+  std::vector<View> path, places = ring_of_views(30);
   for (int i = 0; i < 50; ++i) path.push_back(view_at({float(i * i), 0, 0}));
   for (int i = 0; i < 10; ++i) places.push_back(view_at({80, float(i), 0}));
   EXPECT_THAT(outlier_cameras(path), IsEmpty());
@@ -53,7 +53,7 @@ TEST(StrayCameras, AreNotTheFarEndOfAPath) {
 }
 
 TEST(StrayCameras, AreFoundAmongFive) {
-  std::vector<View> views = ring(4);
+  std::vector<View> views = ring_of_views(4);
   views.push_back(view_at({500, 0, 0}));
   EXPECT_THAT(outlier_cameras(views), ElementsAre(4));
 }

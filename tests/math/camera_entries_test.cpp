@@ -23,7 +23,7 @@ PinholeCamera<T> camera_of(const std::array<T, 16>& flat) {
   return camera_of(in);
 }
 
-std::array<double, 16> draw_camera(TestRandom& random) {
+std::array<double, 16> draw_entries(TestRandom& random) {
   Mat3<double> rotation = rotation_matrix(random.quaternion());
   rotation.row0 += random.uniform3(-0.05, 0.05);
   rotation.row2 += random.uniform3(-0.05, 0.05);
@@ -42,7 +42,7 @@ TEST(CameraEntries, GradientIsThatOfJets) {
   int inside = 0, beyond = 0;
   double worst = 0;
   for (int i = 0; i < kJetCases; ++i) {
-    const std::array<double, 16> numbers = draw_camera(random);
+    const std::array<double, 16> numbers = draw_entries(random);
     const PinholeCamera<double> camera = camera_of(numbers);
     const double z = random.uniform(0.3, 8);
     const Vec3d p{z * random.uniform(-1.8, 1.8), z * random.uniform(-1.8, 1.8), z};
@@ -91,7 +91,7 @@ TEST(CameraEntries, GradientThroughTheCenterIsThatOfJets) {
   TestRandom random;
   double worst = 0;
   for (int i = 0; i < kJetCases; ++i) {
-    const std::array<double, 16> numbers = draw_camera(random);
+    const std::array<double, 16> numbers = draw_entries(random);
     const PinholeCamera<double> camera = camera_of(numbers);
     const Vec3d mean = random.uniform3(-3, 3);
     const auto forward = [&]<class T>(const std::array<T, 16>& x) {

@@ -8,14 +8,14 @@
 namespace gs {
 namespace {
 
-constexpr float kInfinity = std::numeric_limits<float>::infinity();
+constexpr float kNoLimit = std::numeric_limits<float>::infinity();
 const Quatf kUpright{1.0f, 0.0f, 0.0f, 0.0f};
 
 AdaptiveRules rules(float prune_opacity, float prune_scale) {
   return {2e-4f, 0.01f, prune_opacity, prune_scale, 0};
 }
-float above(float x) { return std::nextafter(x, kInfinity); }
-float below(float x) { return std::nextafter(x, -kInfinity); }
+float above(float x) { return std::nextafter(x, kNoLimit); }
+float below(float x) { return std::nextafter(x, -kNoLimit); }
 
 // (3 / 320, 4 / 240) in pixels^-1 is (3, 4) per half of a picture of 640 x 480.
 TEST(ScreenGradientNorm, IsInUnitsOfHalfThePicture) {
@@ -82,8 +82,8 @@ TEST(SplitLogScale, DividesTheScaleByOnePointSix) {
 }
 
 TEST(IsPruned, BelowTheOpacityButNotAtIt) {
-  EXPECT_FALSE(is_pruned(Vec3f(0.0f), {0.0f, 0.0f, 0.0f}, kUpright, 0.0f, rules(0.5f, kInfinity)));
-  EXPECT_TRUE(is_pruned(Vec3f(0.0f), {0.0f, 0.0f, 0.0f}, kUpright, -1e-6f, rules(0.5f, kInfinity)));
+  EXPECT_FALSE(is_pruned(Vec3f(0.0f), {0.0f, 0.0f, 0.0f}, kUpright, 0.0f, rules(0.5f, kNoLimit)));
+  EXPECT_TRUE(is_pruned(Vec3f(0.0f), {0.0f, 0.0f, 0.0f}, kUpright, -1e-6f, rules(0.5f, kNoLimit)));
 }
 
 TEST(IsPruned, AboveTheScaleButNotAtIt) {
@@ -93,19 +93,19 @@ TEST(IsPruned, AboveTheScaleButNotAtIt) {
 
 TEST(IsPruned, AtNoScaleWhenTheLimitIsInfinite) {
   EXPECT_FALSE(
-      is_pruned(Vec3f(0.0f), {50.0f, 50.0f, 50.0f}, kUpright, 3.0f, rules(0.1f, kInfinity)));
+      is_pruned(Vec3f(0.0f), {50.0f, 50.0f, 50.0f}, kUpright, 3.0f, rules(0.1f, kNoLimit)));
 }
 
 TEST(IsPruned, WithoutARotation) {
   EXPECT_TRUE(is_pruned(Vec3f(0.0f), {0.0f, 0.0f, 0.0f}, {0.0f, 1e-5f, 0.0f, 0.0f}, 3.0f,
-                        rules(0.1f, kInfinity)));
+                        rules(0.1f, kNoLimit)));
 }
 
 TEST(IsPruned, WithAValueThatIsNotFinite) {
   const float nan = std::numeric_limits<float>::quiet_NaN();
-  const AdaptiveRules all = rules(0.1f, kInfinity);
+  const AdaptiveRules all = rules(0.1f, kNoLimit);
   EXPECT_TRUE(is_pruned({0.0f, nan, 0.0f}, Vec3f(0.0f), kUpright, 3.0f, all));
-  EXPECT_TRUE(is_pruned(Vec3f(0.0f), {0.0f, kInfinity, 0.0f}, kUpright, 3.0f, all));
+  EXPECT_TRUE(is_pruned(Vec3f(0.0f), {0.0f, kNoLimit, 0.0f}, kUpright, 3.0f, all));
   EXPECT_TRUE(is_pruned(Vec3f(0.0f), Vec3f(0.0f), {nan, 0.0f, 0.0f, 0.0f}, 3.0f, all));
   EXPECT_TRUE(is_pruned(Vec3f(0.0f), Vec3f(0.0f), kUpright, nan, all));
 }

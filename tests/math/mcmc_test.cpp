@@ -8,7 +8,7 @@ namespace gs {
 namespace {
 
 // log scales and logit
-std::array<double, 4> draw_shape(TestRandom& random) {
+std::array<double, 4> draw_covariance_entries(TestRandom& random) {
   return flatten(random.uniform3(-6.0, 1.0), random.uniform(-9.0, 9.0));
 }
 
@@ -25,7 +25,7 @@ TEST(Regularizer, GradientMatchesJet) {
     const RegularizerGradient<double> g = regularizer_vjp(log_scale, in.scalar(), of_each);
     return flatten(dL[0] * g.log_scale, dL[0] * g.logit_opacity);
   };
-  EXPECT_LT(worst_gradient_error(forward, vjp, draw_shape), kJetTolerance);
+  EXPECT_LT(worst_gradient_error(forward, vjp, draw_covariance_entries), kJetTolerance);
 }
 
 TEST(Regularizer, OverAllGaussiansIsTheMeanOpacityAndTheMeanScale) {

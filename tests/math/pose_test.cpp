@@ -10,7 +10,7 @@
 namespace gs {
 namespace {
 
-PinholeCamera<double> draw_camera(TestRandom& random) {
+PinholeCamera<double> draw_posed_camera(TestRandom& random) {
   return {640,
           420,
           random.uniform(300.0, 900.0),
@@ -52,7 +52,7 @@ TEST(Rotation, OfAVectorTurnsAboutItByItsLength) {
 
 TEST(Pose, OfNoMotionStaysAsItIs) {
   TestRandom random;
-  const PinholeCamera<double> camera = draw_camera(random);
+  const PinholeCamera<double> camera = draw_posed_camera(random);
   const auto same = moved(camera, frame_of(camera), {Vec3d(0.0), Vec3d(0.0)});
   EXPECT_EQ(flatten(same.cam_from_world_rotation), flatten(camera.cam_from_world_rotation));
   EXPECT_LT(length(same.position() - camera.position()), 1e-15);
@@ -60,7 +60,7 @@ TEST(Pose, OfNoMotionStaysAsItIs) {
 
 TEST(Pose, OfACameraTurnsAboutItsCenterInItsOwnAxes) {
   TestRandom random;
-  const PinholeCamera<double> camera = draw_camera(random);
+  const PinholeCamera<double> camera = draw_posed_camera(random);
   // A turn to the right, about the axis that points down: what was ahead is now to the left.
   const auto turned = moved(camera, frame_of(camera), {{0, 0.1, 0}, Vec3d(0.0)});
   EXPECT_LT(length(turned.position() - camera.position()), 1e-14);
@@ -76,7 +76,7 @@ TEST(Pose, OfACameraTurnsAboutItsCenterInItsOwnAxes) {
 
 TEST(Pose, OfARigMovesItsCamerasAsOne) {
   TestRandom random;
-  const PinholeCamera<double> a = draw_camera(random), b = draw_camera(random);
+  const PinholeCamera<double> a = draw_posed_camera(random), b = draw_posed_camera(random);
   const RigidFrame<double> frame{a.cam_from_world_rotation, (a.position() + b.position()) * 0.5};
   const RigidMotion<double> motion{{0.02, -0.03, 0.05}, {0.1, 0.2, -0.1}};
   // What one camera sees of the other stays the same.
@@ -100,7 +100,7 @@ struct SeenGaussian {
 
 SeenGaussian draw_seen(TestRandom& random) {
   SeenGaussian seen;
-  seen.camera = draw_camera(random);
+  seen.camera = draw_posed_camera(random);
   seen.settings.antialias = random.chance(0.5);
   seen.settings.antialias_detach = false;
   const double z = random.uniform(0.5, 6.0);

@@ -303,7 +303,7 @@ struct PlainGaussian {
   PlainGaussian() = default;
   PlainGaussian(const PlainGaussian&) = delete;  // `parameters` points into it
 };
-constexpr float kInfinity = std::numeric_limits<float>::infinity();
+constexpr float kFar = std::numeric_limits<float>::infinity();
 
 TEST(ProjectGaussian, IsVisibleFromTheNearToTheFarPlaneInclusive) {
   PlainGaussian g;
@@ -350,7 +350,7 @@ TEST(ProjectGaussian, IsInvisibleWhereASplatWouldLeaveTheRangeOfFloats) {
   PlainGaussian far_aside, huge, glaring;
   far_aside.parameters.mean.x = 3e38f;  // times the focal length
   huge.parameters.log_scale.x = 60.0f;
-  glaring.parameters.sh0.x = kInfinity;
+  glaring.parameters.sh0.x = kFar;
   EXPECT_FALSE(far_aside.is_visible());
   EXPECT_FALSE(huge.is_visible());
   EXPECT_FALSE(glaring.is_visible());

@@ -6,7 +6,7 @@
 namespace gs {
 namespace {
 
-constexpr std::size_t kRest = kShBasisCount - 1;
+constexpr std::size_t kCoefficients = kShBasisCount - 1;
 
 std::array<double, 16> basis_at(const Vec3d& direction) {
   std::array<double, 16> basis;
@@ -63,16 +63,16 @@ TEST(UnitDirection, PointsFromTheFirstToTheSecondPoint) {
 }
 
 TEST(ShColor, OfZeroCoefficientsIsGray) {
-  const std::array<Vec3d, kRest> zero{};
+  const std::array<Vec3d, kCoefficients> zero{};
   const Vec3d color = sh_color(3, Vec3d{0.6, 0.0, 0.8}, Vec3d{0.0, 0.0, 0.0}, zero.data());
   EXPECT_EQ(flatten(color), (std::array{0.5, 0.5, 0.5}));
 }
 
 TEST(ShColor, ReadsOnlyTheCoefficientsOfItsDegree) {
-  std::array<Vec3d, kRest> rest;
+  std::array<Vec3d, kCoefficients> rest;
   for (int degree = 0; degree <= 3; ++degree) {
     const int used = (degree + 1) * (degree + 1) - 1;
-    for (int k = 0; k < int(kRest); ++k) rest[k] = Vec3d(k < used ? 0.0 : std::nan(""));
+    for (int k = 0; k < int(kCoefficients); ++k) rest[k] = Vec3d(k < used ? 0.0 : std::nan(""));
     EXPECT_EQ(sh_color(degree, Vec3d{0.6, 0.0, 0.8}, Vec3d{0.0, 0.0, 0.0}, rest.data()).x, 0.5);
   }
 }

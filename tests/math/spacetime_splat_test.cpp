@@ -7,19 +7,19 @@
 namespace gs {
 namespace {
 
-constexpr std::size_t kRest = kShBasisCount - 1;
+constexpr std::size_t kShRest = kShBasisCount - 1;
 constexpr std::size_t kParameters = 65;
 constexpr double kTime = 0.4;
 
 /// The parameters in one flat array: those of the Gaussian in space, then of time.
 template <class T>
 struct FlatGaussian {
-  std::array<Vec3<T>, kRest> sh_rest;
+  std::array<Vec3<T>, kShRest> sh_rest;
   SpacetimeParameters<T> parameters;
   explicit FlatGaussian(const std::array<T, kParameters>& flat) {
     Unflatten in(flat);
     parameters.space = {in.vec3(), in.vec3(), in.quat(), in.scalar(), in.vec3(), sh_rest.data()};
-    sh_rest = in.template vec3s<kRest>();
+    sh_rest = in.template vec3s<kShRest>();
     parameters.right_rotation = in.quat();
     parameters.time_mean = in.scalar();
     parameters.log_time_scale = in.scalar();
@@ -47,7 +47,7 @@ std::array<double, kParameters> draw_gaussian(TestRandom& random) {
   const PinholeCamera<double> camera = camera_of<double>();
   for (;;) {
     const Vec3d p{random.uniform(-1.0, 1.0), random.uniform(-0.8, 0.8), random.uniform(2.0, 5.0)};
-    std::array<Vec3d, kRest> sh_rest;
+    std::array<Vec3d, kShRest> sh_rest;
     for (Vec3d& c : sh_rest) c = random.uniform3(-0.5, 0.5);
     const Vec3d mean =
         multiply_transposed(camera.cam_from_world_rotation, p - camera.cam_from_world_translation);
@@ -72,7 +72,7 @@ double worst_error(const SplatSettings& settings) {
       },
       [&](const auto& x, const auto& dL) {
         const FlatGaussian<double> g(x);
-        std::array<Vec3d, kRest> dL_drest{};
+        std::array<Vec3d, kShRest> dL_drest{};
         const auto dL_dx = project_gaussian_vjp(camera, g.parameters, kTime, settings,
                                                 splat_gradient(dL), dL_drest.data());
         const SpacetimeShape<double>& by = dL_dx.shape;
@@ -105,7 +105,7 @@ TEST(SpacetimeRegularizer, GradientMatchesJet) {
         add_spacetime_regularizer_vjp(shape_of(g.parameters), of_each, by);
         std::array<double, kParameters> all = flatten(
             by.mean, by.log_scale, by.rotations.left, by.logit_opacity, Vec3d(0.0),
-            std::array<Vec3d, kRest>{}, by.rotations.right, by.time_mean, by.log_time_scale);
+            std::array<Vec3d, kShRest>{}, by.rotations.right, by.time_mean, by.log_time_scale);
         for (double& number : all) number *= dL[0];
         return all;
       },

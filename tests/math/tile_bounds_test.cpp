@@ -17,7 +17,7 @@ std::array<int, 4> bounds(const Rect& rect) {
 using Bounds = std::array<int, 4>;
 
 /// One splat with a cutoff.
-struct Splat {
+struct ProjectedSplat {
   Vec2f mean2d;
   Sym2<float> cov2d, conic;
   float cutoff;
@@ -31,7 +31,7 @@ class SplatRandom {
   }
   /// A mean in the padded picture or up to `margin` pixels beyond it; every fourth lies exactly on
   /// a pixel center or a pixel's edge.
-  Splat splat(double margin) {
+  ProjectedSplat splat(double margin) {
     const double a = variance(), b = variance();
     const double angle = uniform(0.0, 3.2), c = std::cos(angle), s = std::sin(angle);
     const Sym2<double> S{a * c * c + b * s * s, (a - b) * c * s, a * s * s + b * c * c};
@@ -110,7 +110,7 @@ TEST(Cutoff, InSigmaModesIsHalfTheSquareWhateverTheOpacity) {
 
 // ---- Rectangles.
 
-Rect pixel_rect_of(const Splat& s) {
+Rect pixel_rect_of(const ProjectedSplat& s) {
   return pixel_rect(s.mean2d, s.cov2d, s.cutoff, kTilesX, kTilesY);
 }
 /// The pixels of a box that reaches `extent` pixels around (x, x): a cutoff of 1/2 is one standard
@@ -158,7 +158,7 @@ TEST(PixelRect, IsExactlyThePixelsWithTheirCenterInTheBox) {
   SplatRandom random(100.0);
   int compared = 0, empty = 0;
   for (int i = 0; i < 20'000; ++i) {
-    const Splat s = random.splat(50.0);
+    const ProjectedSplat s = random.splat(50.0);
     const double ex = std::sqrt(2.0 * s.cutoff * s.cov2d.xx);
     const double ey = std::sqrt(2.0 * s.cutoff * s.cov2d.yy);
     const PixelRange x = pixels_between(s.mean2d.x - ex, s.mean2d.x + ex, kPaddedWidth);
@@ -176,13 +176,13 @@ TEST(PixelRect, IsExactlyThePixelsWithTheirCenterInTheBox) {
   EXPECT_GT(empty, 1'000);
 }
 
-constexpr float kInfinity = std::numeric_limits<float>::infinity();
+constexpr float kNoEnd = std::numeric_limits<float>::infinity();
 
 /// Calls visit(mean2d, cov2d, cutoff) with every combination of valid and invalid numbers.
 template <class Visit>
 void sweep_bad_numbers(const Visit& visit) {
-  const std::vector<float> numbers = {kNan,   kInfinity, -kInfinity, 3e38f, -3e38f, 1e20f,
-                                      -1e10f, 3e9f,      1e-40f,     0.0f,  -0.5f,  100.0f};
+  const std::vector<float> numbers = {kNan,   kNoEnd, -kNoEnd, 3e38f, -3e38f, 1e20f,
+                                      -1e10f, 3e9f,   1e-40f,  0.0f,  -0.5f,  100.0f};
   for (const float x : numbers)
     for (const float y : numbers)
       for (const float xx : numbers)
@@ -208,7 +208,7 @@ TEST(PixelRect, OfAnyNumbersIsInsideTheGridAndEmptyWhereOneIsNotANumberOrTheMean
 }
 
 TEST(PixelRect, IsTheWholeGridForAnEndlessSplat) {
-  for (const float variance : {3e38f, kInfinity}) {
+  for (const float variance : {3e38f, kNoEnd}) {
     EXPECT_EQ(bounds(pixel_rect({5.0f, 5.0f}, {variance, 0.0f, variance}, 5.0f, kTilesX, kTilesY)),
               (Bounds{0, kPaddedWidth, 0, kPaddedHeight}));
   }
@@ -226,7 +226,7 @@ TEST(TileRect, OfNoPixelsIsEmpty) { EXPECT_TRUE(tile_rect({0, 0, 0, 0}).empty())
 
 /// The smallest 1/2 d^T Q d over a rectangle of pixel centers: 0 if the mean is inside, else the
 /// smallest of the minima of four parabolas, one along each edge.
-double smallest_over(const Splat& s, int x_begin, int y_begin, int width, int height) {
+double smallest_over(const ProjectedSplat& s, int x_begin, int y_begin, int width, int height) {
   const double x0 = x_begin + 0.5 - s.mean2d.x, x1 = x0 + width - 1;
   const double y0 = y_begin + 0.5 - s.mean2d.y, y1 = y0 + height - 1;
   if (x0 <= 0.0 && x1 >= 0.0 && y0 <= 0.0 && y1 >= 0.0) return 0.0;
@@ -244,12 +244,12 @@ double smallest_over(const Splat& s, int x_begin, int y_begin, int width, int he
   return smallest;
 }
 
-double smallest_over_tile(const Splat& s, int tile_x, int tile_y) {
+double smallest_over_tile(const ProjectedSplat& s, int tile_x, int tile_y) {
   return smallest_over(s, tile_x * kTileWidth, tile_y * kTileHeight, kTileWidth, kTileHeight);
 }
 
 /// True if a pixel center of the tile has an exponent above the cutoff.
-bool holds_a_pixel(const Splat& s, int tile_x, int tile_y) {
+bool holds_a_pixel(const ProjectedSplat& s, int tile_x, int tile_y) {
   for (int y = tile_y * kTileHeight; y < (tile_y + 1) * kTileHeight; ++y) {
     for (int x = tile_x * kTileWidth; x < (tile_x + 1) * kTileWidth; ++x) {
       const double dx = x + 0.5 - s.mean2d.x, dy = y + 0.5 - s.mean2d.y;
@@ -263,7 +263,7 @@ bool holds_a_pixel(const Splat& s, int tile_x, int tile_y) {
 
 /// A tile near the splat.
 template <int edge = kTileWidth>
-std::pair<int, int> draw_tile(SplatRandom& random, const Splat& s) {
+std::pair<int, int> draw_tile(SplatRandom& random, const ProjectedSplat& s) {
   const double reach_x = 3.0 * std::sqrt(s.cov2d.xx) + edge;
   const double reach_y = 3.0 * std::sqrt(s.cov2d.yy) + edge;
   return {int(std::floor((s.mean2d.x + random.uniform(-reach_x, reach_x)) / edge)),
@@ -276,7 +276,7 @@ TEST(TileIsHit, AgreesWithAMinimiserOverTheTile) {
   SplatRandom random(100.0);
   int hits = 0, misses = 0, wrong = 0;
   for (int i = 0; i < 200'000; ++i) {
-    const Splat s = random.splat(50.0);
+    const ProjectedSplat s = random.splat(50.0);
     const auto [x, y] = draw_tile(random, s);
     const double smallest = smallest_over_tile(s, x, y);
     const bool is_hit = tile_is_hit(s.mean2d, s.conic, s.cutoff, x, y);
@@ -294,7 +294,7 @@ TEST(TileIsHit, TurnsAtTheSmallestValueOverTheTile) {
   SplatRandom random(10.0);
   int tested = 0, wrong = 0;
   for (int i = 0; i < 200'000; ++i) {
-    const Splat s = random.splat(50.0);
+    const ProjectedSplat s = random.splat(50.0);
     const auto [x, y] = draw_tile(random, s);
     const double smallest = smallest_over_tile(s, x, y);
     if (smallest < 0.01 || smallest > 10.0) continue;
@@ -327,7 +327,7 @@ TEST(HitTiles, LoseNoPixelOfTheSplatAndAddNoTileBesideIt) {
   SplatRandom random(30.0);
   int hits = 0, wrong = 0;
   for (int i = 0; i < 10'000; ++i) {
-    const Splat s = random.splat(50.0);
+    const ProjectedSplat s = random.splat(50.0);
     std::vector<bool> is_hit(kTilesX * kTilesY);
     for_each_hit_tile(s.mean2d, s.conic, s.cutoff, pixel_rect_of(s),
                       [&](int x, int y) { is_hit[y * kTilesX + x] = true; });
@@ -355,7 +355,7 @@ TEST(HitTilesOfRow, AreThoseThatAMinimiserFinds) {
   const Rect grid{0, kTilesX, 0, kTilesY};
   int hits = 0, misses = 0, wrong = 0;
   for (int i = 0; i < 50'000; ++i) {
-    const Splat s = random.splat(50.0);
+    const ProjectedSplat s = random.splat(50.0);
     const int y = int(random.uniform(0.0, kTilesY));
     const TileSpan span = hit_tiles_of_row(s.mean2d, s.conic, s.cutoff, grid, y);
     for (int x = 0; x < kTilesX; ++x) {
@@ -387,7 +387,7 @@ void expect_parts() {
     SplatRandom random(sigma);
     int hits = 0, lost = 0, spare = 0;
     for (int i = 0; i < 20'000; ++i) {
-      const Splat s = random.splat(50.0);
+      const ProjectedSplat s = random.splat(50.0);
       const auto [tile_x, tile_y] = draw_tile<edge>(random, s);
       if (tile_x < 0 || tile_y < 0) continue;
       const unsigned bits =

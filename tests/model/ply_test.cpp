@@ -30,7 +30,7 @@ using testing::HasSubstr;
 using testing::Not;
 using testing::StartsWith;
 
-bool same_bits(const Gaussians& a, const Gaussians& b) {
+bool same_numbers(const Gaussians& a, const Gaussians& b) {
   bool same = true;
   for_each_array(
       [&](const char*, const auto& x, const auto& y) {
@@ -120,7 +120,7 @@ class Ply : public testing::Test {
   void expect_reads(const std::string& bytes, const GaussianModel& model) const {
     const GaussianModel back = read(bytes);
     EXPECT_EQ(back.sh_degree, model.sh_degree);
-    EXPECT_TRUE(same_bits(back.gaussians, model.gaussians));
+    EXPECT_TRUE(same_numbers(back.gaussians, model.gaussians));
   }
   std::size_t file_count() const {
     std::size_t count = 0;
@@ -143,7 +143,7 @@ TEST_F(Ply, RoundTripIsBitExactAtEveryDegree) {
     const GaussianModel back = read_gaussian_ply(file());
     EXPECT_EQ(back.sh_degree, degree);
     EXPECT_EQ(back.antialiased, model.antialiased);
-    EXPECT_TRUE(same_bits(back.gaussians, model.gaussians));
+    EXPECT_TRUE(same_numbers(back.gaussians, model.gaussians));
   }
 }
 
@@ -490,7 +490,7 @@ void bake(Gaussians& gaussians, const std::vector<float>& filter) {
 TEST_F(Ply, AFilterOfZeroChangesNothingAndATinyGaussianStaysFinite) {
   GaussianModel model = random_model(3, 0);
   bake(model.gaussians, {0, 0, 0});
-  EXPECT_TRUE(same_bits(model.gaussians, random_model(3, 0).gaussians));
+  EXPECT_TRUE(same_numbers(model.gaussians, random_model(3, 0).gaussians));
   model.gaussians.logit_opacity[0] = 60;  // 1 in float and in double
   model.gaussians.log_scale[1] = Vec3f(-300);
   bake(model.gaussians, {1e-6f, 1, 1});

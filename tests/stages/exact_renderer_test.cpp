@@ -92,16 +92,16 @@ Inputs<Jet> along(const Inputs<double>& from, const std::vector<double>& directi
   return to;
 }
 
-struct Case {
+struct Shape {
   int sh_count;  // 0: colors
   int channels;
   bool has_covariances;
   bool antialias;
 };
-constexpr Case kCases[] = {{16, 0, false, false}, {9, 5, false, true}, {4, 1, true, false},
-                           {1, 40, false, false}, {0, 3, true, true},  {0, 0, false, false}};
+constexpr Shape kShapes[] = {{16, 0, false, false}, {9, 5, false, true}, {4, 1, true, false},
+                             {1, 40, false, false}, {0, 3, true, true},  {0, 0, false, false}};
 
-Inputs<double> draw_inputs(TestRandom& random, const Case& shape, int count) {
+Inputs<double> draw_inputs(TestRandom& random, const Shape& shape, int count) {
   Inputs<double> in;
   in.view.camera = {kWidth,
                     kHeight,
@@ -166,7 +166,7 @@ T loss_of(const ExactPicture<T>& picture, const ExactPicture<double>& dL) {
 // For each kind of input: <gradient, v> is the slope along a random v, beside the size of its terms.
 TEST(ExactRenderer, EveryInputHasTheSlopeOfJets) {
   TestRandom random;
-  for (const Case& shape : kCases)
+  for (const Shape& shape : kShapes)
     for (const auto& [rule, is_smooth] :
          {std::pair{BlendRule::faster_gs, false}, std::pair{BlendRule::classic, false},
           std::pair{BlendRule::faster_gs, true}}) {

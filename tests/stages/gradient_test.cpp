@@ -35,7 +35,7 @@ void backward(const SmallScene& scene, const Buffer<float>& dL_dimage, Backward&
 
 /// Floats round at 6e-8, and the terms of a gradient (over pixels, fragments, window, conic) cancel
 /// up to two digits of that: the worst error seen is 4e-6. A wrong term causes a much larger error.
-constexpr double kTolerance = 3e-5;
+constexpr double kGradientTolerance = 3e-5;
 
 /// Central differences have an error of h^2 times third derivatives and 1e-16 / h: some 1e-9 of the
 /// largest. A step sometimes moves the edge of a splat over a pixel center.
@@ -44,7 +44,7 @@ void expect_gradient_of_linear_loss(const SmallScene& scene) {
   Backward result;
   forward(scene, result);
   backward(scene, uploaded(weights), result);
-  expect_slopes(scene.gaussians, result.gradients, {2e-5, kTolerance, 0.01},
+  expect_slopes(scene.gaussians, result.gradients, {2e-5, kGradientTolerance, 0.01},
                 [&](const std::vector<DoubleGaussian>& gaussians, std::uint64_t& decisions) {
                   const ReferencePicture picture = reference_picture(
                       reference_splats<double>(gaussians, scene.camera, scene.settings),
@@ -114,7 +114,7 @@ TEST(Gradient, ByTheImagePlaneMeanIsTheSlope) {
       worst = std::max(worst, std::abs(slope - result.dL_dmean2d[entry.gaussian][axis]));
     }
   EXPECT_LE(unknown, 4);
-  EXPECT_LT(worst / largest, kTolerance);
+  EXPECT_LT(worst / largest, kGradientTolerance);
 }
 
 /// The absolute gradients of each pixel by image-plane means, summed: from the slopes of each pixel
@@ -170,7 +170,7 @@ TEST(Gradient, ByTheImagePlaneMeanSumsAbsoluteSlopesOfPixelsWhereAsked) {
         EXPECT_GE(absolute.dL_dmean2d[i][axis], std::abs(plain.dL_dmean2d[i][axis]) * 0.9999f);
         differs |= absolute.dL_dmean2d[i][axis] > 1.5f * std::abs(plain.dL_dmean2d[i][axis]);
       }
-    EXPECT_LT(worst / largest, kTolerance) << largest;
+    EXPECT_LT(worst / largest, kGradientTolerance) << largest;
     EXPECT_TRUE(differs);
   }
 }
