@@ -5,11 +5,7 @@
 namespace gs {
 namespace {
 
-/// dL by what blending reads of a row.
-struct RowGradient {
-  BasicSplatGradient<double> splat{{0, 0}, {0, 0, 0}, 0, {0, 0, 0}, 0};
-  bool is_visible = false;
-};
+using SplatGradients = std::vector<BasicSplatGradient<double>>;  // (N)
 
 /// dL by one pixel; zeros where an array is empty.
 struct PixelGradient {
@@ -47,16 +43,15 @@ void check_gradient_sizes(const ExactPicture<double>& dL, std::size_t pixels,
 ///   B_(i-1) = alpha_i q_i + (1 - alpha_i) B_i
 void blend_backward(const ExactGaussians<double>& gaussians, const ExactView<double>& view,
                     const ExactSettings& settings, const PixelGradient& dL,
-                    const std::vector<ExactFragment<double>>& fragments,
-                    std::vector<RowGradient>& rows, ExactGradients& gradients) {
+                    const std::vector<ExactFragment<double>>& fragments, SplatGradients& dL_dsplats,
+                    ExactGradients& gradients) {
   const std::size_t channels = std::size_t(gaussians.channels);
-  const bool is_classic = settings.rule == BlendRule::classic && !settings.is_smooth;
   double behind = inner(view.background, dL.image) - dL.alpha;
   for (std::size_t k = fragments.size(); k-- > 0;) {
     const ExactFragment<double>& fragment = fragments[k];
     const ExactSplat<double>& splat = *fragment.splat;
     const double weight = fragment.transmittance * fragment.alpha;
-    RowGradient& row = rows[splat.row];
+    BasicSplatGradient<double>& row = dL_dsplats[splat.row];
     double unit = inner(splat.splat.color, dL.image) + splat.depth * dL.depth +
                   dL.inverse_depth / splat.depth;
     if (dL.features)
@@ -65,22 +60,22 @@ void blend_backward(const ExactGaussians<double>& gaussians, const ExactView<dou
         unit += gaussians.features[at] * dL.features[c];
         gradients.features[at] += weight * dL.features[c];
       }
-    row.splat.color += weight * dL.image;
-    row.splat.depth += weight * (dL.depth - dL.inverse_depth / (splat.depth * splat.depth));
+    row.color += weight * dL.image;
+    row.depth += weight * (dL.depth - dL.inverse_depth / (splat.depth * splat.depth));
     const double dL_dalpha = fragment.transmittance * (unit - behind);
     behind = fragment.alpha * unit + (1 - fragment.alpha) * behind;
     const AlphaGradient<double> by_alpha =
-        is_classic ? fragment_alpha_vjp<BlendRule::classic>(splat.splat.opacity, fragment.gaussian,
-                                                            dL_dalpha)
-                   : fragment_alpha_vjp<BlendRule::faster_gs>(splat.splat.opacity,
-                                                              fragment.gaussian, dL_dalpha);
+        settings.is_classic() ? fragment_alpha_vjp<BlendRule::classic>(splat.splat.opacity,
+                                                                       fragment.gaussian, dL_dalpha)
+                              : fragment_alpha_vjp<BlendRule::faster_gs>(
+                                    splat.splat.opacity, fragment.gaussian, dL_dalpha);
     const ExponentGradient<double> by_exponent =
         fragment_exponent_vjp(splat.splat.conic, fragment.dx, fragment.dy, by_alpha.exponent);
-    row.splat.opacity += by_alpha.opacity;
-    row.splat.mean2d += by_exponent.mean2d;
-    row.splat.conic.xx += by_exponent.conic.xx;
-    row.splat.conic.xy += by_exponent.conic.xy;
-    row.splat.conic.yy += by_exponent.conic.yy;
+    row.opacity += by_alpha.opacity;
+    row.mean2d += by_exponent.mean2d;
+    row.conic.xx += by_exponent.conic.xx;
+    row.conic.xy += by_exponent.conic.xy;
+    row.conic.yy += by_exponent.conic.yy;
   }
 }
 
@@ -111,8 +106,8 @@ void project_backward(const ExactGaussians<double>& gaussians, const ExactView<d
     gradients.colors[i] = dL_dsplat.color;
     return;
   }
-  const std::size_t first = i * std::size_t(gaussians.sh_count);
-  const int degree = sh_degree_of(gaussians.sh_count);
+  const std::size_t first = i * gaussians.sh_count();
+  const int degree = gaussians.sh_degree;
   const Vec3d eye = view.camera.position(), direction = unit_direction(eye, mean);
   const Vec3d color = sh_color(degree, direction, gaussians.sh[first], &gaussians.sh[first] + 1);
   const Vec3d& g = dL_dsplat.color;
@@ -137,7 +132,7 @@ ExactGradients zeros_like(const ExactGaussians<double>& gaussians) {
   gradients.sh.assign(gaussians.sh.size(), Vec3d(0.0));
   gradients.features.assign(gaussians.features.size(), 0);
   gradients.screen.assign(n, {0, 0});
-  gradients.sh_count = gaussians.sh_count;
+  gradients.sh_degree = gaussians.sh_degree;
   gradients.channels = gaussians.channels;
   return gradients;
 }
@@ -153,8 +148,7 @@ ExactGradients exact_gradients(const ExactGaussians<double>& gaussians,
   const std::size_t pixels = width * std::size_t(view.camera.height);
   check_gradient_sizes(dL_dpicture, pixels, channels);
   const std::vector<ExactSplat<double>> splats = exact_splats(gaussians, view, settings);
-  std::vector<RowGradient> rows(gaussians.count());
-  for (const ExactSplat<double>& splat : splats) rows[splat.row].is_visible = true;
+  SplatGradients dL_dsplats(gaussians.count(), {{0, 0}, {0, 0, 0}, 0, {0, 0, 0}, 0});
 
   ExactGradients gradients = zeros_like(gaussians);
   std::vector<ExactFragment<double>> fragments;
@@ -163,12 +157,11 @@ ExactGradients exact_gradients(const ExactGaussians<double>& gaussians,
     const double transmittance =
         exact_fragments(splats, settings, int(pixel % width), int(pixel / width), fragments);
     gradients.background += transmittance * dL.image;
-    blend_backward(gaussians, view, settings, dL, fragments, rows, gradients);
+    blend_backward(gaussians, view, settings, dL, fragments, dL_dsplats, gradients);
   }
   const SplatSettings splat_settings = splat_settings_of(settings);
-  for (std::size_t i = 0; i < gaussians.count(); ++i)
-    if (rows[i].is_visible)
-      project_backward(gaussians, view, splat_settings, rows[i].splat, i, gradients);
+  for (const ExactSplat<double>& splat : splats)
+    project_backward(gaussians, view, splat_settings, dL_dsplats[splat.row], splat.row, gradients);
   return gradients;
 }
 

@@ -31,18 +31,13 @@ void check_sizes(const ExactGaussians<T>& gaussians) {
   if (gaussians.sh.empty()) {
     expect("colors", gaussians.colors.size(), n);
   } else {
-    const int k = gaussians.sh_count;
-    if (k != 1 && k != 4 && k != 9 && k != kShBasisCount)
-      throw UsageError("sh has 1, 4, 9 or 16 coefficients a row, and not " + std::to_string(k));
-    expect("sh", gaussians.sh.size(), n * std::size_t(k));
+    if (gaussians.sh_degree < 0 || gaussians.sh_degree > 3)
+      throw UsageError("sh has a degree from 0 to 3, and not " +
+                       std::to_string(gaussians.sh_degree));
+    expect("sh", gaussians.sh.size(), n * gaussians.sh_count());
     expect("colors beside sh", gaussians.colors.size(), 0);
   }
   expect("features", gaussians.features.size(), n * std::size_t(gaussians.channels));
-}
-
-/// The degree of so many coefficients.
-inline int sh_degree_of(int sh_count) {
-  return sh_count >= 16 ? 3 : sh_count >= 9 ? 2 : sh_count >= 4 ? 1 : 0;
 }
 
 /// The world covariance of a row, which is not degenerate.
@@ -76,9 +71,9 @@ std::vector<ExactSplat<T>> exact_splats(const ExactGaussians<T>& gaussians,
     if (gaussians.sh.empty()) {
       color = gaussians.colors[i];
     } else {
-      const Vec3<T>* const sh = &gaussians.sh[i * std::size_t(gaussians.sh_count)];
-      color = sh_color(sh_degree_of(gaussians.sh_count),
-                       unit_direction(view.camera.position(), mean), sh[0], sh + 1);
+      const Vec3<T>* const sh = &gaussians.sh[i * gaussians.sh_count()];
+      color = sh_color(gaussians.sh_degree, unit_direction(view.camera.position(), mean), sh[0],
+                       sh + 1);
       color = {max_of(color.x, T(0)), max_of(color.y, T(0)), max_of(color.z, T(0))};
     }
     if (is_finite(color)) splats.push_back({std::uint32_t(i), projected.depth, projected.splat});
@@ -103,7 +98,7 @@ template <class T>
 T exact_fragments(const std::vector<ExactSplat<T>>& splats, const ExactSettings& settings, int x,
                   int y, std::vector<ExactFragment<T>>& fragments) {
   using std::exp;
-  const bool is_classic = settings.rule == BlendRule::classic && !settings.is_smooth;
+  const bool is_classic = settings.is_classic();
   fragments.clear();
   T transmittance(1);
   for (const ExactSplat<T>& at : splats) {

@@ -20,12 +20,13 @@ struct ExactGaussians {
   std::vector<Sym3<T>> covariances;  // (N)  world units^2
   std::vector<T> opacities;          // (N)  0 to 1
   std::vector<Vec3<T>> colors;       // (N)  used as they are; or sh
-  std::vector<Vec3<T>> sh;           // (N, sh_count)  coefficients, the color is at least 0
+  std::vector<Vec3<T>> sh;           // (N, sh_count())  coefficients, the color is at least 0
   std::vector<T> features;           // (N, channels)  blended as they are; may be empty
-  int sh_count = 0;                  // 1, 4, 9 or 16
+  int sh_degree = 0;                 // of sh, 0 to 3
   int channels = 0;
 
   std::size_t count() const { return means.size(); }
+  std::size_t sh_count() const { return std::size_t((sh_degree + 1) * (sh_degree + 1)); }
 };
 
 /// Where it is seen from.
@@ -41,6 +42,9 @@ struct ExactSettings {
   /// No fragment is dropped for its alpha, no alpha is clamped and no pixel ends, so that the
   /// picture is a smooth function of nearly all of its inputs.
   bool is_smooth = false;
+
+  /// Whether alpha is clamped and pixels end by the classic rule.
+  bool is_classic() const { return rule == BlendRule::classic && !is_smooth; }
 };
 
 /// A picture of H x W pixels. As dL/d(picture), an empty array counts as zeros.
