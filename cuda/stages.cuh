@@ -135,6 +135,26 @@ struct ModelUpdate {
   DensityStep density;
 };
 
+/// The background of a picture as kernels get it.
+struct Background {
+  Vec3f color;
+  const float* on_device;  // as in RenderSettings
+
+  explicit Background(const RenderSettings& settings)
+      : color(settings.background), on_device(settings.background_on_device) {}
+#ifdef __CUDACC__
+  __device__ Vec3f operator()() const {
+    return on_device ? Vec3f(on_device[0], on_device[1], on_device[2]) : color;
+  }
+#endif
+};
+
+/// dL by a picture.
+struct PictureGradient {
+  Span<const float> image;  // (3, H, W)
+  Span<const float> alpha;  // (H, W)  by 1 - transmittance; empty: zeros
+};
+
 #ifdef __CUDACC__
 /// dL/d(splat) of a visible Gaussian. Color gradients are zero where blending clamped the color.
 __device__ inline SplatGradient masked(const SplatGradientSum& sum, const Vec3f& color) {
@@ -243,10 +263,9 @@ void blend_gemm(Context& context, const RenderSettings& settings, RenderPass& pa
 /// the bytes (H, W, 3) and up to 11 more.
 void pack_picture(Context& context, const RenderPass& pass, Buffer<std::uint32_t>& words);
 
-/// 6  blend_backward.cu: from dL/d(image), (3, H, W), to dL/d(splat), added to
-/// workspace.splat_gradients.
-void blend_backward(Context& context, const RenderSettings& settings, Span<const float> dL_dimage,
-                    Workspace& workspace, RenderPass& pass);
+/// 6  blend_backward.cu: from dL/d(picture) to dL/d(splat), added to workspace.splat_gradients.
+void blend_backward(Context& context, const RenderSettings& settings, const PictureGradient& dL,
+                    Workspace& workspace, const RenderPass& pass);
 
 /// True where the sums over fragments of the score "force" find room in
 /// Workspace::splat_gradients, and stage 7 adds them to the statistics. A depth map adds to the same

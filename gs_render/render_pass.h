@@ -18,6 +18,8 @@ enum class FragmentStatistic { none, force };
 /// How to render. It is passed by value with each call; there is no global state.
 struct RenderSettings : SplatSettings {
   Vec3f background{0, 0, 0};  // sRGB 0..1
+  // (3) in the memory of a GPU, where the CUDA backend reads it; null: `background` counts
+  const float* background_on_device = nullptr;
   BlendRule blend_rule = BlendRule::faster_gs;
   // backward's dL_dmean2d sums absolute values over pixels (Ye et al. 2024, AbsGS)
   bool absolute_gradient = false;
@@ -69,6 +71,8 @@ struct RenderPass {
   int tile_edge = kTileWidth;           // pixels; kWideTile in some frames of the CUDA backend
   int tiles_x = 0, tiles_y = 0;
   Vec3f background{0, 0, 0};            // behind the image
+  // The CUDA backend raises lower colors to it; -infinity: colors are blended as they are.
+  float least_color = 0;
 
   // 1 preprocess                       one row per Gaussian; of culled ones only tile_counts is defined
   Buffer<Splat> splats;                 // (N)

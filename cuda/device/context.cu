@@ -4,6 +4,8 @@
 #include <nvtx3/nvToolsExt.h>
 
 #include <algorithm>
+#include <map>
+#include <mutex>
 
 #include "cuda/device/unserved_card.h"
 
@@ -30,6 +32,30 @@ cudaFuncAttributes code_for(const cudaDeviceProp& properties) {
   return code;
 }
 
+Card read_card(int device) {
+  cudaDeviceProp properties;
+  check(cudaGetDeviceProperties(&properties, device), "asking for the GPU's properties");
+  // PTX of an older GPU runs on a newer one, but has not the instructions of tensor cores.
+  const cudaFuncAttributes code = code_for(properties);
+  return {properties.name, properties.multiProcessorCount,
+          properties.major >= 8 && code.ptxVersion >= 80};
+}
+
+// Of the current GPU, read once. Never freed: kernels may be launched while the process ends.
+const Card& card_of(int device) {
+  static auto& mutex = *new std::mutex;
+  static auto& cards = *new std::map<int, Card>;
+  const std::scoped_lock lock(mutex);
+  const auto known = cards.find(device);
+  return known != cards.end() ? known->second
+                              : cards.emplace(device, read_card(device)).first->second;
+}
+
+const Card& chosen_card(int device) {
+  check(cudaSetDevice(device), "choosing the GPU");
+  return card_of(device);
+}
+
 }  // namespace
 
 void check(cudaError_t error, const char* what) {
@@ -42,26 +68,21 @@ void check(cudaError_t error, const char* what) {
       memory ? ExitCode::out_of_memory : ExitCode::bad_data);
 }
 
-Context::Context(int device) : device_(device) {
-  check(cudaSetDevice(device), "choosing the GPU");
-  cudaDeviceProp properties;
-  check(cudaGetDeviceProperties(&properties, device), "asking for the GPU's properties");
-  device_name_ = properties.name;
-  multiprocessors_ = properties.multiProcessorCount;
-  // PTX of an older GPU runs on a newer one, but has not the instructions of tensor cores.
-  const cudaFuncAttributes code = code_for(properties);
-  has_tensor_cores_ = properties.major >= 8 && code.ptxVersion >= 80;
+Context::Context(int device) : device_(device), card_(chosen_card(device)), owns_stream_(true) {
   check(cudaStreamCreateWithFlags(&stream_, cudaStreamNonBlocking), "making a stream");
 }
 
+Context::Context(int device, cudaStream_t stream)
+    : device_(device), card_(chosen_card(device)), stream_(stream), owns_stream_(false) {}
+
 Context::~Context() {
-  cudaStreamSynchronize(stream_);
+  if (owns_stream_ || !laps_.empty()) cudaStreamSynchronize(stream_);
   for (const Lap& lap : laps_) {
     cudaEventDestroy(lap.begin);
     cudaEventDestroy(lap.end);
   }
   for (const cudaEvent_t event : free_events_) cudaEventDestroy(event);
-  cudaStreamDestroy(stream_);
+  if (owns_stream_) cudaStreamDestroy(stream_);
 }
 
 void Context::synchronize() { check(cudaStreamSynchronize(stream_), "a kernel"); }

@@ -18,20 +18,29 @@ namespace gs::cuda {
 /// Throws Error where a CUDA call failed; `what` names the stage or the call.
 void check(cudaError_t error, const char* what);
 
+/// What never changes about a GPU.
+struct Card {
+  std::string name;
+  int multiprocessors = 0;
+  bool has_tensor_cores = false;  // that take fp16 and TF32 and sum in fp32: capability 8 and later
+};
+
 /// A GPU, its compute stream, and the times of its stages while profiling is on.
 class Context {
  public:
+  /// With a stream of its own.
   explicit Context(int device);
+  /// On a stream that the caller owns, for a call. Costs nothing from the second one of a GPU on.
+  Context(int device, cudaStream_t stream);
   ~Context();
   Context(const Context&) = delete;
   Context& operator=(const Context&) = delete;
 
   int device() const { return device_; }
   cudaStream_t stream() const { return stream_; }
-  const std::string& device_name() const { return device_name_; }
-  int multiprocessors() const { return multiprocessors_; }
-  /// True for compute capability 8 and later: tensor cores take fp16 and TF32 and sum in fp32.
-  bool has_tensor_cores() const { return has_tensor_cores_; }
+  const std::string& device_name() const { return card_.name; }
+  int multiprocessors() const { return card_.multiprocessors; }
+  bool has_tensor_cores() const { return card_.has_tensor_cores; }
 
   /// Waits until every launched kernel has run. A step of training never calls it.
   void synchronize();
@@ -58,11 +67,10 @@ class Context {
   };
   cudaEvent_t event();
 
-  int device_;
+  const int device_;
+  const Card& card_;
   cudaStream_t stream_ = nullptr;
-  std::string device_name_;
-  int multiprocessors_ = 0;
-  bool has_tensor_cores_ = false;
+  const bool owns_stream_;
   bool profiling_ = false;
   std::vector<Lap> laps_;
   std::vector<cudaEvent_t> free_events_;

@@ -205,12 +205,18 @@ struct PixelWalk {
 
   __device__ PixelWalk(const TileLists& lists, const Subtile& subtile, const Vec3f& background,
                        const float* image, const float* final_transmittance,
-                       const std::uint32_t* last_instance, const float* dL_dimage) {
+                       const std::uint32_t* last_instance, const float* dL_dimage,
+                       const float* dL_dalpha) {
     if (!subtile.is_inside) return;
     const std::size_t at = subtile.pixel(lists), plane = std::size_t(lists.width) * lists.height;
     dL_dpixel = {dL_dimage[at], dL_dimage[plane + at], dL_dimage[2 * plane + at]};
     behind = inner(dL_dpixel, Vec3f(image[at], image[plane + at], image[2 * plane + at]));
     last_behind = final_transmittance[at] * inner(dL_dpixel, background);
+    if (dL_dalpha) {  // as a color of -dL/d(alpha) behind everything
+      const float by_alpha = final_transmittance[at] * dL_dalpha[at];
+      behind -= by_alpha;
+      last_behind -= by_alpha;
+    }
     last = int(last_instance[at]) - 1;
   }
 
@@ -254,7 +260,7 @@ __device__ int list_next(ListedSplat* ring, int place, Walk& walk, const PixelRa
   bool is_hit = false;
   walk.take_next([&](int, const Splat& splat, std::uint32_t position, std::uint32_t gaussian) {
     is_hit = pixels.are_hit_by(splat);
-    splat_of_lane = listed(splat, position, gaussian);
+    splat_of_lane = listed(splat, position, gaussian, walk.least_color());
   });
   const unsigned hits = __ballot_sync(kAllLanes, is_hit);
   place += __popc(hits & lanes_below());
@@ -264,8 +270,9 @@ __device__ int list_next(ListedSplat* ring, int place, Walk& walk, const PixelRa
 
 template <BlendRule rule, class Sums>
 __global__ void __launch_bounds__(kBlendThreads, kBlocks)
-    blend_backward_kernel(TileLists lists, const ListSegment* segments, Vec3f background,
-                          Forward forward, const float* dL_dimage, Sums sums) {
+    blend_backward_kernel(TileLists lists, const ListSegment* segments, Background background,
+                          Forward forward, const float* dL_dimage, const float* dL_dalpha,
+                          Sums sums) {
   constexpr bool kHasFragments = Sums::kStatistic != FragmentStatistic::none;
   __shared__ WarpShared shared_of_warps[kBlendWarps];
   WarpShared& shared = shared_of_warps[threadIdx.x / kWarp];
@@ -274,8 +281,8 @@ __global__ void __launch_bounds__(kBlendThreads, kBlocks)
   const ListSegment segment = segments[work.item];
   if (segment.tile == kNoTile) return;
   const Subtile subtile(lists, segment.tile, work.subtile);
-  PixelWalk pixel(lists, subtile, background, forward.image, forward.transmittance, forward.last,
-                  dL_dimage);
+  PixelWalk pixel(lists, subtile, background(), forward.image, forward.transmittance, forward.last,
+                  dL_dimage, dL_dalpha);
   const std::uint32_t longest = warp_max(std::uint32_t(pixel.last + 1)),
                       first = segment.number * kSegmentLength;
   if (longest <= first) return;
@@ -352,10 +359,11 @@ __global__ void __launch_bounds__(kBlendThreads)
 
 }  // namespace
 
-void blend_backward(Context& context, const RenderSettings& settings, Span<const float> dL_dimage,
-                    Workspace& workspace, RenderPass& pass) {
+void blend_backward(Context& context, const RenderSettings& settings, const PictureGradient& dL,
+                    Workspace& workspace, const RenderPass& pass) {
   const StageScope scope(context, "blend backward");
-  GS_CHECK(dL_dimage.size == 3 * pass.pixel_count());
+  GS_CHECK(dL.image.size == 3 * pass.pixel_count());
+  GS_CHECK(dL.alpha.empty() || dL.alpha.size == pass.pixel_count());
   const CudaScratch& scratch = pass.scratch<CudaScratch>();
   const Forward forward{pass.image.data(), pass.transmittance.data(), pass.last_instance.data(),
                         scratch.first_checkpoints.data(), scratch.checkpoints()};
@@ -364,7 +372,8 @@ void blend_backward(Context& context, const RenderSettings& settings, Span<const
       context.launch("blend backward",
                      blend_backward_kernel<rule(), std::remove_cvref_t<decltype(sums)>>,
                      blend_blocks(scratch.segments.size()), kBlendThreads, tile_lists(pass),
-                     scratch.segments.data(), settings.background, forward, dL_dimage.data, sums);
+                     scratch.segments.data(), Background(settings), forward, dL.image.data,
+                     dL.alpha.data, sums);
     });
   };
   const FragmentSink fragments{

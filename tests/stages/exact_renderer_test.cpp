@@ -3,9 +3,8 @@
 // brute-force one.
 #include "gs_render/exact/exact_renderer.h"
 
-#include <functional>
-
 #include "tests/support/brute_force.h"
+#include "tests/support/exact_inputs.h"
 #include "tests/support/jet_oracle.h"
 #include "tests/support/scenes.h"
 
@@ -14,15 +13,11 @@ namespace {
 
 using Jet = ceres::Jet<double, 1>;
 constexpr int kWidth = 12, kHeight = 9;
+constexpr InputShape kShapes[] = {{3, 0, false, false}, {2, 5, false, true},
+                                  {1, 1, true, false},  {0, 40, false, false},
+                                  {-1, 3, true, true},  {-1, 0, false, false}};
 // Slopes of a picture sum some thousand terms, each rounded at 1e-16, which cancel.
 constexpr double kSlopeTolerance = 1e-9;
-
-/// All inputs of a picture.
-template <class T>
-struct Inputs {
-  ExactGaussians<T> gaussians;
-  ExactView<T> view;
-};
 
 /// Calls f(name, number) for each number of every input, in the same order for every scalar.
 template <class Inputs, class F>
@@ -54,8 +49,8 @@ constexpr const char* kNames[] = {"means",     "rotations",  "log_scales", "cova
                                   "viewmat",   "intrinsics", "background"};
 
 /// The gradients in the shape of the inputs.
-Inputs<double> as_inputs(const ExactGradients& gradients) {
-  Inputs<double> in{gradients, {}};
+ExactInputs<double> as_inputs(const ExactGradients& gradients) {
+  ExactInputs<double> in{gradients, {}};
   in.view.camera.cam_from_world_rotation = gradients.camera.rotation;
   in.view.camera.cam_from_world_translation = gradients.camera.translation;
   in.view.camera.fx = gradients.camera.fx;
@@ -67,8 +62,8 @@ Inputs<double> as_inputs(const ExactGradients& gradients) {
 }
 
 /// The inputs as Jets that move along `direction`, which has a number for each.
-Inputs<Jet> along(const Inputs<double>& from, const std::vector<double>& direction) {
-  Inputs<Jet> to;
+ExactInputs<Jet> along(const ExactInputs<double>& from, const std::vector<double>& direction) {
+  ExactInputs<Jet> to;
   to.gaussians.sh_degree = from.gaussians.sh_degree;
   to.gaussians.channels = from.gaussians.channels;
   to.gaussians.means.resize(from.gaussians.means.size());
@@ -92,66 +87,6 @@ Inputs<Jet> along(const Inputs<double>& from, const std::vector<double>& directi
   return to;
 }
 
-struct Shape {
-  int sh_degree;  // -1: colors
-  int channels;
-  bool has_covariances;
-  bool antialias;
-};
-constexpr Shape kShapes[] = {{3, 0, false, false},  {2, 5, false, true}, {1, 1, true, false},
-                             {0, 40, false, false}, {-1, 3, true, true}, {-1, 0, false, false}};
-
-Inputs<double> draw_inputs(TestRandom& random, const Shape& shape, int count) {
-  Inputs<double> in;
-  in.view.camera = {kWidth,
-                    kHeight,
-                    random.uniform(8, 14),
-                    random.uniform(8, 14),
-                    kWidth * 0.45,
-                    kHeight * 0.55,
-                    rotation_matrix(random.quaternion()),
-                    random.uniform3(-1, 1)};
-  in.view.background = random.uniform3(0, 1);
-  ExactGaussians<double>& g = in.gaussians;
-  g.sh_degree = std::max(shape.sh_degree, 0);
-  g.channels = shape.channels;
-  for (int i = 0; i < count; ++i) {
-    // A few are behind the camera, or beside the picture.
-    const double z = random.chance(0.1) ? -1 : random.uniform(1, 5);
-    const Vec3d p{z * random.uniform(-0.9, 0.9), z * random.uniform(-0.8, 0.8), z};
-    g.means.push_back(multiply_transposed(in.view.camera.cam_from_world_rotation,
-                                          p - in.view.camera.cam_from_world_translation));
-    const Quat<double> q = random.quaternion();
-    const Vec3d log_scale = random.uniform3(-2.5, -0.3);
-    if (shape.has_covariances) {
-      g.covariances.push_back(covariance(rotation_matrix(q), variance(log_scale)));
-    } else {
-      g.rotations.push_back(q);
-      g.log_scales.push_back(log_scale);
-    }
-    g.opacities.push_back(random.uniform(0.02, 1.0));
-    if (shape.sh_degree < 0) g.colors.push_back(random.uniform3(-0.2, 1));
-    for (std::size_t k = 0; shape.sh_degree >= 0 && k < g.sh_count(); ++k)
-      g.sh.push_back(random.uniform3(-1.2, 1.2));
-    for (int c = 0; c < shape.channels; ++c) g.features.push_back(random.uniform(-1, 1));
-  }
-  return in;
-}
-
-ExactPicture<double> draw_picture_gradient(TestRandom& random, int channels) {
-  const std::size_t pixels = kWidth * kHeight;
-  ExactPicture<double> dL;
-  for (std::size_t i = 0; i < pixels; ++i) {
-    dL.image.push_back(random.uniform3(-1, 1));
-    dL.alpha.push_back(random.uniform(-1, 1));
-    dL.depth.push_back(random.uniform(-1, 1));
-    dL.inverse_depth.push_back(random.uniform(-1, 1));
-  }
-  for (std::size_t i = 0; i < pixels * std::size_t(channels); ++i)
-    dL.features.push_back(random.uniform(-1, 1));
-  return dL;
-}
-
 template <class T>
 T loss_of(const ExactPicture<T>& picture, const ExactPicture<double>& dL) {
   T loss(0);
@@ -167,7 +102,7 @@ T loss_of(const ExactPicture<T>& picture, const ExactPicture<double>& dL) {
 // For each kind of input: <gradient, v> is the slope along a random v, beside the size of its terms.
 TEST(ExactRenderer, EveryInputHasTheSlopeOfJets) {
   TestRandom random;
-  for (const Shape& shape : kShapes)
+  for (const InputShape& shape : kShapes)
     for (const auto& [rule, is_smooth] :
          {std::pair{BlendRule::faster_gs, false}, std::pair{BlendRule::classic, false},
           std::pair{BlendRule::faster_gs, true}}) {
@@ -176,9 +111,10 @@ TEST(ExactRenderer, EveryInputHasTheSlopeOfJets) {
       settings.is_smooth = is_smooth;
       settings.splat.antialias = shape.antialias;
       settings.splat.antialias_detach = false;
-      const Inputs<double> in = draw_inputs(random, shape, 30);
-      const ExactPicture<double> dL = draw_picture_gradient(random, shape.channels);
-      const Inputs<double> gradient =
+      const ExactInputs<double> in = draw_inputs(random, shape, 30, kWidth, kHeight);
+      const ExactPicture<double> dL =
+          draw_picture_gradient(random, shape.channels, kWidth, kHeight);
+      const ExactInputs<double> gradient =
           as_inputs(exact_gradients(in.gaussians, in.view, settings, dL));
       for (const char* name : kNames) {
         SCOPED_TRACE(std::string(name) + " of " + std::to_string(shape.sh_degree));
@@ -193,7 +129,7 @@ TEST(ExactRenderer, EveryInputHasTheSlopeOfJets) {
           terms += std::abs(slope * direction.back());
         });
         if (!has_numbers) continue;
-        const Inputs<Jet> moving = along(in, direction);
+        const ExactInputs<Jet> moving = along(in, direction);
         const Jet loss = loss_of(exact_picture(moving.gaussians, moving.view, settings), dL);
         EXPECT_GT(terms, 0);
         EXPECT_NEAR(loss.v[0], expected, kSlopeTolerance * terms);
@@ -203,7 +139,7 @@ TEST(ExactRenderer, EveryInputHasTheSlopeOfJets) {
 
 TEST(ExactRenderer, TheProjectedMeanHasTheSlopeOfThePrincipalPoint) {
   TestRandom random;
-  Inputs<double> in = draw_inputs(random, {-1, 0, false, false}, 20);
+  ExactInputs<double> in = draw_inputs(random, {-1, 0, false, false}, 20, kWidth, kHeight);
   // So wide that all are inside the limits of the Jacobian, and the principal point moves means alone.
   in.view.camera.fx = in.view.camera.fy = 6;
   ExactSettings settings;
@@ -256,15 +192,15 @@ TEST(ExactRenderer, PictureIsTheBruteForceOne) {
 // Without clamps and ends, a finite step sees no jump.
 TEST(ExactRenderer, ASmoothPictureHasTheSlopeOfFiniteDifferences) {
   TestRandom random;
-  const Inputs<double> in = draw_inputs(random, {2, 2, false, false}, 8);
+  const ExactInputs<double> in = draw_inputs(random, {2, 2, false, false}, 8, kWidth, kHeight);
   ExactSettings settings;
   settings.is_smooth = true;
-  const ExactPicture<double> dL = draw_picture_gradient(random, 2);
+  const ExactPicture<double> dL = draw_picture_gradient(random, 2, kWidth, kHeight);
   const ExactGradients gradients = exact_gradients(in.gaussians, in.view, settings, dL);
   constexpr double kStep = 1e-5;
   for (std::size_t i = 0; i < in.gaussians.count(); ++i) {
     const auto loss_at = [&](double step) {
-      Inputs<double> moved = in;
+      ExactInputs<double> moved = in;
       moved.gaussians.means[i].x += step;
       moved.gaussians.opacities[i] -= 0.1 * step;
       return loss_of(exact_picture(moved.gaussians, moved.view, settings), dL);
@@ -288,7 +224,7 @@ TEST(ExactRenderer, NothingVisibleShowsTheBackground) {
 
 TEST(ExactRenderer, ArraysThatDisagreeAreRefused) {
   TestRandom random;
-  Inputs<double> in = draw_inputs(random, {-1, 2, false, false}, 4);
+  ExactInputs<double> in = draw_inputs(random, {-1, 2, false, false}, 4, kWidth, kHeight);
   const ExactPicture<double> whole = exact_picture(in.gaussians, in.view, {});
   ExactPicture<double> dL;
   dL.alpha.assign(7, 1);

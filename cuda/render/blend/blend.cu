@@ -25,7 +25,8 @@ struct WarpShared {
 
 template <BlendRule rule>
 __global__ void __launch_bounds__(kBlendThreads, kBlocks)
-    blend_kernel(TileLists lists, const std::uint32_t* tile_order, Vec3f background, Output out) {
+    blend_kernel(TileLists lists, const std::uint32_t* tile_order, Background background,
+                 Output out) {
   __shared__ WarpShared shared_of_warps[kBlendWarps];
   WarpShared& shared = shared_of_warps[threadIdx.x / kWarp];
   const WarpWork work;
@@ -63,7 +64,7 @@ __global__ void __launch_bounds__(kBlendThreads, kBlocks)
   }
   if (!subtile.is_inside) return;
   const std::size_t to = subtile.pixel(lists), plane = std::size_t(lists.width) * lists.height;
-  const Vec3f color = pixel.color + pixel.transmittance * background;
+  const Vec3f color = pixel.color + pixel.transmittance * background();
   out.image[to] = color.x;
   out.image[plane + to] = color.y;
   out.image[2 * plane + to] = color.z;
@@ -85,7 +86,7 @@ void blend(Context& context, const RenderSettings& settings, RenderPass& pass) {
                    settings.for_backward ? scratch.checkpoints() : nullptr};
   with_rule(settings.blend_rule, [&](auto rule) {
     context.launch("blend", blend_kernel<rule()>, blend_blocks(pass.tile_count()), kBlendThreads,
-                   tile_lists(pass), scratch.order(), settings.background, out);
+                   tile_lists(pass), scratch.order(), Background(settings), out);
   });
 }
 

@@ -60,7 +60,7 @@ struct WarpShared {
 template <class Kind>
 __global__ void __launch_bounds__(kBlendThreads, Kind::blocks)
     blend_gemm_kernel(typename Kind::Walk::Lists lists, std::uint32_t tiles,
-                      const std::uint32_t* tile_order, Vec3f background, Output out) {
+                      const std::uint32_t* tile_order, Background background, Output out) {
   constexpr int kPerRow = Kind::kPerRow, kPerTile = Kind::kPerTile;
   __shared__ WarpShared<Kind> shared_of_warps[kBlendWarps];
   WarpShared<Kind>& shared = shared_of_warps[threadIdx.x / kWarp];
@@ -106,9 +106,10 @@ __global__ void __launch_bounds__(kBlendThreads, Kind::blocks)
   const std::size_t plane = std::size_t(lists.width) * lists.height;
   const std::size_t first = std::size_t(y0) * lists.width + x;
   float* to = (channel == 3 ? out.transmittance : out.image + channel * plane) + first;
-  const float behind = channel == 0   ? background.x
-                       : channel == 1 ? background.y
-                       : channel == 2 ? background.z
+  const Vec3f color = background();
+  const float behind = channel == 0   ? color.x
+                       : channel == 1 ? color.y
+                       : channel == 2 ? color.z
                                       : 1.0f;
   const int rows = x < lists.width ? lists.height - y0 : 0;  // inside the picture
 #pragma unroll
@@ -153,7 +154,7 @@ void blend_gemm(Context& context, const RenderSettings& settings, RenderPass& pa
     context.launch("blend", blend_gemm_kernel<Kind>,
                    blocks_for(pass.tile_count() * Kind::kPerTile, kBlendWarps), kBlendThreads,
                    tile_lists(pass, splats), std::uint32_t(pass.tile_count()), scratch.order(),
-                   settings.background, out);
+                   Background(settings), out);
   };
   if (pass.tile_edge == kWideTile)
     return with_rule(settings.blend_rule, [&](auto rule) {

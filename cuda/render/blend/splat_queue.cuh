@@ -51,20 +51,22 @@ struct QueueShared<false, places> {
   QueueColors colors[places / kBatch];
 };
 
-/// What a queue takes of a splat: the factors of its conic, log2(255 opacity), and its color,
-/// clamped to 0 from below.
+/// What a queue takes of a splat: the factors of its conic, log2(255 opacity), and its color, raised
+/// to RenderPass::least_color. The colors of a ViewSplat are not below 0.
 __device__ inline ConicFactors<float> factors_of(const Splat& splat) {
   return conic_factors(splat.conic, splat.variance_y);
 }
 __device__ inline float log2_opacity(const Splat& splat) {
   return __log2f(splat.opacity * (1.0f / kMinAlpha));
 }
-__device__ inline Vec3f color_of(const Splat& splat) {
-  return {fmaxf(splat.color.x, 0.0f), fmaxf(splat.color.y, 0.0f), fmaxf(splat.color.z, 0.0f)};
+__device__ inline Vec3f color_of(const Splat& splat, float least) {
+  return {fmaxf(splat.color.x, least), fmaxf(splat.color.y, least), fmaxf(splat.color.z, least)};
 }
 __device__ inline ConicFactors<float> factors_of(const ViewSplat& splat) { return splat.L; }
 __device__ inline float log2_opacity(const ViewSplat& splat) { return splat.log2_opacity; }
-__device__ inline Vec3f color_of(const ViewSplat& splat) { return unpacked_color(splat.color); }
+__device__ inline Vec3f color_of(const ViewSplat& splat, float) {
+  return unpacked_color(splat.color);
+}
 
 /// A queue of one batch must be empty when it takes splats. A queue of two batches takes splats
 /// while less than one batch waits.
@@ -103,7 +105,7 @@ class SplatQueue {
       // A splat this far away is invisible at every pixel, and its coefficients would overflow
       // fp16.
       if (!(terms.of[0] > kFarAway)) terms = invisible();
-      put(has_one_batch ? k : count_ + k, terms, color_of(splat), position);
+      put(has_one_batch ? k : count_ + k, terms, color_of(splat, walk.least_color()), position);
     });
   }
 

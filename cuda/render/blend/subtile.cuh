@@ -39,6 +39,7 @@ struct TileListsOf {
   const std::uint32_t* ranges;  // (tiles + 1)
   const std::uint32_t* splats;  // (I) Gaussian and parts of each place (instance_of)
   const AnySplat* of_gaussian;  // (N)
+  float least_color;            // as in RenderPass
 
   /// The instance at a place before `end`; behind it 0, which hits no part.
   __device__ std::uint32_t instance_at(std::uint32_t place, std::uint32_t end) const {
@@ -49,8 +50,9 @@ using TileLists = TileListsOf<Splat>;
 
 template <class AnySplat>
 TileListsOf<AnySplat> tile_lists(const RenderPass& pass, const AnySplat* splats) {
-  return {pass.width, pass.height, pass.tiles_x, pass.tile_ranges.data(), pass.tile_splats.data(),
-          splats};
+  return {
+      pass.width, pass.height,     pass.tiles_x, pass.tile_ranges.data(), pass.tile_splats.data(),
+      splats,     pass.least_color};
 }
 inline TileLists tile_lists(const RenderPass& pass) {
   return tile_lists(pass, static_cast<const Splat*>(pass.splats.data()));
@@ -141,21 +143,21 @@ struct alignas(16) ListedSplat {
   Vec2f mean2d;
   ConicFactors<float> L;
   float lowest;        // a fragment is kept if and only if e >= lowest
-  float opacity, red;  // colors are clamped to 0 from below
+  float opacity, red;  // colors are at least RenderPass::least_color
   float green, blue;
   std::uint32_t position;  // in the tile's list
   std::uint32_t gaussian;
 };
 
 __device__ inline ListedSplat listed(const Splat& splat, std::uint32_t position,
-                                     std::uint32_t gaussian) {
+                                     std::uint32_t gaussian, float least_color) {
   return {splat.mean2d,
           conic_factors(splat.conic, splat.variance_y),
           -float(kLog2E) * splat.cutoff,
           splat.opacity,
-          max_of(splat.color.x, 0.0f),
-          max_of(splat.color.y, 0.0f),
-          max_of(splat.color.z, 0.0f),
+          max_of(splat.color.x, least_color),
+          max_of(splat.color.y, least_color),
+          max_of(splat.color.z, least_color),
           position,
           gaussian};
 }
@@ -208,6 +210,7 @@ class ListWalkOf {
     instance_ahead_ = lists_.instance_at(next_ + lane_of_thread(), end_);
     fetch();
   }
+  __device__ float least_color() const { return lists_.least_color; }
   __device__ bool segment_is_done() const { return next_ >= stop_; }
   __device__ bool is_done() const { return next_ >= end_; }
   /// Goes on to the segment after one that is done, and returns its number.
@@ -236,8 +239,10 @@ class ListWalkOf {
   }
   /// Walks the list and writes the splats to another list.
   __device__ int list_next(ListedSplat* list) {
-    return take_next([&](int k, const Splat& splat, std::uint32_t position,
-                         std::uint32_t gaussian) { list[k] = listed(splat, position, gaussian); });
+    return take_next(
+        [&](int k, const Splat& splat, std::uint32_t position, std::uint32_t gaussian) {
+          list[k] = listed(splat, position, gaussian, lists_.least_color);
+        });
   }
 
  private:
@@ -286,6 +291,7 @@ class PartWalkOf {
     look_ahead();
     __syncwarp();
   }
+  __device__ float least_color() const { return lists_.least_color; }
   __device__ bool segment_is_done() const { return found_ == 0 && next_ >= stop_; }
   __device__ bool is_done() const { return segment_is_done() && stop_ >= end_; }
   __device__ std::uint32_t next_segment() {

@@ -1,0 +1,156 @@
+// SPDX-License-Identifier: Apache-2.0
+// The operator: the stages of a picture, and those of its gradient, in order.
+#include "cuda/operator/operator.h"
+
+#include <atomic>
+#include <mutex>
+#include <vector>
+
+#include "cuda/operator/caller_memory.cuh"
+#include "cuda/operator/stages.cuh"
+#include "cuda/render/renderer.cuh"
+#include "cuda/render/reports.cuh"
+
+namespace gs::cuda {
+namespace {
+
+struct Frame final : OperatorFrame {
+  explicit Frame(const OperatorCall& call)
+      : context(call.device, static_cast<cudaStream_t>(call.stream)), memory(context, call.kept),
+        pass(memory) {}
+  const float* image() const override { return pass.image.data(); }
+  const float* transmittance() const override { return pass.transmittance.data(); }
+  const Splat* splats() const override { return pass.splats.data(); }
+  const float* depths() const override { return pass.depths.data(); }
+  const std::uint32_t* tile_counts() const override { return pass.tile_counts.data(); }
+  std::uint32_t instances() const override { return count; }
+
+  Context context;
+  CallerMemory memory;
+  RenderPass pass;
+  std::uint32_t count = 0;
+};
+
+// Page-locked memory for the report of one call. It is slow to make, so that calls hand it on.
+class BorrowedReports {
+ public:
+  BorrowedReports() {
+    const std::scoped_lock lock(mutex());
+    if (unused().empty()) {
+      reports_ = std::make_unique<Reports>(1);
+    } else {
+      reports_ = std::move(unused().back());
+      unused().pop_back();
+    }
+  }
+  ~BorrowedReports() {
+    const std::scoped_lock lock(mutex());
+    unused().push_back(std::move(reports_));
+  }
+  Reports& operator*() const { return *reports_; }
+
+  /// A number that no earlier call has had.
+  static std::uint32_t next_number() {
+    static std::atomic<std::uint32_t> last{0};
+    std::uint32_t number;
+    while ((number = ++last) == 0) {  // that of a report that nobody has written
+    }
+    return number;
+  }
+
+ private:
+  // Neither is ever freed: at the end of the process the driver may be gone before them.
+  static std::mutex& mutex() {
+    static auto& mutex = *new std::mutex;
+    return mutex;
+  }
+  static std::vector<std::unique_ptr<Reports>>& unused() {
+    static auto& unused = *new std::vector<std::unique_ptr<Reports>>;
+    return unused;
+  }
+  std::unique_ptr<Reports> reports_;
+};
+
+// Waits for the device.
+std::uint32_t count_instances(Context& context, const RenderSettings& settings,
+                              Workspace& workspace, const RenderPass& pass) {
+  if (pass.tile_counts.empty()) return 0;
+  const BorrowedReports borrowed;
+  const std::uint32_t number = BorrowedReports::next_number();
+  report_instances(context, settings, workspace, pass, (*borrowed).of_step(number), number);
+  const std::uint32_t instances = (*borrowed).wait(context, number).instances;
+  check_can_be_sorted(instances);
+  return instances;
+}
+
+// About the bytes that the buffers of stages 1 to 4 take, so that few pieces are asked for.
+struct Expected {
+  std::size_t of_rows, of_scratch_rows, of_instances, of_scratch_instances;
+
+  Expected(std::size_t rows, std::size_t pixels, std::size_t instances) {
+    constexpr std::size_t kRow = sizeof(Splat) + sizeof(float) + sizeof(Rect) + 2 * sizeof(float);
+    of_rows = rows * (kRow + 8) + (1 << 16);
+    of_scratch_rows = rows * 16 + (1 << 16);
+    of_instances = instances * 20 + pixels * 24 + (1 << 16);
+    of_scratch_instances = instances / 4 + (1 << 16);
+  }
+};
+
+}  // namespace
+
+std::unique_ptr<OperatorFrame> draw(const OperatorCall& call, const OperatorInput& input,
+                                    const RenderSettings& settings) {
+  const OnDevice here(call.device);
+  auto frame = std::make_unique<Frame>(call);
+  Context& context = frame->context;
+  RenderPass& pass = frame->pass;
+  CallerMemory scratch(context, call.scratch);
+  Workspace workspace(scratch);
+  const std::size_t pixels = std::size_t(input.camera.width) * input.camera.height;
+  const Expected first(input.count, pixels, 0);
+  frame->memory.expect(first.of_rows);
+  scratch.expect(first.of_scratch_rows);
+  project(context, input, settings, workspace, pass);
+  order_by_depth(context, settings, workspace, pass, input.count);
+  frame->count = count_instances(context, settings, workspace, pass);
+  const Expected then(input.count, pixels, frame->count);
+  frame->memory.expect(then.of_instances);
+  scratch.expect(then.of_scratch_instances);
+  const InstanceLimit limit{std::max(frame->count, 1u)};
+  create_instances(context, settings, workspace, pass, limit);
+  sort_by_tile(context, settings, workspace, pass, limit.capacity);
+  blend(context, settings, pass);
+  frame->memory.close();
+  return frame;
+}
+
+void pull_back(const OperatorCall& call, const OperatorFrame& frame, const OperatorInput& input,
+               const RenderSettings& settings, const OperatorPictureGradient& dL,
+               const OperatorGradients& gradients) {
+  const OnDevice here(call.device);
+  const RenderPass& pass = static_cast<const Frame&>(frame).pass;
+  Context context(call.device, static_cast<cudaStream_t>(call.stream));
+  CallerMemory scratch(context, call.scratch);
+  Workspace workspace(scratch);
+  const std::size_t rows = input.count, pixels = pass.pixel_count();
+  constexpr std::size_t kFixed = sizeof(FineSums) + sizeof(CoarseSums);
+  scratch.expect(rows * (sizeof(SplatGradientSum) + (settings.deterministic ? kFixed : 0)) +
+                 (dL.image ? 0 : 3 * pixels * sizeof(float)) + (1 << 16));
+  const auto zeros = [](auto& buffer, std::size_t size) {
+    buffer.resize_discard(size);
+    buffer.fill_zero();
+  };
+  zeros(workspace.splat_gradients, rows);
+  if (settings.deterministic) {
+    zeros(workspace.fine_sums, rows);
+    zeros(workspace.coarse_sums, rows);
+  }
+  Buffer<float> no_image(scratch);
+  if (!dL.image) zeros(no_image, 3 * pixels);
+  const PictureGradient dL_dpicture{{dL.image ? dL.image : no_image.data(), 3 * pixels},
+                                    {dL.alpha, dL.alpha ? pixels : 0}};
+  blend_backward(context, settings, dL_dpicture, workspace, pass);
+  project_backward(context, input, settings, workspace, pass, gradients);
+}
+
+}  // namespace gs::cuda

@@ -1,0 +1,100 @@
+// SPDX-License-Identifier: Apache-2.0
+// Stage 1 of the operator: one splat per Gaussian, from parameters in any of their forms. It leaves
+// what preprocess.cu leaves, so that stages 2 to 4 are those of every other picture.
+#include "cuda/operator/given_rows.cuh"
+#include "cuda/operator/stages.cuh"
+#include "cuda/render/preprocess.cuh"
+
+namespace gs::cuda {
+namespace {
+
+struct WarpShared {
+  GivenShRows sh;
+  TileRows<> tile_rows;
+  std::uint32_t hits[kWarp];  // tiles that each lane's splat hits
+};
+
+struct Output {
+  Splat* splats;
+  float* depths;
+  ProjectedRows rows;
+  int tiles_x, tiles_y;
+};
+
+// One Gaussian in the view, without its color.
+__device__ ProjectedGaussian<float> project(const OperatorInput& in, const Camera& camera,
+                                            const Vec3f& mean, const SplatSettings& settings,
+                                            std::size_t i) {
+  const Vec3f p = to_camera(camera, mean);
+  if (!is_between_planes(p.z, settings)) return {};
+  const GivenShape shape = shape_of(in, i);
+  if (shape.is_degenerate) return {};
+  ProjectedGaussian<float> projected =
+      project_ellipsoid(camera, p, shape.sigma, shape.opacity, settings);
+  if (projected.is_visible && in.arrays.screen.data) {
+    const float* const offset = in.arrays.screen[i];
+    projected.splat.mean2d += Vec2f(offset[0], offset[1]);
+  }
+  return projected;
+}
+
+__global__ void __launch_bounds__(kPreprocessThreads)
+    project_kernel(const __grid_constant__ OperatorInput in,
+                   const __grid_constant__ SplatSettings settings,
+                   const __grid_constant__ Output out) {
+  __shared__ WarpShared shared_of_warps[kPreprocessThreads / kWarp];
+  WarpShared& shared = shared_of_warps[threadIdx.x / kWarp];
+  const int lane = lane_of_thread();
+  const std::size_t i = std::size_t(blockIdx.x) * kPreprocessThreads + threadIdx.x,
+                    first = i - lane;
+  if (first >= in.count) return;  // the whole warp
+  const Camera camera = camera_of(in);
+  ProjectedGaussian<float> projected;
+  Rect pixels{0, 0, 0, 0};
+  Vec3f mean(0.0f);
+  if (i < in.count) {
+    mean = vector_at(in.arrays.means[i]);
+    projected = project(in, camera, mean, settings, i);
+    if (projected.is_visible)
+      pixels = pixels_of(settings.bounds, projected.splat.mean2d, projected.cov2d,
+                         projected.splat.cutoff, out.tiles_x, out.tiles_y);
+  }
+  Splat& splat = projected.splat;
+  std::uint32_t hits = 0;
+  if (const SomeRows visible{__ballot_sync(kAllLanes, !pixels.empty())}; visible.bits) {
+    const int degree = settings.sh_degree;
+    const bool has_sh = in.arrays.sh0.data != nullptr;
+    if (has_sh && degree > 0)
+      shared.sh.load(in.arrays.sh_rest, first, 3 * sh_rest_count(degree), visible);
+    hits = count_hit_tiles(shared, outline_of(splat), pixels, settings.bounds);
+    if (hits > 0) {
+      splat.color = has_sh ? sh_color(degree, unit_direction(camera.position(), mean),
+                                      vector_at(in.arrays.sh0[i]), shared.sh.row(lane))
+                           : vector_at(in.arrays.colors[i]);
+      if (!is_finite(splat.color)) hits = 0;
+    }
+  }
+  if (i >= in.count) return;
+  if (hits == 0) return cull(out.rows, i);
+  keep(out.rows, i, hits, projected.depth, pixels);
+  store_in_vectors(out.splats + i, splat);
+  out.depths[i] = projected.depth;
+}
+
+}  // namespace
+
+void project(Context& context, const OperatorInput& input, const RenderSettings& settings,
+             Workspace& workspace, RenderPass& pass) {
+  const StageScope scope(context, "project");
+  pass.begin(input.camera, input.count);
+  pass.least_color =
+      input.arrays.colors.data ? -std::numeric_limits<float>::infinity() : 0.0f;
+  workspace.depth_keys.resize_discard(input.count);
+  const Output out{pass.splats.data(), pass.depths.data(),
+                   projected_rows(settings, workspace, pass), pass.tiles_x, pass.tiles_y};
+  const SplatSettings& splat_settings = settings;
+  context.launch("project", project_kernel, blocks_for(input.count, kPreprocessThreads),
+                 kPreprocessThreads, input, splat_settings, out);
+}
+
+}  // namespace gs::cuda

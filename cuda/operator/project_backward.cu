@@ -1,0 +1,212 @@
+// SPDX-License-Identifier: Apache-2.0
+// Stage 7 of the operator: from dL/d(splat) to the gradients of all that the caller has given, in the
+// forms in which it was given, and of the camera. A thread pulls the gradient of one Gaussian back.
+// The whole warp writes the rows of SH coefficients, in whole lines. Sums over all Gaussians, those
+// of the camera, are of double precision, in an order of their own.
+#include "cuda/operator/given_rows.cuh"
+#include "cuda/operator/stages.cuh"
+#include "gs_core/math/pose/camera_entries.h"
+
+namespace gs::cuda {
+namespace {
+
+constexpr int kThreads = 128;
+constexpr int kWarps = kThreads / kWarp;
+constexpr int kBasisStride = kShBasisCount + 1;  // odd, so that 32 rows begin in different banks
+constexpr int kCameraNumbers = sizeof(CameraEntriesGradient<float>) / sizeof(float);
+static_assert(kCameraNumbers == 16);
+
+struct WarpShared {
+  GivenShRows sh;
+  float basis[kWarp * kBasisStride];  // of the viewing direction of each Gaussian
+  float dL_dcolor[kWarp * 3];         // zero where a Gaussian is not visible
+};
+
+// What stages 1 and 6 have left.
+struct Projected {
+  const std::uint32_t* tile_counts;  // (N)
+  const Splat* splats;               // (N)
+  const SplatGradientSum* sums;      // (N)
+};
+
+// Writes a vector where a gradient is wanted.
+__device__ void write(const Rows<float>& to, std::size_t i, const Vec3f& gradient) {
+  if (to.data) store(to[i], gradient);
+}
+
+// The gradients of a Gaussian but those of SH and of the camera; all zero where it is not visible.
+struct RowGradient {
+  Vec3f mean{0.0f}, scale{0.0f}, sh0_or_color{0.0f};
+  Quatf rotation{0, 0, 0, 0};
+  Sym3<float> sigma{0, 0, 0, 0, 0, 0};
+  float opacity = 0;
+  Vec2f screen{0, 0}, absolute_screen{0, 0};
+
+  __device__ void write_to(const OperatorGradients& to, std::size_t i) const {
+    write(to.arrays.means, i, mean);
+    write(to.arrays.scales, i, scale);
+    write(to.arrays.colors, i, sh0_or_color);
+    write(to.arrays.sh0, i, sh0_or_color);
+    if (to.arrays.rotations.data) {
+      float* const row = to.arrays.rotations[i];
+      row[0] = rotation.w, row[1] = rotation.x, row[2] = rotation.y, row[3] = rotation.z;
+    }
+    if (to.arrays.covariances.data) {  // off the diagonal a stored number stands at two places
+      float* const row = to.arrays.covariances[i];
+      row[0] = sigma.xx, row[1] = 2 * sigma.xy, row[2] = 2 * sigma.xz;
+      row[3] = sigma.yy, row[4] = 2 * sigma.yz, row[5] = sigma.zz;
+    }
+    if (to.arrays.opacities.data) *to.arrays.opacities[i] = opacity;
+    if (to.arrays.screen.data)
+      to.arrays.screen[i][0] = screen.x, to.arrays.screen[i][1] = screen.y;
+    if (to.absolute_screen)
+      to.absolute_screen[2 * i] = absolute_screen.x, to.absolute_screen[2 * i + 1] = absolute_screen.y;
+  }
+};
+
+// The gradient by the shape, in the form in which it was given.
+__device__ void pull_back_shape(const OperatorInput& in, const GivenShape& shape,
+                                const EllipsoidInCameraGradient<float>& dL, RowGradient& row) {
+  row.opacity = in.has_logit_opacities ? sigmoid_vjp(shape.opacity, dL.opacity) : dL.opacity;
+  row.sigma = dL.sigma;
+  if (in.arrays.covariances.data) return;
+  const CovarianceGradient<float> by_shape = covariance_vjp(shape.R, shape.variances, dL.sigma);
+  row.scale = in.has_log_scales ? variance_vjp(shape.variances, by_shape.variance)
+                                : 2.0f * shape.scale * by_shape.variance;
+  row.rotation = rotation_matrix_vjp(shape.rotation, by_shape.R);
+}
+
+// The whole warp: pulls the gradients of the colors back to the SH rows beyond the first, which it
+// writes, and returns the part of dL/d(mean) that comes from the viewing direction.
+__device__ Vec3f pull_back_sh(const OperatorInput& in, const OperatorGradients& to, int degree,
+                              const Vec3f& eye, const Vec3f& mean, const Vec3f& dL_dcolor,
+                              bool is_visible, std::size_t first, WarpShared& shared) {
+  const int lane = lane_of_thread(), in_use = 3 * sh_rest_count(degree);
+  float* const basis = shared.basis + lane * kBasisStride;
+  Vec3f direction(0.0f);
+  for (int k = 0; k < kShBasisCount; ++k) basis[k] = 0.0f;
+  if (is_visible) {
+    direction = unit_direction(eye, mean);
+    sh_basis(degree, direction, basis);
+  }
+  store(shared.dL_dcolor + 3 * lane, dL_dcolor);
+  const SomeRows visible{__ballot_sync(kAllLanes, is_visible)};
+  shared.sh.load(in.arrays.sh_rest, first, in_use, visible);
+  if (to.arrays.sh_rest.data) {
+    const int rows = int(min(in.count - first, std::size_t(kWarp)));
+    for (int row = 0; row < rows; ++row)
+      for (int k = lane; k < in_use; k += kWarp)
+        to.arrays.sh_rest[first + row][k] =
+            shared.basis[row * kBasisStride + 1 + k / 3] * shared.dL_dcolor[3 * row + k % 3];
+  }
+  if (!is_visible) return Vec3f(0.0f);
+  float dL_dbasis[kShBasisCount];
+  for (int k = 1; k < kShBasisCount; ++k)
+    dL_dbasis[k] = k <= sh_rest_count(degree) ? inner(shared.sh.row(lane)[k - 1], dL_dcolor) : 0.0f;
+  return unit_direction_vjp(eye, mean, sh_basis_vjp(degree, direction, dL_dbasis));
+}
+
+// All threads of a block: adds up their shares. Thread k < kCameraNumbers writes sum k to `to`.
+template <class Number>
+__device__ void add_up(const Number (&shares)[kCameraNumbers], double* to) {
+  __shared__ double of_warps[kWarps][kCameraNumbers];
+  for (int k = 0; k < kCameraNumbers; ++k) {
+    const double of_warp = warp_sum(double(shares[k]));
+    if (lane_of_thread() == 0) of_warps[threadIdx.x / kWarp][k] = of_warp;
+  }
+  __syncthreads();
+  if (int(threadIdx.x) >= kCameraNumbers) return;
+  double sum = 0;
+  for (int warp = 0; warp < kWarps; ++warp) sum += of_warps[warp][threadIdx.x];
+  to[threadIdx.x] = sum;
+}
+
+// `of_blocks`: (blocks, kCameraNumbers), where the gradient of the camera is wanted.
+template <bool with_camera>
+__global__ void __launch_bounds__(kThreads)
+    project_backward_kernel(const __grid_constant__ OperatorInput in,
+                            const __grid_constant__ SplatSettings settings, Projected projected,
+                            const __grid_constant__ OperatorGradients to, double* of_blocks) {
+  __shared__ WarpShared shared_of_warps[kWarps];
+  WarpShared& shared = shared_of_warps[threadIdx.x / kWarp];
+  const std::size_t i = std::size_t(blockIdx.x) * kThreads + threadIdx.x,
+                    first = i - lane_of_thread();
+  const Camera camera = camera_of(in);
+  const bool is_visible = i < in.count && projected.tile_counts[i] > 0;
+  const bool has_sh = in.arrays.sh0.data != nullptr;
+  RowGradient row;
+  CameraEntriesGradient<float> by_camera;
+  Vec3f mean(0.0f), dL_dcolor(0.0f);
+  if (is_visible) {
+    mean = vector_at(in.arrays.means[i]);
+    const SplatGradientSum sum = load_in_vectors(projected.sums + i);
+    SplatGradient dL_dsplat = masked(sum, has_sh ? projected.splats[i].color : Vec3f(0.0f));
+    dL_dcolor = dL_dsplat.color;
+    const GivenShape shape = shape_of(in, i);
+    const EllipsoidInCameraGradient<float> dL = project_ellipsoid_in_camera_vjp(
+        camera, to_camera(camera, mean), shape.sigma, shape.opacity, settings, dL_dsplat);
+    row.mean = to_camera_vjp(camera, dL.p);
+    row.sh0_or_color = has_sh ? float(kSh0) * dL_dcolor : dL_dcolor;
+    row.screen = dL_dsplat.mean2d;
+    row.absolute_screen = {sum.absolute_x, sum.absolute_y};
+    pull_back_shape(in, shape, dL, row);
+    if (with_camera) by_camera = camera_entries_vjp(camera, mean, dL, dL_dsplat.mean2d);
+  }
+  if (has_sh && settings.sh_degree > 0 && first < in.count) {
+    const Vec3f by_color = pull_back_sh(in, to, settings.sh_degree, camera.position(), mean,
+                                        dL_dcolor, is_visible, first, shared);
+    row.mean += by_color;
+    if (with_camera && is_visible) by_camera.add(camera_entries_by_color_vjp(camera, by_color));
+  }
+  if (i < in.count) row.write_to(to, i);
+  if constexpr (with_camera)
+    add_up(reinterpret_cast<const float(&)[kCameraNumbers]>(by_camera),
+           of_blocks + kCameraNumbers * blockIdx.x);
+}
+
+// Thread t takes the blocks t, t + kThreads, ...
+__global__ void __launch_bounds__(kThreads)
+    add_blocks_kernel(const double* of_blocks, std::size_t blocks, float* viewmat, float* K) {
+  __shared__ double n[kCameraNumbers];
+  double shares[kCameraNumbers] = {};
+  for (std::size_t block = threadIdx.x; block < blocks; block += kThreads)
+    for (int k = 0; k < kCameraNumbers; ++k) shares[k] += of_blocks[kCameraNumbers * block + k];
+  add_up(shares, n);
+  __syncthreads();
+  if (threadIdx.x != 0) return;
+  if (viewmat) {
+    for (int row = 0; row < 3; ++row) {
+      for (int column = 0; column < 3; ++column) viewmat[4 * row + column] = float(n[3 * row + column]);
+      viewmat[4 * row + 3] = float(n[9 + row]);
+    }
+    for (int k = 12; k < 16; ++k) viewmat[k] = 0;
+  }
+  if (K) {
+    for (int k = 0; k < 9; ++k) K[k] = 0;
+    K[0] = float(n[12]), K[4] = float(n[13]), K[2] = float(n[14]), K[5] = float(n[15]);
+  }
+}
+
+}  // namespace
+
+void project_backward(Context& context, const OperatorInput& input, const RenderSettings& settings,
+                      Workspace& workspace, const RenderPass& pass,
+                      const OperatorGradients& gradients) {
+  const StageScope scope(context, "project backward");
+  const std::size_t blocks = blocks_for(input.count, kThreads);
+  const Projected projected{pass.tile_counts.data(), pass.splats.data(),
+                            workspace.splat_gradients.data()};
+  const SplatSettings& splat_settings = settings;
+  const auto launch = [&](auto kernel, double* of_blocks) {
+    context.launch("project backward", kernel, blocks, kThreads, input, splat_settings, projected,
+                   gradients, of_blocks);
+  };
+  if (!gradients.viewmat && !gradients.K) return launch(project_backward_kernel<false>, nullptr);
+  Buffer<double> of_blocks(workspace.splat_gradients.memory());
+  of_blocks.resize(kCameraNumbers * blocks);
+  launch(project_backward_kernel<true>, of_blocks.data());
+  context.launch("camera gradient", add_blocks_kernel, 1, kThreads, of_blocks.data(), blocks,
+                 gradients.viewmat, gradients.K);
+}
+
+}  // namespace gs::cuda

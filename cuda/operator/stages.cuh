@@ -1,0 +1,21 @@
+// SPDX-License-Identifier: Apache-2.0
+// The stages that the operator has for itself: the first one and the last one. Those between them
+// are in cuda/stages.cuh.
+#pragma once
+
+#include "cuda/operator/operator.h"
+#include "cuda/stages.cuh"
+
+namespace gs::cuda {
+
+/// 1  project.cu: one splat per Gaussian, and which tiles it hits.
+void project(Context& context, const OperatorInput& input, const RenderSettings& settings,
+             Workspace& workspace, RenderPass& pass);
+
+/// 7  project_backward.cu: from workspace.splat_gradients to the gradients of what was given. The
+/// sums stay as they are.
+void project_backward(Context& context, const OperatorInput& input, const RenderSettings& settings,
+                      Workspace& workspace, const RenderPass& pass,
+                      const OperatorGradients& gradients);
+
+}  // namespace gs::cuda
