@@ -88,6 +88,12 @@ def check(given: Mapping[str, Any]) -> Arguments:
                      dtype=dtype, outputs=outputs, **_settings(given))
 
 
+def is_per_view(name, array):
+    """Whether an array of Arguments has the axis C."""
+    longest = SHAPES[name][-1].split()
+    return longest[0] == "C" and len(array.shape) == len(longest)
+
+
 def matrices_of(cameras):
     """viewmats (C, 4, 4) and Ks (C, 3, 3) of cameras, as NumPy arrays of float64."""
     Ks = [[[camera.fx, 0, camera.cx], [0, camera.fy, camera.cy], [0, 0, 1]] for camera in cameras]
@@ -101,7 +107,7 @@ def words(names, last="and"):
 
 
 def _outputs(outputs):
-    outputs = (outputs,) if isinstance(outputs, str) else tuple(outputs)
+    outputs = tuple(outputs) if hasattr(outputs, "__iter__") and not isinstance(outputs, str) else (outputs,)
     for name in outputs:
         if name == "features":
             raise UsageError("features are drawn wherever they are given; outputs does not name them")
@@ -151,7 +157,7 @@ def _views(given):
         raise UsageError(f"give cameras, or {words(names)}, and not {words(found) if found else 'none'}")
     if cameras is None:
         return None, _side("width", given["width"]), _side("height", given["height"])
-    listed = (cameras,) if isinstance(cameras, Camera) else tuple(cameras)
+    listed = (cameras,) if isinstance(cameras, Camera) else tuple(cameras) if hasattr(cameras, "__iter__") else ()
     if not listed or not all(isinstance(camera, Camera) for camera in listed):
         raise UsageError("cameras must be a gemsplat.Camera or a list of them; arrays are viewmats and Ks")
     first = listed[0]
