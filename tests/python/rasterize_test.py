@@ -229,6 +229,9 @@ class Pictures(TestCase):
         self.assertEqual(found.depths[0], 4)
         variances = np.array([3.0**2, 1.5**2]) + 0.3
         np.testing.assert_allclose(found.conics[0], [1 / variances[0], 0, 1 / variances[1]], rtol=1e-6)
+        for settings, blur in (({"antialiased": True}, 0.1), ({"blur": 0.5}, 0.5), ({"antialiased": True, "blur": 0.7}, 0.7)):
+            blurred = gemsplat.rasterize([[0, 0, 0]] * 3, **given, **settings)
+            self.assertAlmostEqual(blurred.conics[0, 0], 1 / (3.0**2 + blur), places=6)
         self.assertEqual(found.radii[0], np.ceil(np.sqrt(2 * np.log(255) * variances[0])))
         for array in (found.radii, found.means2d, found.depths, found.conics):
             self.assertFalse(array[1:].any())
