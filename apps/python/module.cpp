@@ -39,6 +39,7 @@ PYBIND11_MODULE(_gemsplat, module) {
   bind_camera(module);
   bind_scene(module);
   bind_render(module);
+  bind_exact(module);
   bind_progress(module);
   bind_train(module);
   bind_edit(module);

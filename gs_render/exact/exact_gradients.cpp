@@ -5,7 +5,36 @@
 namespace gs {
 namespace {
 
-using SplatGradients = std::vector<BasicSplatGradient<double>>;  // (N)
+// The picture is divided into as many parts, each with sums of its own, which are added up in their
+// order: the result does not depend on the number of threads.
+constexpr std::size_t kParts = 16;
+
+/// What the pixels of one part add to gradients.
+struct PixelSums {
+  std::vector<BasicSplatGradient<double>> splats;  // (N)
+  std::vector<double> features;                    // (N, channels)
+  Vec3d background{0.0};
+
+  explicit PixelSums(const ExactGaussians<double>& gaussians)
+      : splats(gaussians.count(), {{0, 0}, {0, 0, 0}, 0, {0, 0, 0}, 0}),
+        features(gaussians.features.size(), 0) {}
+
+  void add(const PixelSums& other) {
+    for (std::size_t i = 0; i < splats.size(); ++i) {
+      BasicSplatGradient<double>& sum = splats[i];
+      const BasicSplatGradient<double>& more = other.splats[i];
+      sum.mean2d += more.mean2d;
+      sum.conic.xx += more.conic.xx;
+      sum.conic.xy += more.conic.xy;
+      sum.conic.yy += more.conic.yy;
+      sum.opacity += more.opacity;
+      sum.color += more.color;
+      sum.depth += more.depth;
+    }
+    for (std::size_t k = 0; k < features.size(); ++k) features[k] += other.features[k];
+    background += other.background;
+  }
+};
 
 /// dL by one pixel; zeros where an array is empty.
 struct PixelGradient {
@@ -43,22 +72,21 @@ void check_gradient_sizes(const ExactPicture<double>& dL, std::size_t pixels,
 ///   B_(i-1) = alpha_i q_i + (1 - alpha_i) B_i
 void blend_backward(const ExactGaussians<double>& gaussians, const ExactView<double>& view,
                     const ExactSettings& settings, const PixelGradient& dL,
-                    const std::vector<ExactFragment<double>>& fragments, SplatGradients& dL_dsplats,
-                    ExactGradients& gradients) {
+                    const std::vector<ExactFragment<double>>& fragments, PixelSums& sums) {
   const std::size_t channels = std::size_t(gaussians.channels);
   double behind = inner(view.background, dL.image) - dL.alpha;
   for (std::size_t k = fragments.size(); k-- > 0;) {
     const ExactFragment<double>& fragment = fragments[k];
     const ExactSplat<double>& splat = *fragment.splat;
     const double weight = fragment.transmittance * fragment.alpha;
-    BasicSplatGradient<double>& row = dL_dsplats[splat.row];
+    BasicSplatGradient<double>& row = sums.splats[splat.row];
     double unit = inner(splat.splat.color, dL.image) + splat.depth * dL.depth +
                   dL.inverse_depth / splat.depth;
     if (dL.features)
       for (std::size_t c = 0; c < channels; ++c) {
         const std::size_t at = splat.row * channels + c;
         unit += gaussians.features[at] * dL.features[c];
-        gradients.features[at] += weight * dL.features[c];
+        sums.features[at] += weight * dL.features[c];
       }
     row.color += weight * dL.image;
     row.depth += weight * (dL.depth - dL.inverse_depth / (splat.depth * splat.depth));
@@ -77,6 +105,30 @@ void blend_backward(const ExactGaussians<double>& gaussians, const ExactView<dou
     row.conic.xy += by_exponent.conic.xy;
     row.conic.yy += by_exponent.conic.yy;
   }
+}
+
+/// Stage 6 of all pixels.
+PixelSums sums_over_pixels(const ExactGaussians<double>& gaussians, const ExactView<double>& view,
+                           const ExactSettings& settings,
+                           const std::vector<ExactSplat<double>>& splats,
+                           const ExactPicture<double>& dL_dpicture) {
+  const std::size_t width = std::size_t(view.camera.width),
+                    channels = std::size_t(gaussians.channels);
+  const std::size_t pixels = width * std::size_t(view.camera.height);
+  std::vector<PixelSums> parts(kParts, PixelSums(gaussians));
+  parallel_for(kParts, 1, [&](std::size_t part) {
+    std::vector<ExactFragment<double>> fragments;
+    for (std::size_t pixel = pixels * part / kParts; pixel < pixels * (part + 1) / kParts;
+         ++pixel) {
+      const PixelGradient dL(dL_dpicture, pixel, channels);
+      const double transmittance =
+          exact_fragments(splats, settings, int(pixel % width), int(pixel / width), fragments);
+      parts[part].background += transmittance * dL.image;
+      blend_backward(gaussians, view, settings, dL, fragments, parts[part]);
+    }
+  });
+  for (std::size_t part = 1; part < kParts; ++part) parts[0].add(parts[part]);
+  return std::move(parts[0]);
 }
 
 /// Stage 7 of one visible row.
@@ -130,7 +182,6 @@ ExactGradients zeros_like(const ExactGaussians<double>& gaussians) {
   gradients.opacities.assign(n, 0);
   gradients.colors.assign(gaussians.colors.size(), Vec3d(0.0));
   gradients.sh.assign(gaussians.sh.size(), Vec3d(0.0));
-  gradients.features.assign(gaussians.features.size(), 0);
   gradients.screen.assign(n, {0, 0});
   gradients.sh_degree = gaussians.sh_degree;
   gradients.channels = gaussians.channels;
@@ -142,26 +193,19 @@ ExactGradients zeros_like(const ExactGaussians<double>& gaussians) {
 ExactGradients exact_gradients(const ExactGaussians<double>& gaussians,
                                const ExactView<double>& view, const ExactSettings& settings,
                                const ExactPicture<double>& dL_dpicture) {
-  check_sizes(gaussians);
-  const std::size_t width = std::size_t(view.camera.width),
-                    channels = std::size_t(gaussians.channels);
-  const std::size_t pixels = width * std::size_t(view.camera.height);
-  check_gradient_sizes(dL_dpicture, pixels, channels);
+  check_sizes(gaussians, view);
+  check_gradient_sizes(dL_dpicture,
+                       std::size_t(view.camera.width) * std::size_t(view.camera.height),
+                       std::size_t(gaussians.channels));
   const std::vector<ExactSplat<double>> splats = exact_splats(gaussians, view, settings);
-  SplatGradients dL_dsplats(gaussians.count(), {{0, 0}, {0, 0, 0}, 0, {0, 0, 0}, 0});
+  PixelSums sums = sums_over_pixels(gaussians, view, settings, splats, dL_dpicture);
 
   ExactGradients gradients = zeros_like(gaussians);
-  std::vector<ExactFragment<double>> fragments;
-  for (std::size_t pixel = 0; pixel < pixels; ++pixel) {
-    const PixelGradient dL(dL_dpicture, pixel, channels);
-    const double transmittance =
-        exact_fragments(splats, settings, int(pixel % width), int(pixel / width), fragments);
-    gradients.background += transmittance * dL.image;
-    blend_backward(gaussians, view, settings, dL, fragments, dL_dsplats, gradients);
-  }
+  gradients.features = std::move(sums.features);
+  gradients.background = sums.background;
   const SplatSettings splat_settings = splat_settings_of(settings);
   for (const ExactSplat<double>& splat : splats)
-    project_backward(gaussians, view, splat_settings, dL_dsplats[splat.row], splat.row, gradients);
+    project_backward(gaussians, view, splat_settings, sums.splats[splat.row], splat.row, gradients);
   return gradients;
 }
 

@@ -6,13 +6,14 @@
 #include <string>
 
 #include "gs_core/error.h"
+#include "gs_core/threads/parallel.h"
 #include "gs_render/exact/exact_renderer.h"
 
 namespace gs {
 
 /// Throws UsageError where arrays disagree about their sizes.
 template <class T>
-void check_sizes(const ExactGaussians<T>& gaussians) {
+void check_sizes(const ExactGaussians<T>& gaussians, const ExactView<T>& view) {
   const auto expect = [](const char* name, std::size_t size, std::size_t expected) {
     if (size != expected)
       throw UsageError(std::string(name) + " has " + std::to_string(size) +
@@ -38,6 +39,7 @@ void check_sizes(const ExactGaussians<T>& gaussians) {
     expect("colors beside sh", gaussians.colors.size(), 0);
   }
   expect("features", gaussians.features.size(), n * std::size_t(gaussians.channels));
+  if (!view.screen.empty()) expect("screen", view.screen.size(), n);
 }
 
 /// The world covariance of a row, which is not degenerate.
@@ -67,6 +69,10 @@ std::vector<ExactSplat<T>> exact_splats(const ExactGaussians<T>& gaussians,
     ProjectedGaussian<T> projected = project_ellipsoid(
         view.camera, p, exact_covariance(gaussians, i), gaussians.opacities[i], splat_settings);
     if (!projected.is_visible) continue;
+    if (!view.screen.empty()) {
+      projected.splat.mean2d += view.screen[i];
+      if (!is_finite(Vec3<T>(projected.splat.mean2d, T(0)))) continue;
+    }
     Vec3<T>& color = projected.splat.color;
     if (gaussians.sh.empty()) {
       color = gaussians.colors[i];
@@ -122,31 +128,33 @@ T exact_fragments(const std::vector<ExactSplat<T>>& splats, const ExactSettings&
 template <class T>
 ExactPicture<T> exact_picture(const ExactGaussians<T>& gaussians, const ExactView<T>& view,
                               const ExactSettings& settings) {
-  check_sizes(gaussians);
+  check_sizes(gaussians, view);
   const std::vector<ExactSplat<T>> splats = exact_splats(gaussians, view, settings);
   const std::size_t channels = std::size_t(gaussians.channels);
-  const std::size_t pixels = std::size_t(view.camera.width) * std::size_t(view.camera.height);
+  const std::size_t width = std::size_t(view.camera.width);
+  const std::size_t pixels = width * std::size_t(view.camera.height);
   ExactPicture<T> picture{std::vector<Vec3<T>>(pixels, Vec3<T>(T(0))), std::vector<T>(pixels, T(0)),
                           std::vector<T>(pixels, T(0)), std::vector<T>(pixels, T(0)),
                           std::vector<T>(pixels * channels, T(0))};
-  std::vector<ExactFragment<T>> fragments;
-  for (std::size_t pixel = 0; pixel < pixels; ++pixel) {
-    const int x = int(pixel % std::size_t(view.camera.width)),
-              y = int(pixel / std::size_t(view.camera.width));
-    const T transmittance = exact_fragments(splats, settings, x, y, fragments);
-    for (const ExactFragment<T>& fragment : fragments) {
-      const ExactSplat<T>& splat = *fragment.splat;
-      const T weight = fragment.transmittance * fragment.alpha;
-      picture.image[pixel] += weight * splat.splat.color;
-      picture.depth[pixel] += weight * splat.depth;
-      picture.inverse_depth[pixel] += weight / splat.depth;
-      for (std::size_t c = 0; c < channels; ++c)
-        picture.features[pixel * channels + c] +=
-            weight * gaussians.features[splat.row * channels + c];
+  parallel_chunks(pixels, 64, [&](std::size_t begin, std::size_t end) {
+    std::vector<ExactFragment<T>> fragments;
+    for (std::size_t pixel = begin; pixel < end; ++pixel) {
+      const T transmittance =
+          exact_fragments(splats, settings, int(pixel % width), int(pixel / width), fragments);
+      for (const ExactFragment<T>& fragment : fragments) {
+        const ExactSplat<T>& splat = *fragment.splat;
+        const T weight = fragment.transmittance * fragment.alpha;
+        picture.image[pixel] += weight * splat.splat.color;
+        picture.depth[pixel] += weight * splat.depth;
+        picture.inverse_depth[pixel] += weight / splat.depth;
+        for (std::size_t c = 0; c < channels; ++c)
+          picture.features[pixel * channels + c] +=
+              weight * gaussians.features[splat.row * channels + c];
+      }
+      picture.image[pixel] += transmittance * view.background;
+      picture.alpha[pixel] = T(1) - transmittance;
     }
-    picture.image[pixel] += transmittance * view.background;
-    picture.alpha[pixel] = T(1) - transmittance;
-  }
+  });
   return picture;
 }
 

@@ -2,6 +2,7 @@
 // The exact renderer: each Gaussian at each pixel in depth order, without tiles, in any scalar. In
 // double its gradient is what finite differences and other frameworks' gradient checks compare
 // with, and what callers without a GPU differentiate. It takes O(visible Gaussians) for a pixel.
+// dual.h is the scalar that differentiates forward.
 #pragma once
 
 #include <vector>
@@ -34,6 +35,7 @@ template <class T>
 struct ExactView {
   PinholeCamera<T> camera;
   Vec3<T> background{T(0), T(0), T(0)};
+  std::vector<Vec2<T>> screen{};  // (N)  added to the projected means, pixels; may be empty
 };
 
 struct ExactSettings {
@@ -57,7 +59,7 @@ struct ExactPicture {
   std::vector<T> features;       // (H, W, channels)
 };
 
-/// dL by each input, in arrays of the same shapes; `screen` by the projected means, in pixels.
+/// dL by each input, in arrays of the same shapes; `screen` also where it was empty.
 struct ExactGradients : ExactGaussians<double> {
   std::vector<Vec2<double>> screen;  // (N)
   CameraEntriesGradient<double> camera;
@@ -79,6 +81,19 @@ std::vector<ExactSplat<T>> exact_splats(const ExactGaussians<T>& gaussians,
 template <class T>
 ExactPicture<T> exact_picture(const ExactGaussians<T>& gaussians, const ExactView<T>& view,
                               const ExactSettings& settings);
+
+/// Where the Gaussians are in a picture; zeros where one is not visible.
+struct ExactFootprints {
+  std::vector<Vec2<double>> means2d;  // (N)  pixels
+  std::vector<double> depths;         // (N)  along the viewing axis, world units
+  std::vector<Sym2<double>> conics;   // (N)  1 / pixels^2
+  std::vector<int> radii;             // (N)  half the ellipse's longer axis, pixels, at least 1
+};
+/// The ellipses are those outside of which no fragment is kept. A Gaussian is visible where its
+/// ellipse meets a tile of the picture. In smooth pictures the ellipses are those of four standard
+/// deviations, and all Gaussians that can be projected are visible.
+ExactFootprints exact_footprints(const ExactGaussians<double>& gaussians,
+                                 const ExactView<double>& view, const ExactSettings& settings);
 
 /// The gradient of a scalar L by everything that exact_picture() reads, from dL/d(picture).
 /// Gaussians that are not visible have none. Off-diagonal entries of covariances hold the derivative

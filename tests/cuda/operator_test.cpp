@@ -121,6 +121,7 @@ ExactInputs<double> in_floats(ExactInputs<double> in) {
   round_all(g.opacities), round_all(g.colors), round_all(g.sh);
   in.view.camera = camera_as<double>(camera_as<float>(in.view.camera));
   in.view.background = Vec3d(Vec3f(in.view.background));
+  for (Vec2<double>& offset : in.view.screen) offset = {rounded(offset.x), rounded(offset.y)};
   return in;
 }
 
@@ -270,6 +271,7 @@ class Problem {
       arrays.sh0 = rows(flat(sh0), 3);
       arrays.sh_rest = rows(flat(rest), 3 * (g.sh_count() - 1));
     }
+    arrays.screen = rows(flat(in_.view.screen), 2);
     const PinholeCamera<double>& camera = in_.view.camera;
     if (form_.camera_on_device) {
       input_.camera.width = camera.width;

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Runs the Python of docs/reference/python.md."""
+"""Runs the Python of docs/reference/python.md and docs/guide/differentiable.md."""
 
 import contextlib
 import io
@@ -11,9 +11,19 @@ import gemsplat
 from support import SOURCE, TestCase
 
 
-def python_blocks():
-    page = SOURCE / "docs" / "reference" / "python.md"
-    return re.findall(r"^```python\n(.*?)^```", page.read_text(), re.M | re.S)
+def python_blocks(page):
+    return re.findall(r"^```python\n(.*?)^```", (SOURCE / "docs" / page).read_text(), re.M | re.S)
+
+
+def outputs_of(page):
+    """What each program of a page prints; they run in their order."""
+    names, printed = {}, []
+    for block in python_blocks(page):
+        out = io.StringIO()
+        with contextlib.redirect_stdout(out):
+            exec(compile(block, page, "exec"), names)
+        printed.append(out.getvalue())
+    return printed
 
 
 class Docs(TestCase):
@@ -22,15 +32,8 @@ class Docs(TestCase):
         before = os.getcwd()
         self.addCleanup(os.chdir, before)
         os.chdir(self.folder)
-        blocks = python_blocks()
-        self.assertEqual(len(blocks), 5)
-        names = {}
-        printed = []
-        for block in blocks:
-            out = io.StringIO()
-            with contextlib.redirect_stdout(out):
-                exec(compile(block, "docs/reference/python.md", "exec"), names)
-            printed.append(out.getvalue())
+        printed = outputs_of("reference/python.md")
+        self.assertEqual(len(printed), 5)
         self.assertRegex(printed[0], r"^20 0\.\d+ \d+\n(.*\n)+100 .*\n<gemsplat.Evaluation: .* over 5 views>\n\(90, 120, 3\) ")
         self.assertRegex(printed[1], r"^\d+ \d+\n$")
         self.assertRegex(printed[2], r"^61 True \{'step': 61, ")
@@ -40,7 +43,12 @@ class Docs(TestCase):
             self.assertGreater(len(gemsplat.load(file)), 100)
 
     def test_the_first_program_has_ten_lines_at_most(self):
-        self.assertLessEqual(len([line for line in python_blocks()[0].splitlines() if line]), 10)
+        self.assertLessEqual(len([line for line in python_blocks("reference/python.md")[0].splitlines() if line]), 10)
+
+    def test_the_programs_of_the_guide_to_derivatives_run(self):
+        arrays = ["colors", "log_scales", "logit_opacities", "means", "rotations"]
+        self.assertEqual(outputs_of("guide/differentiable.md"),
+                         [f"(48, 64, 3) {arrays}\n", "float32 True\n", "(48, 64, 3) True\n"])
 
 
 if __name__ == "__main__":

@@ -3,6 +3,8 @@
 // brute-force one.
 #include "gs_render/exact/exact_renderer.h"
 
+#include "gs_render/exact/dual.h"
+#include "gs_render/stages.h"
 #include "tests/support/brute_force.h"
 #include "tests/support/exact_inputs.h"
 #include "tests/support/jet_oracle.h"
@@ -13,9 +15,8 @@ namespace {
 
 using Jet = ceres::Jet<double, 1>;
 constexpr int kWidth = 12, kHeight = 9;
-constexpr InputShape kShapes[] = {{3, 0, false, false}, {2, 5, false, true},
-                                  {1, 1, true, false},  {0, 40, false, false},
-                                  {-1, 3, true, true},  {-1, 0, false, false}};
+constexpr InputShape kShapes[] = {{3, 0, false, false},  {2, 5, false, true}, {1, 1, true, false},
+                             {0, 40, false, false}, {-1, 3, true, true}, {-1, 0, false, false}};
 // Slopes of a picture sum some thousand terms, each rounded at 1e-16, which cancel.
 constexpr double kSlopeTolerance = 1e-9;
 
@@ -43,10 +44,11 @@ void for_each_number(Inputs& in, F&& f) {
   f("intrinsics", camera.cx), f("intrinsics", camera.cy);
   for (auto* number : {&in.view.background.x, &in.view.background.y, &in.view.background.z})
     f("background", *number);
+  for (auto& offset : in.view.screen) f("screen", offset.x), f("screen", offset.y);
 }
 constexpr const char* kNames[] = {"means",     "rotations",  "log_scales", "covariances",
                                   "opacities", "colors",     "sh",         "features",
-                                  "viewmat",   "intrinsics", "background"};
+                                  "viewmat",   "intrinsics", "background", "screen"};
 
 /// The gradients in the shape of the inputs.
 ExactInputs<double> as_inputs(const ExactGradients& gradients) {
@@ -58,12 +60,20 @@ ExactInputs<double> as_inputs(const ExactGradients& gradients) {
   in.view.camera.cx = gradients.camera.cx;
   in.view.camera.cy = gradients.camera.cy;
   in.view.background = gradients.background;
+  in.view.screen = gradients.screen;
   return in;
 }
 
-/// The inputs as Jets that move along `direction`, which has a number for each.
-ExactInputs<Jet> along(const ExactInputs<double>& from, const std::vector<double>& direction) {
-  ExactInputs<Jet> to;
+void set_number(Jet& number, double value, double slope) {
+  number = Jet(value);
+  number.v[0] = slope;
+}
+void set_number(Dual& number, double value, double slope) { number = {value, slope}; }
+
+/// The inputs as Jets or Duals that move along `direction`, which has a number for each.
+template <class T>
+ExactInputs<T> along(const ExactInputs<double>& from, const std::vector<double>& direction) {
+  ExactInputs<T> to;
   to.gaussians.sh_degree = from.gaussians.sh_degree;
   to.gaussians.channels = from.gaussians.channels;
   to.gaussians.means.resize(from.gaussians.means.size());
@@ -74,14 +84,14 @@ ExactInputs<Jet> along(const ExactInputs<double>& from, const std::vector<double
   to.gaussians.colors.resize(from.gaussians.colors.size());
   to.gaussians.sh.resize(from.gaussians.sh.size());
   to.gaussians.features.resize(from.gaussians.features.size());
+  to.view.screen.resize(from.view.screen.size());
   to.view.camera.width = from.view.camera.width;
   to.view.camera.height = from.view.camera.height;
   std::vector<double> values;
   for_each_number(from, [&](const char*, double value) { values.push_back(value); });
   std::size_t k = 0;
-  for_each_number(to, [&](const char*, Jet& number) {
-    number = Jet(values[k]);
-    number.v[0] = direction[k];
+  for_each_number(to, [&](const char*, T& number) {
+    set_number(number, values[k], direction[k]);
     ++k;
   });
   return to;
@@ -100,7 +110,7 @@ T loss_of(const ExactPicture<T>& picture, const ExactPicture<double>& dL) {
 }
 
 // For each kind of input: <gradient, v> is the slope along a random v, beside the size of its terms.
-TEST(ExactRenderer, EveryInputHasTheSlopeOfJets) {
+TEST(ExactRenderer, EveryInputHasTheSlopeOfJetsAndOfDualNumbers) {
   TestRandom random;
   for (const InputShape& shape : kShapes)
     for (const auto& [rule, is_smooth] :
@@ -111,9 +121,9 @@ TEST(ExactRenderer, EveryInputHasTheSlopeOfJets) {
       settings.is_smooth = is_smooth;
       settings.splat.antialias = shape.antialias;
       settings.splat.antialias_detach = false;
+      settings.splat.blur = shape.channels > 0 ? 0.5f : 0;
       const ExactInputs<double> in = draw_inputs(random, shape, 30, kWidth, kHeight);
-      const ExactPicture<double> dL =
-          draw_picture_gradient(random, shape.channels, kWidth, kHeight);
+      const ExactPicture<double> dL = draw_picture_gradient(random, shape.channels, kWidth, kHeight);
       const ExactInputs<double> gradient =
           as_inputs(exact_gradients(in.gaussians, in.view, settings, dL));
       for (const char* name : kNames) {
@@ -129,10 +139,13 @@ TEST(ExactRenderer, EveryInputHasTheSlopeOfJets) {
           terms += std::abs(slope * direction.back());
         });
         if (!has_numbers) continue;
-        const ExactInputs<Jet> moving = along(in, direction);
+        const ExactInputs<Jet> moving = along<Jet>(in, direction);
         const Jet loss = loss_of(exact_picture(moving.gaussians, moving.view, settings), dL);
         EXPECT_GT(terms, 0);
         EXPECT_NEAR(loss.v[0], expected, kSlopeTolerance * terms);
+        const ExactInputs<Dual> dual = along<Dual>(in, direction);
+        const Dual dual_loss = loss_of(exact_picture(dual.gaussians, dual.view, settings), dL);
+        EXPECT_NEAR(dual_loss.slope, expected, kSlopeTolerance * terms);
       }
     }
 }
@@ -187,6 +200,42 @@ TEST(ExactRenderer, PictureIsTheBruteForceOne) {
     }
     EXPECT_LT(worst, 1e-12);
   }
+}
+
+// The stages compute in float, and so may disagree about a tile that a splat only just touches.
+TEST(ExactRenderer, FootprintsAreThoseOfTheStages) {
+  Camera camera = random_camera(70, 50, 2);
+  const Gaussians model = random_gaussians(kTypical, 200, camera, 6);
+  camera.width = 20;  // so that many are beside the picture
+  const RenderSettings render;
+  RenderPass pass(host_memory());
+  preprocess(model.span(), camera, render, pass);
+  ExactGaussians<double> gaussians;
+  for (const DoubleGaussian& row : in_double(model)) {
+    gaussians.means.push_back(row.mean);
+    gaussians.rotations.push_back(row.rotation);
+    gaussians.log_scales.push_back(row.log_scale);
+    gaussians.opacities.push_back(sigmoid(row.logit_opacity));
+    gaussians.colors.push_back(row.sh0);
+  }
+  const ExactFootprints footprints =
+      exact_footprints(gaussians, {camera_as<double>(camera)}, ExactSettings{});
+  int visible = 0, different = 0;
+  for (std::size_t i = 0; i < gaussians.count(); ++i) {
+    const bool is_listed = pass.tile_counts[i] > 0;
+    visible += is_listed;
+    different += is_listed != (footprints.radii[i] > 0);
+    if (!is_listed || footprints.radii[i] == 0) continue;
+    const Splat& splat = pass.splats[i];
+    EXPECT_NEAR(footprints.means2d[i].x, splat.mean2d.x, 1e-3);
+    EXPECT_NEAR(footprints.depths[i], pass.depths[i], 1e-5 * pass.depths[i]);
+    EXPECT_NEAR(footprints.conics[i].yy, splat.conic.yy, 1e-3 * splat.conic.yy);
+    // The axis is at least as long as the ellipse is high.
+    EXPECT_GE(footprints.radii[i], std::sqrt(2 * splat.cutoff * splat.variance_y) * (1 - 1e-5));
+  }
+  EXPECT_GT(visible, 20);
+  EXPECT_LT(visible, 200);
+  EXPECT_LE(different, 1);
 }
 
 // Without clamps and ends, a finite step sees no jump.

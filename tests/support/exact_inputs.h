@@ -56,6 +56,7 @@ inline ExactInputs<double> draw_inputs(TestRandom& random, const InputShape& sha
     for (std::size_t k = 0; shape.sh_degree >= 0 && k < g.sh_count(); ++k)
       g.sh.push_back(random.uniform3(-1.2, 1.2));
     for (int c = 0; c < shape.channels; ++c) g.features.push_back(random.uniform(-1, 1));
+    in.view.screen.push_back({random.uniform(-1, 1), random.uniform(-1, 1)});
   }
   return in;
 }

@@ -10,7 +10,7 @@ of it; __init__.pyi and jobs.pyi, which the build makes, have the signatures.
 """
 
 try:
-    import numpy as _numpy  # what the arrays of a model and the pictures are
+    import numpy as _np  # what the arrays of a model and the pictures are
 except ModuleNotFoundError as error:
     import sys
 
@@ -27,5 +27,6 @@ except ModuleNotFoundError as error:
 from . import jobs
 from ._arrays import (Evaluation, Picture, Result, ViewMetrics, evaluate, export, load, load_cameras, merge, render,
                      report, train)
+from ._rasterize import Rendering, jvp, rasterize, vjp
 
 __all__ = [name for name in dir() if not name.startswith("_")] + ["__version__"]

@@ -22,6 +22,7 @@ struct SplatSettings {
   bool antialias = false;                     // smaller dilation with opacity compensation
   bool antialias_detach = true;               // no gradient from the compensation to the covariance
   float near_plane = 0.2f, far_plane = 1e4f;  // world units along the viewing axis
+  float blur = 0;  // pixels^2 added to the image covariance; 0: kBlur, or kBlurAntialias
 };
 
 /// The stored parameters of one Gaussian (gaussians.h).
@@ -70,6 +71,7 @@ struct ProjectedGaussian {
 
 template <class T>
 GS_HD T blur_of(const SplatSettings& settings) {
+  if (settings.blur > 0) return T(settings.blur);
   return T(settings.antialias ? kBlurAntialias : kBlur);
 }
 
