@@ -5,6 +5,7 @@
 
 #include "apps/python/module.h"
 #include "cuda/operator/operator.h"
+#include "data_loaders/cameras/camera_file.h"
 
 namespace py = pybind11;
 
@@ -58,7 +59,7 @@ Operation make_operation(const Addresses& arrays, std::size_t count, const py::d
   }
   input.has_log_scales = arrays.contains("log_scales");
   input.has_logit_opacities = arrays.contains("logit_opacities");
-  if (given.contains("camera")) input.camera = given["camera"].cast<Camera>();
+  if (given.contains("camera")) input.camera = given["camera"].cast<NamedCamera>().camera;
   input.camera.width = given["width"].cast<int>();
   input.camera.height = given["height"].cast<int>();
   operation.device = given["device"].cast<int>();

@@ -40,6 +40,9 @@ PYBIND11_MODULE(_gemsplat, module) {
   bind_scene(module);
   bind_render(module);
   bind_exact(module);
+#ifdef GS_HAVE_CUDA
+  bind_gpu_operator(module);
+#endif
   bind_progress(module);
   bind_train(module);
   bind_edit(module);

@@ -116,6 +116,10 @@ def _backend_of(means):
 
         return _numpy
     kind = type(means)
+    if kind.__module__.partition(".")[0] == "torch":
+        from . import _torch
+
+        return _torch
     raise UsageError(f"means is a {kind.__module__}.{kind.__qualname__}, which cannot be drawn; give a NumPy array, such as "
                      "numpy.asarray(means)")
 

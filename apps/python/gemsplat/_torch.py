@@ -1,0 +1,243 @@
+# SPDX-License-Identifier: Apache-2.0
+"""rasterize() for PyTorch tensors, which autograd differentiates: on a GPU by its kernels, in float32,
+and on the CPU by the exact renderer. Nothing here is linked to PyTorch: kernels get addresses.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import torch
+from torch.autograd.function import once_differentiable
+
+from . import _gemsplat, _numpy
+from ._arguments import is_per_view
+from ._gemsplat import UsageError
+from ._rasterize import Rendering
+
+_SETTINGS = ("width", "height", "sh_degree", "near", "far", "blur", "antialiased", "blend_rule")
+_SPLAT_NUMBERS = 12  # mean2d 2, conic 3, opacity, cutoff, color 3, and 2 more
+
+
+def arrays_of(given):
+    """Tensors of the device and the dtype of means; lists and numbers become tensors."""
+    means = given["means"]
+    dtype = means.dtype if means.dtype == torch.float64 else torch.float32
+    tensors = {}
+    for name, value in given.items():
+        if isinstance(value, torch.Tensor):
+            if value.device != means.device:
+                raise UsageError(f"{name} is on {value.device}, but means on {means.device}; move one of them by .to()")
+            if not value.is_floating_point():
+                raise UsageError(f"{name} must hold real numbers, but is of {value.dtype}")
+            half = value.dtype in (torch.float16, torch.bfloat16)
+            tensors[name] = value.to(torch.float32) if half else value
+        else:
+            try:
+                tensors[name] = torch.as_tensor(value, dtype=dtype, device=means.device)
+            except (TypeError, ValueError):
+                raise UsageError(f"{name} must be a tensor, as means is, and not a {type(value).__name__}") from None
+    return tensors
+
+
+def rasterize(arguments):
+    """The Rendering, each picture of which autograd knows."""
+    device = arguments.arrays["means"].device.type
+    if device == "cpu":
+        return _on_cpu(arguments)
+    if device == "cuda":
+        return _on_gpu(arguments)
+    raise UsageError(f"means is on {device}; tensors are drawn on cuda and cpu")
+
+
+def vjp(arguments):
+    raise UsageError("vjp() is for arrays without autograd; call rasterize() on tensors, and backward() on what follows")
+
+
+def jvp(arguments, tangents):
+    raise UsageError("jvp() takes NumPy arrays; give .numpy() of tensors on the CPU")
+
+
+# ---- the CPU ----
+
+
+class _DrawExactly(torch.autograd.Function):
+    @staticmethod
+    def forward(ctx, arguments, names, drawn, *tensors):
+        arrays = {name: tensor.detach().numpy() for name, tensor in zip(names, tensors)}
+        rendering, ctx.pull = _numpy.vjp(replace(arguments, arrays=arrays))
+        ctx.names, ctx.drawn = names, drawn
+        drawn += [name for name, picture in rendering._asdict().items() if picture is not None]
+        pictures = tuple(torch.from_numpy(getattr(rendering, name)) for name in drawn)
+        ctx.mark_non_differentiable(*(picture for name, picture in zip(drawn, pictures) if name not in _PULLED))
+        ctx.set_materialize_grads(False)
+        return pictures
+
+    @staticmethod
+    @once_differentiable
+    def backward(ctx, *gradients):
+        given = {name: gradient.numpy() for name, gradient in zip(ctx.drawn, gradients) if gradient is not None}
+        pulled = ctx.pull(**given)
+        return None, None, None, *(torch.from_numpy(pulled[name]) for name in ctx.names)
+
+
+_PULLED = ("image", "alpha", "depth", "inverse_depth", "features")
+
+
+def _on_cpu(arguments):
+    drawn = []  # names, which the call fills in
+    pictures = _DrawExactly.apply(arguments, tuple(arguments.arrays), drawn, *arguments.arrays.values())
+    return Rendering(**dict(zip(drawn, pictures)))
+
+
+# ---- the GPU ----
+
+
+class _Pieces:
+    """Memory that a call takes, in pieces, each of which is a tensor of bytes."""
+
+    def __init__(self, device):
+        self.device, self.tensors = device, []
+
+    def __call__(self, count):
+        self.tensors.append(torch.empty(count, dtype=torch.uint8, device=self.device))
+        return self.tensors[-1].data_ptr()
+
+    def view(self, address, dtype, *shape):
+        """The tensor at an address within a piece."""
+        size = torch.Size(shape).numel() * dtype.itemsize
+        for piece in self.tensors:
+            offset = address - piece.data_ptr()
+            if 0 <= offset and offset + size <= piece.numel():
+                return piece[offset:offset + size].view(dtype).view(shape)
+        return torch.empty(shape, dtype=dtype, device=self.device)  # of nothing
+
+
+def _addressable(tensor):
+    """A tensor whose rows lie whole in memory, whatever is between them."""
+    expected = 1
+    for length, stride in zip(reversed(tensor.shape[1:]), reversed(tensor.stride()[1:])):
+        if length != 1 and stride != expected:
+            return tensor.contiguous()
+        expected *= length
+    return tensor
+
+
+def _addresses(tensors):
+    """(address, numbers from row to row) by the kernels' names."""
+    addresses = {}
+    for name, tensor in tensors.items():
+        address, stride = tensor.data_ptr(), tensor.stride(0) if tensor.dim() else 0
+        if name == "sh":
+            addresses["sh0"] = (address, stride)
+            addresses["sh_rest"] = (address + 3 * tensor.element_size(), stride)
+        else:
+            addresses[name] = (address, stride)
+    return addresses
+
+
+class _Draw(torch.autograd.Function):
+    """One view."""
+
+    @staticmethod
+    def forward(ctx, call, names, *tensors):
+        ctx.call, ctx.names = call, names
+        dense = [tensor.contiguous() if name in _MATRICES else _addressable(tensor)
+                 for name, tensor in zip(names, tensors)]
+        device = tensors[0].device
+        kept, scratch = _Pieces(device), _Pieces(device)
+        ctx.operation = _gemsplat.GpuOperation(_addresses(dict(zip(names, dense))), call["count"], call)
+        with torch.cuda.device(device):
+            ctx.frame = ctx.operation.draw(torch.cuda.current_stream().cuda_stream, kept, scratch)
+        ctx.kept = kept
+        ctx.save_for_backward(*dense)
+        ctx.set_materialize_grads(False)
+        height, width = call["height"], call["width"]
+        transmittance = kept.view(ctx.frame.transmittance, torch.float32, height, width)
+        image = kept.view(ctx.frame.image, torch.float32, 3, height, width).clone()
+        rows = _row_outputs(ctx.frame, kept, call)
+        ctx.mark_non_differentiable(*rows)
+        return image, 1 - transmittance, *rows
+
+    @staticmethod
+    @once_differentiable
+    def backward(ctx, by_image, by_alpha, *_):
+        dense = dict(zip(ctx.names, ctx.saved_tensors))
+        wanted = [name for name, is_needed in zip(ctx.names, ctx.needs_input_grad[2:]) if is_needed]
+        nothing = [None] * (2 + len(ctx.names))
+        if by_image is None and by_alpha is None:
+            return tuple(nothing)
+        has_unused = "sh" in dense or "sh_rest" in dense
+        make = torch.zeros if has_unused and ctx.call["has_unused_sh"] else torch.empty
+        gradients = {name: (make if name in ("sh", "sh_rest") else torch.empty)(
+            dense[name].shape, dtype=torch.float32, device=dense[name].device) for name in wanted if name != "background"}
+        by_image = None if by_image is None else by_image.contiguous()
+        by_alpha = None if by_alpha is None else by_alpha.contiguous()
+        device = ctx.kept.device
+        with torch.cuda.device(device):
+            ctx.operation.pull_back(ctx.frame, torch.cuda.current_stream().cuda_stream, _Pieces(device),
+                                    0 if by_image is None else by_image.data_ptr(),
+                                    0 if by_alpha is None else by_alpha.data_ptr(), _addresses(gradients))
+        if "background" in wanted:
+            gradients["background"] = torch.zeros_like(dense["background"]) if by_image is None else (
+                by_image * ctx.kept.view(ctx.frame.transmittance, torch.float32, *by_image.shape[1:])).sum((1, 2))
+        return None, None, *(gradients.get(name) for name in ctx.names)
+
+
+_MATRICES = ("viewmats", "Ks", "background")
+_ON_GPU = ("image", "alpha", "visible", "radii", "means2d", "depths", "conics")
+
+
+def _row_outputs(frame, kept, call):
+    """What was asked for of each Gaussian, with zeros where it is not visible."""
+    asked = [name for name in _ON_GPU[2:] if name in call["outputs"]]
+    if not asked:
+        return []
+    count = call["count"]
+    visible = kept.view(frame.tile_counts, torch.int32, count) != 0
+    splats = kept.view(frame.splats, torch.float32, count, _SPLAT_NUMBERS)
+
+    def shown(rows):
+        return torch.where(visible.view(-1, *(1,) * (rows.dim() - 1)), rows, rows.new_zeros(()))
+
+    def radii():
+        xx, xy, yy, cutoff = splats[:, 2], splats[:, 3], splats[:, 4], splats[:, 6]
+        smallest = (xx + yy) / 2 - torch.hypot((xx - yy) / 2, xy)  # eigenvalue of the conic
+        return shown(torch.sqrt(2 * cutoff / smallest).clamp(1, 1e9).ceil()).to(torch.int32)
+
+    make = {"visible": lambda: visible, "radii": radii, "means2d": lambda: shown(splats[:, :2]),
+            "depths": lambda: shown(kept.view(frame.depths, torch.float32, count)),
+            "conics": lambda: shown(splats[:, 2:5])}
+    return [make[name]() for name in asked]
+
+
+def _on_gpu(arguments):
+    if arguments.dtype != "float32":
+        raise UsageError("a GPU draws tensors of float32; tensors of float64 are drawn on the CPU")
+    if not hasattr(_gemsplat, "GpuOperation"):
+        raise UsageError("this gemsplat was built without CUDA; give tensors on the CPU, or build it where nvcc is found")
+    others = [name for name in arguments.outputs if name not in _ON_GPU] + ["features"] * (arguments.channels > 0)
+    if others or arguments.smooth:
+        raise UsageError(f"{'smooth' if arguments.smooth else others[0]} is for tensors on the CPU")
+    views = [_view(arguments, view) for view in range(arguments.views)]
+    fields = ["image", "alpha"] + [name for name in _ON_GPU[2:] if name in arguments.outputs]
+    pictures = {name: [view[k] for view in views] for k, name in enumerate(fields)}
+    pictures["image"] = [image.permute(1, 2, 0) for image in pictures["image"]]
+    return Rendering(**{name: torch.stack(of_views) if arguments.has_view_axis else of_views[0]
+                        for name, of_views in pictures.items() if name in arguments.outputs})
+
+
+def _view(arguments, view):
+    tensors = {name: tensor[view] if is_per_view(name, tensor) else tensor for name, tensor in arguments.arrays.items()}
+    if arguments.color is None:
+        tensors["colors"] = tensors["means"].new_zeros((1, 3)).expand(arguments.count, 3)
+    call = {name: getattr(arguments, name) for name in _SETTINGS}
+    stored = {"sh": lambda: tensors["sh"].shape[1], "sh0": lambda: 1 + (tensors["sh_rest"].shape[1] if "sh_rest" in tensors else 0)}
+    coefficients = stored[arguments.color]() if arguments.color in stored else 1
+    call.update(count=arguments.count, device=tensors["means"].device.index or 0, outputs=arguments.outputs,
+                has_unused_sh=coefficients > (arguments.sh_degree + 1)**2,
+                deterministic=torch.are_deterministic_algorithms_enabled(),
+                for_backward=torch.is_grad_enabled() and any(tensor.requires_grad for tensor in tensors.values()))
+    if arguments.cameras:
+        call["camera"] = arguments.cameras[view]
+    return _Draw.apply(call, tuple(tensors), *tensors.values())
