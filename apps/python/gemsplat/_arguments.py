@@ -14,7 +14,8 @@ import numpy as np
 
 from ._gemsplat import MOST_PIXELS, Camera, UsageError
 
-OUTPUTS = ("image", "alpha", "depth", "inverse_depth")
+PICTURES = ("image", "alpha", "depth", "inverse_depth")
+ROWS = ("visible", "radii", "means2d", "depths", "conics")  # known of each Gaussian, without derivatives
 BLEND_RULES = ("faster_gs", "classic")
 BLUR, BLUR_ANTIALIASED = 0.3, 0.1  # pixels^2: kBlur and kBlurAntialias of gs_core/math/constants.h
 
@@ -59,7 +60,8 @@ class Arguments:
     sh_degree: int  # in use, 0 to 3
     channels: int  # D; 0 without features
     dtype: str  # float32 or float64
-    outputs: Tuple[str, ...]  # of OUTPUTS
+    pictures: Tuple[str, ...]  # of PICTURES, to be drawn
+    rows: Tuple[str, ...]  # of ROWS, to be told
     near: float  # world units
     far: float
     blur: float  # pixels^2
@@ -71,12 +73,12 @@ class Arguments:
 def check(given: Mapping[str, Any]) -> Arguments:
     """Of all that rasterize() takes, by name; arrays that are absent are None. Throws UsageError."""
     arrays = {name: given[name] for name in SHAPES if given[name] is not None}
-    outputs = _outputs(given["outputs"])
+    pictures, rows = _outputs(given["outputs"])
     kinds = {"shape": _one_of("scales log_scales covariances", arrays),
              "opacity": _one_of("opacities logit_opacities", arrays),
-             "color": _one_of("colors sh0 sh", arrays, is_needed="image" in outputs)}
+             "color": _one_of("colors sh0 sh", arrays, is_needed="image" in pictures)}
     _check_company(arrays)
-    if not outputs and "features" not in arrays:
+    if not pictures and not rows and "features" not in arrays:
         raise UsageError("there is nothing to draw: name outputs or give features")
     dtype = _dtype_of(arrays)
     cameras, width, height = _views(given)
@@ -85,7 +87,7 @@ def check(given: Mapping[str, Any]) -> Arguments:
     return Arguments(arrays=arrays, cameras=cameras, count=sizes["N"], views=sizes.get("C", 1),
                      has_view_axis=has_view_axis, width=width, height=height, **kinds,
                      sh_degree=_sh_degree(given["sh_degree"], kinds["color"], sizes), channels=sizes.get("D", 0),
-                     dtype=dtype, outputs=outputs, **_settings(given))
+                     dtype=dtype, pictures=pictures, rows=rows, **_settings(given))
 
 
 def is_per_view(name, array):
@@ -111,9 +113,9 @@ def _outputs(outputs):
     for name in outputs:
         if name == "features":
             raise UsageError("features are drawn wherever they are given; outputs does not name them")
-        if name not in OUTPUTS:
-            raise UsageError(f"outputs takes {words(OUTPUTS)}, and not {name!r}")
-    return outputs
+        if name not in PICTURES + ROWS:
+            raise UsageError(f"outputs takes {words(PICTURES + ROWS)}, and not {name!r}")
+    return tuple(name for name in PICTURES if name in outputs), tuple(name for name in ROWS if name in outputs)
 
 
 def _one_of(names, arrays, is_needed=True):

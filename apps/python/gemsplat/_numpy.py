@@ -134,11 +134,14 @@ def _stacked(pictures, name, arguments):
 
 
 def _pictures(pictures, arguments):
-    drawn = arguments.outputs + (("features",) if arguments.channels else ())
+    drawn = arguments.pictures + (("features",) if arguments.channels else ())
     return {name: _stacked(pictures, name, arguments).astype(arguments.dtype) for name in drawn}
 
 
 def _rendering(pictures, arguments):
-    rows = {name: _stacked(pictures, name, arguments).astype(arguments.dtype) for name in ("means2d", "depths", "conics")}
     radii = _stacked(pictures, "radii", arguments)
-    return Rendering(**_pictures(pictures, arguments), **rows, radii=radii, visible=radii > 0)
+    rows = {"visible": radii > 0, "radii": radii}
+    for name in arguments.rows:
+        if name not in rows:
+            rows[name] = _stacked(pictures, name, arguments).astype(arguments.dtype)
+    return Rendering(**_pictures(pictures, arguments), **{name: rows[name] for name in arguments.rows})

@@ -88,7 +88,7 @@ def rasterize(means: ArrayLike, rotations: Optional[ArrayLike] = None, *, scales
 
     How it is drawn:
 
-    outputs: names of image, alpha, depth and inverse_depth.
+    outputs: names of image, alpha, depth, inverse_depth, visible, radii, means2d, depths and conics.
     near, far: what is drawn, along the viewing axis, world units.
     antialiased: lowers the opacity of what the blur makes larger, as in Yu et al. 2024.
     blur: added to the covariance in the picture, pixels^2; by default 0.3, or 0.1 with antialiased.

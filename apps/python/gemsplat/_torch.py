@@ -185,13 +185,11 @@ class _Draw(torch.autograd.Function):
 
 
 _MATRICES = ("viewmats", "Ks", "background")
-_ON_GPU = ("image", "alpha", "visible", "radii", "means2d", "depths", "conics")
 
 
 def _row_outputs(frame, kept, call):
     """What was asked for of each Gaussian, with zeros where it is not visible."""
-    asked = [name for name in _ON_GPU[2:] if name in call["outputs"]]
-    if not asked:
+    if not call["rows"]:
         return []
     count = call["count"]
     visible = kept.view(frame.tile_counts, torch.int32, count) != 0
@@ -208,7 +206,7 @@ def _row_outputs(frame, kept, call):
     make = {"visible": lambda: visible, "radii": radii, "means2d": lambda: shown(splats[:, :2]),
             "depths": lambda: shown(kept.view(frame.depths, torch.float32, count)),
             "conics": lambda: shown(splats[:, 2:5])}
-    return [make[name]() for name in asked]
+    return [make[name]() for name in call["rows"]]
 
 
 def _on_gpu(arguments):
@@ -216,15 +214,14 @@ def _on_gpu(arguments):
         raise UsageError("a GPU draws tensors of float32; tensors of float64 are drawn on the CPU")
     if not hasattr(_gemsplat, "GpuOperation"):
         raise UsageError("this gemsplat was built without CUDA; give tensors on the CPU, or build it where nvcc is found")
-    others = [name for name in arguments.outputs if name not in _ON_GPU] + ["features"] * (arguments.channels > 0)
+    others = [name for name in arguments.pictures if name not in ("image", "alpha")] + ["features"] * (arguments.channels > 0)
     if others or arguments.smooth:
         raise UsageError(f"{'smooth' if arguments.smooth else others[0]} is for tensors on the CPU")
     views = [_view(arguments, view) for view in range(arguments.views)]
-    fields = ["image", "alpha"] + [name for name in _ON_GPU[2:] if name in arguments.outputs]
-    pictures = {name: [view[k] for view in views] for k, name in enumerate(fields)}
-    pictures["image"] = [image.permute(1, 2, 0) for image in pictures["image"]]
-    return Rendering(**{name: torch.stack(of_views) if arguments.has_view_axis else of_views[0]
-                        for name, of_views in pictures.items() if name in arguments.outputs})
+    found = dict(zip(("image", "alpha") + arguments.rows, zip(*views)))
+    found["image"] = [image.permute(1, 2, 0) for image in found["image"]]
+    return Rendering(**{name: torch.stack(found[name]) if arguments.has_view_axis else found[name][0]
+                        for name in arguments.pictures + arguments.rows})
 
 
 def _view(arguments, view):
@@ -234,7 +231,7 @@ def _view(arguments, view):
     call = {name: getattr(arguments, name) for name in _SETTINGS}
     stored = {"sh": lambda: tensors["sh"].shape[1], "sh0": lambda: 1 + (tensors["sh_rest"].shape[1] if "sh_rest" in tensors else 0)}
     coefficients = stored[arguments.color]() if arguments.color in stored else 1
-    call.update(count=arguments.count, device=tensors["means"].device.index or 0, outputs=arguments.outputs,
+    call.update(count=arguments.count, device=tensors["means"].device.index or 0, rows=arguments.rows,
                 has_unused_sh=coefficients > (arguments.sh_degree + 1)**2,
                 deterministic=torch.are_deterministic_algorithms_enabled(),
                 for_backward=torch.is_grad_enabled() and any(tensor.requires_grad for tensor in tensors.values()))

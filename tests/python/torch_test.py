@@ -1,0 +1,240 @@
+# SPDX-License-Identifier: Apache-2.0
+"""gemsplat.rasterize() of PyTorch tensors: gradients on the CPU beside finite differences, and the GPU beside the CPU."""
+
+import threading
+import unittest
+
+try:
+    import torch
+except ModuleNotFoundError:
+    torch = None
+
+import numpy as np
+
+import gemsplat
+from support import TestCase
+
+HAS_GPU = torch is not None and torch.cuda.is_available() and gemsplat.cuda_device_count() > 0
+WIDTH, HEIGHT = 70, 45  # several tiles, the last ones cut off
+VIEW = [[1, 0, 0, 0.1], [0, 1, 0, -0.2], [0, 0, 1, 3], [0, 0, 0, 1]]
+K = [[60, 0, 33.3], [0, 65, 24.1], [0, 0, 1]]
+
+
+def arguments(count, device="cpu", dtype=None, seed=1, **others):
+    """Tensors that rasterize() takes, with gradients, for Gaussians in front of the camera; equal for a seed."""
+    random = np.random.default_rng(seed)
+    arrays = {"means": random.uniform(-1, 1, (count, 3)), "rotations": random.normal(size=(count, 4)),
+              "log_scales": random.uniform(-3, -1, (count, 3)), "logit_opacities": random.uniform(-2, 4, count),
+              "sh": random.normal(size=(count, 16, 3)) / 3, "viewmats": np.array(VIEW),
+              "Ks": np.array(K), "background": random.uniform(0, 1, 3),
+              "screen": random.uniform(-1, 1, (count, 2)), **others}
+    arrays = {name: array.astype(np.float32) for name, array in arrays.items() if array is not None}
+    return {name: torch.tensor(array, dtype=dtype or torch.float32, device=device, requires_grad=True)
+            for name, array in arrays.items()}
+
+
+def draw(arrays, outputs=("image", "alpha"), width=WIDTH, height=HEIGHT, **settings):
+    return gemsplat.rasterize(**arrays, width=width, height=height, outputs=outputs, **settings)
+
+
+def loss_of(rendering):
+    """A number that depends on every pixel in a way of its own, made of whichever pictures there are."""
+    total = 0
+    for picture in (rendering.image, rendering.alpha):
+        if picture is not None:
+            weights = torch.sin(torch.arange(picture.numel(), device=picture.device, dtype=picture.dtype))
+            total = total + (picture * weights.view(picture.shape)).sum()
+    return total
+
+
+def gradients(arrays, **settings):
+    """The pictures, and the gradients by every array."""
+    rendering = draw(arrays, **settings)
+    return rendering, dict(zip(arrays, torch.autograd.grad(loss_of(rendering), list(arrays.values()))))
+
+
+@unittest.skipUnless(torch, "PyTorch is not installed")
+class OnTheCpuTest(TestCase):
+    def test_gradcheck_finds_every_input_right(self):
+        arrays = arguments(6, dtype=torch.float64)
+        arrays["Ks"] = arrays["Ks"].detach()[:2] / 6
+        arrays["Ks"] = torch.cat([arrays["Ks"], arrays["Ks"].new_tensor([[0, 0, 1]])]).requires_grad_()
+
+        def pictures(*tensors):
+            drawn = draw(dict(zip(arrays, tensors)), ("image", "alpha", "depth"), 12, 9, smooth=True)
+            return drawn.image, drawn.alpha, drawn.depth
+
+        self.assertTrue(torch.autograd.gradcheck(pictures, tuple(arrays.values()), eps=1e-6, atol=1e-6))
+
+    def test_numpy_has_the_same_pictures(self):
+        arrays = arguments(30)
+        drawn = draw(arrays)
+        expected = draw({name: tensor.detach().numpy() for name, tensor in arrays.items()})
+        np.testing.assert_array_equal(drawn.image.detach().numpy(), expected.image)
+
+    def test_a_second_derivative_is_refused(self):
+        arrays = arguments(6)
+        slope, = torch.autograd.grad(loss_of(draw(arrays)) ** 2, arrays["means"], create_graph=True)
+        with self.assertRaisesRegex(RuntimeError, "once_differentiable"):
+            slope.sum().backward()
+
+    def test_what_cannot_be_drawn_is_named(self):
+        arrays = arguments(6)
+        with self.assertRaisesRegex(gemsplat.UsageError, "sh must hold real numbers"):
+            draw({**arrays, "sh": arrays["sh"].detach().to(torch.int32)})
+        with self.assertRaisesRegex(gemsplat.UsageError, "vjp"):
+            gemsplat.vjp(**arrays, width=WIDTH, height=HEIGHT)
+
+
+@unittest.skipUnless(HAS_GPU, "there is no PyTorch with a GPU, or gemsplat was built without CUDA")
+class OnTheGpuTest(TestCase):
+    FORMS = {
+        "as models are stored": {},
+        "activated": {"log_scales": None, "logit_opacities": None, "scales": np.linspace(0.03, 0.3, 300).reshape(100, 3),
+                      "opacities": np.linspace(0.01, 1, 100)[:, None]},
+        "covariances": {"rotations": None, "log_scales": None,
+                        "covariances": np.tile([0.02, 0.004, -0.003, 0.05, 0.002, 0.03], (100, 1))},
+        "colors": {"sh": None, "colors": np.linspace(-0.2, 1, 300).reshape(100, 3)},
+        "sh0 and sh_rest": {"sh": None, "sh0": np.linspace(-1, 1, 300).reshape(100, 3),
+                            "sh_rest": np.linspace(-1, 1, 2400).reshape(100, 8, 3) / 4},
+        "several views": {"viewmats": np.array([VIEW, VIEW]),
+                          "Ks": np.array([K, [[90, 0, 30], [0, 80, 20], [0, 0, 1]]]),
+                          "background": np.array([[0, 0.5, 1], [0.3, 0.2, 0.1]]), "screen": np.zeros((2, 100, 2)),
+                          "colors": np.linspace(0, 1, 600).reshape(2, 100, 3), "sh": None},
+    }
+
+    def assert_near(self, tensor, expected, tolerance, name):
+        difference = torch.linalg.vector_norm(tensor.double().cpu() - expected.double())
+        self.assertLessEqual(float(difference), tolerance * max(1e-6, float(torch.linalg.vector_norm(expected.double()))), name)
+
+    def test_pictures_and_gradients_are_those_of_the_cpu(self):
+        for form, others in self.FORMS.items():
+            for settings in ({}, {"blend_rule": "classic"}, {"antialiased": True}, {"blur": 0.5, "near": 2.8}):
+                with self.subTest(form, **settings):
+                    expected, by_cpu = gradients(arguments(100, dtype=torch.float64, **others), **settings)
+                    drawn, by_gpu = gradients(arguments(100, "cuda", **others), **settings)
+                    self.assert_near(drawn.image, expected.image, 1e-5, "image")
+                    self.assert_near(drawn.alpha, expected.alpha, 1e-5, "alpha")
+                    for name, gradient in by_cpu.items():
+                        self.assert_near(by_gpu[name], gradient, 3e-4, name)
+
+    def test_rows_are_those_of_the_cpu(self):
+        names = ("visible", "radii", "means2d", "depths", "conics")
+        expected = draw(arguments(100, dtype=torch.float64), names)
+        drawn = draw(arguments(100, "cuda"), names)
+        for name in names:
+            self.assert_near(getattr(drawn, name), getattr(expected, name), 1e-4 if name != "radii" else 0.02, name)
+
+    def test_lower_degrees_leave_the_higher_coefficients_alone(self):
+        arrays = arguments(100, "cuda")
+        _, slopes = gradients(arrays, sh_degree=1)
+        self.assertEqual(float(slopes["sh"][:, 4:].abs().max()), 0)
+        self.assertGreater(float(slopes["sh"][:, :4].abs().max()), 0)
+
+    def test_gradients_can_be_asked_for_again(self):
+        torch.use_deterministic_algorithms(True, warn_only=True)
+        try:
+            arrays = arguments(100, "cuda")
+            loss = loss_of(draw(arrays))
+            tensors = list(arrays.values())
+            first = torch.autograd.grad(loss, tensors, retain_graph=True)
+            again = torch.autograd.grad(loss, tensors)
+            anew = torch.autograd.grad(loss_of(draw(arrays)), tensors)
+        finally:
+            torch.use_deterministic_algorithms(False)
+        for others in (again, anew):
+            for one, other in zip(first, others):
+                self.assertTrue(torch.equal(one, other))
+
+    def test_pictures_may_be_changed_in_place(self):
+        arrays = arguments(100, "cuda")
+        _, expected = gradients(arrays)
+        rendering = draw(arrays)
+        loss = loss_of(rendering)
+        with torch.no_grad():
+            rendering.image.fill_(7)
+        slopes = torch.autograd.grad(loss, list(arrays.values()))
+        for name, slope in zip(arrays, slopes):
+            self.assert_near(slope, expected[name].cpu(), 1e-5, name)
+
+    def test_arrays_with_gaps_need_no_copy_and_give_the_same(self):
+        arrays = arguments(100, "cuda")
+        expected = draw(arrays).image
+        table = torch.full((100, 80), float("nan"), device="cuda")
+        spread = dict(arrays)
+        begin = 0
+        for name in ("means", "rotations", "log_scales", "sh"):
+            size = arrays[name][0].numel()
+            table[:, begin:begin + size] = arrays[name].detach().reshape(100, size)
+            spread[name] = table[:, begin:begin + size].unflatten(1, arrays[name].shape[1:]) if name == "sh" else table[:, begin:begin + size]
+            begin += size
+        self.assertTrue(torch.equal(draw(spread).image, expected))
+
+    def test_nothing_to_draw_is_the_background(self):
+        for count in (0, 3):
+            with self.subTest(count):
+                arrays = arguments(count, "cuda", means=np.full((count, 3), -9))
+                rendering, slopes = gradients(arrays)
+                self.assertTrue(torch.equal(rendering.image, arrays["background"].expand_as(rendering.image)))
+                for name, slope in slopes.items():
+                    self.assertEqual(slope.shape, arrays[name].shape)
+                    self.assertEqual(float(slope.abs().sum()) > 0, name == "background")
+
+    def test_rows_of_no_numbers_are_not_drawn(self):
+        arrays = arguments(100, "cuda")
+        with torch.no_grad():
+            arrays["means"][3] = float("nan")
+            arrays["log_scales"][5] = float("inf")
+            arrays["sh"][7, 0] = float("nan")
+        rendering, slopes = gradients(arrays)
+        self.assertTrue(torch.isfinite(rendering.image).all())
+        for name, slope in slopes.items():
+            self.assertTrue(torch.isfinite(slope).all(), name)
+
+    def test_threads_on_streams_of_their_own_do_not_meet(self):
+        expected = [draw(arguments(100, "cuda", seed=seed)).image.detach() for seed in (1, 2)]
+        torch.cuda.synchronize()
+        failures = []
+
+        def work(index):
+            arrays = arguments(100, "cuda", seed=index + 1)
+            torch.cuda.synchronize()
+            with torch.cuda.stream(torch.cuda.Stream()):
+                for _ in range(100):
+                    image = draw(arrays).image
+                    image.sum().backward()
+                    if not torch.equal(image, expected[index]):
+                        failures.append(index)
+
+        threads = [threading.Thread(target=work, args=(index,)) for index in (0, 1)]
+        for thread in threads:
+            thread.start()
+        for thread in threads:
+            thread.join()
+        self.assertEqual(failures, [])
+
+    def test_steps_take_no_more_memory_as_time_goes_by(self):
+        arrays = arguments(100, "cuda")
+        sizes = []
+        for step in range(300):
+            loss_of(draw(arrays)).backward()
+            if step % 100 == 99:
+                torch.cuda.synchronize()
+                sizes.append((torch.cuda.memory_allocated(), torch.cuda.memory_reserved()))
+        self.assertEqual(sizes[1], sizes[2])
+
+    def test_pictures_without_gradients_are_the_same(self):
+        arrays = arguments(100, "cuda")
+        expected = draw(arrays).image
+        with torch.no_grad():
+            self.assert_near(draw(arrays).image, expected.detach().cpu(), 1e-6, "image")
+
+    def test_what_a_gpu_does_not_draw_is_named(self):
+        with self.assertRaisesRegex(gemsplat.UsageError, "float64 are drawn on the CPU"):
+            draw(arguments(5, "cuda", dtype=torch.float64))
+        with self.assertRaisesRegex(gemsplat.UsageError, "background is on cpu, but means on cuda:0"):
+            draw({**arguments(5, "cuda"), "background": torch.zeros(3)})
+
+
+if __name__ == "__main__":
+    unittest.main()
