@@ -87,6 +87,7 @@ void project(Context& context, const OperatorInput& input, const RenderSettings&
              Workspace& workspace, RenderPass& pass) {
   const StageScope scope(context, "project");
   pass.begin(input.camera, input.count);
+  pass.scratch<CudaScratch>().has_view_splats = false;
   pass.least_color =
       input.arrays.colors.data ? -std::numeric_limits<float>::infinity() : 0.0f;
   workspace.depth_keys.resize_discard(input.count);
