@@ -69,8 +69,8 @@ Operation make_operation(const Addresses& arrays, std::size_t count, const py::d
   settings.blur = given["blur"].cast<float>();
   settings.antialias = given["antialiased"].cast<bool>();
   settings.antialias_detach = false;
-  settings.blend_rule =
-      given["blend_rule"].cast<std::string>() == "classic" ? BlendRule::classic : BlendRule::faster_gs;
+  settings.blend_rule = given["blend_rule"].cast<std::string>() == "classic" ? BlendRule::classic
+                                                                             : BlendRule::faster_gs;
   settings.deterministic = given["deterministic"].cast<bool>();
   settings.for_backward = given["for_backward"].cast<bool>();
   return operation;

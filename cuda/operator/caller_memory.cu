@@ -8,7 +8,9 @@ namespace {
 
 constexpr std::size_t kAlignment = 256;  // bytes, as cudaMalloc has it
 
-std::size_t aligned(std::size_t bytes) { return (bytes + kAlignment - 1) / kAlignment * kAlignment; }
+std::size_t aligned(std::size_t bytes) {
+  return (bytes + kAlignment - 1) / kAlignment * kAlignment;
+}
 
 }  // namespace
 

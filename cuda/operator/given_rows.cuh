@@ -3,13 +3,14 @@
 #pragma once
 
 #include "cuda/operator/operator.h"
-#include "cuda/render/sh_rows.cuh"
 #include "gs_core/math/render/splat.h"
 
 namespace gs::cuda {
 
 __device__ inline Vec3f vector_at(const float* row) { return {row[0], row[1], row[2]}; }
-__device__ inline void store(float* row, const Vec3f& v) { row[0] = v.x, row[1] = v.y, row[2] = v.z; }
+__device__ inline void store(float* row, const Vec3f& v) {
+  row[0] = v.x, row[1] = v.y, row[2] = v.z;
+}
 
 /// The camera of a call, whose numbers may lie on the device.
 __device__ inline Camera camera_of(const OperatorInput& in) {
@@ -25,7 +26,7 @@ __device__ inline Camera camera_of(const OperatorInput& in) {
 
 /// The shape and the opacity of a Gaussian, with what their gradients need.
 struct GivenShape {
-  Mat3<float> R;    // undefined with covariances, like the next two
+  Mat3<float> R;  // undefined with covariances, like the next two
   Quatf rotation;
   Vec3f scale, variances;
   Sym3<float> sigma;
@@ -51,29 +52,5 @@ __device__ inline GivenShape shape_of(const OperatorInput& in, std::size_t i) {
   shape.sigma = covariance(shape.R, shape.variances);
   return shape;
 }
-
-/// A warp's rows of SH coefficients beyond the first, in shared memory.
-struct GivenShRows {
-  float numbers[kWarp * kShRowNumbers];
-
-  __device__ const Vec3f* row(int lane) const {
-    return reinterpret_cast<const Vec3f*>(numbers + lane * kShRowNumbers);
-  }
-  /// The whole warp: loads the numbers in use of the visible ones of its rows, in whole lines.
-  static_assert(kShRowNumbers <= 2 * kWarp);
-  __device__ void load(const Rows<const float>& from, std::size_t first, int in_use,
-                       SomeRows visible) {
-    const int lane = lane_of_thread();
-#pragma unroll 8
-    for (int row = 0; row < kWarp; ++row) {
-      if (!visible.has(row)) continue;
-      const float* const numbers_of_row = from[first + row];
-      float* const to = numbers + row * kShRowNumbers;
-      if (lane < in_use) to[lane] = numbers_of_row[lane];
-      if (lane + kWarp < in_use) to[lane + kWarp] = numbers_of_row[lane + kWarp];
-    }
-    __syncwarp();
-  }
-};
 
 }  // namespace gs::cuda

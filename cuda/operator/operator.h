@@ -81,12 +81,12 @@ struct OperatorCall {
 class OperatorFrame {
  public:
   virtual ~OperatorFrame() = default;
-  virtual const float* image() const = 0;               // (3, H, W)  with the background
-  virtual const float* transmittance() const = 0;       // (H, W)
-  virtual const Splat* splats() const = 0;              // (N)  undefined where not visible
-  virtual const float* depths() const = 0;              // (N)  likewise
-  virtual const std::uint32_t* tile_counts() const = 0; // (N)  tiles hit; 0: not visible
-  virtual std::uint32_t instances() const = 0;          // of Gaussians in tiles
+  virtual const float* image() const = 0;                // (3, H, W)  with the background
+  virtual const float* transmittance() const = 0;        // (H, W)
+  virtual const Splat* splats() const = 0;               // (N)  undefined where not visible
+  virtual const float* depths() const = 0;               // (N)  likewise
+  virtual const std::uint32_t* tile_counts() const = 0;  // (N)  tiles hit; 0: not visible
+  virtual std::uint32_t instances() const = 0;           // of Gaussians in tiles
 };
 
 /// Draws Gaussians. Waits once, for the number of instances. Throws Error where the GPU fails.

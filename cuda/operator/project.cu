@@ -2,14 +2,16 @@
 // Stage 1 of the operator: one splat per Gaussian, from parameters in any of their forms. It leaves
 // what preprocess.cu leaves, so that stages 2 to 4 are those of every other picture.
 #include "cuda/operator/given_rows.cuh"
+#include "cuda/operator/sh_layout.cuh"
 #include "cuda/operator/stages.cuh"
 #include "cuda/render/preprocess.cuh"
 
 namespace gs::cuda {
 namespace {
 
+template <ShLayout layout>
 struct WarpShared {
-  GivenShRows sh;
+  GivenShRows<layout> sh;
   TileRows<> tile_rows;
   std::uint32_t hits[kWarp];  // tiles that each lane's splat hits
 };
@@ -38,12 +40,16 @@ __device__ ProjectedGaussian<float> project(const OperatorInput& in, const Camer
   return projected;
 }
 
-__global__ void __launch_bounds__(kPreprocessThreads)
+// Blocks of a multiprocessor, for which shared memory has room.
+constexpr int kBlocks = 6;
+
+template <ShLayout layout>
+__global__ void __launch_bounds__(kPreprocessThreads, kBlocks)
     project_kernel(const __grid_constant__ OperatorInput in,
                    const __grid_constant__ SplatSettings settings,
                    const __grid_constant__ Output out) {
-  __shared__ WarpShared shared_of_warps[kPreprocessThreads / kWarp];
-  WarpShared& shared = shared_of_warps[threadIdx.x / kWarp];
+  __shared__ WarpShared<layout> shared_of_warps[kPreprocessThreads / kWarp];
+  WarpShared<layout>& shared = shared_of_warps[threadIdx.x / kWarp];
   const int lane = lane_of_thread();
   const std::size_t i = std::size_t(blockIdx.x) * kPreprocessThreads + threadIdx.x,
                     first = i - lane;
@@ -62,15 +68,18 @@ __global__ void __launch_bounds__(kPreprocessThreads)
   Splat& splat = projected.splat;
   std::uint32_t hits = 0;
   if (const SomeRows visible{__ballot_sync(kAllLanes, !pixels.empty())}; visible.bits) {
-    const int degree = settings.sh_degree;
-    const bool has_sh = in.arrays.sh0.data != nullptr;
-    if (has_sh && degree > 0)
-      shared.sh.load(in.arrays.sh_rest, first, 3 * sh_rest_count(degree), visible);
+    constexpr bool has_sh = layout != ShLayout::none;
+    if constexpr (has_sh)
+      shared.sh.start(in.arrays, first, int(min(in.count - first, std::size_t(kWarp))),
+                      settings.sh_degree, visible);
     hits = count_hit_tiles(shared, outline_of(splat), pixels, settings.bounds);
+    if constexpr (has_sh) shared.sh.finish(settings.sh_degree);
     if (hits > 0) {
-      splat.color = has_sh ? sh_color(degree, unit_direction(camera.position(), mean),
-                                      vector_at(in.arrays.sh0[i]), shared.sh.row(lane))
-                           : vector_at(in.arrays.colors[i]);
+      if constexpr (has_sh)
+        splat.color = sh_color(kMaxShDegree, unit_direction(camera.position(), mean),
+                               vector_at(in.arrays.sh0[i]), shared.sh.row(lane));
+      else
+        splat.color = vector_at(in.arrays.colors[i]);
       if (!is_finite(splat.color)) hits = 0;
     }
   }
@@ -88,14 +97,15 @@ void project(Context& context, const OperatorInput& input, const RenderSettings&
   const StageScope scope(context, "project");
   pass.begin(input.camera, input.count);
   pass.scratch<CudaScratch>().has_view_splats = false;
-  pass.least_color =
-      input.arrays.colors.data ? -std::numeric_limits<float>::infinity() : 0.0f;
+  pass.least_color = input.arrays.colors.data ? -std::numeric_limits<float>::infinity() : 0.0f;
   workspace.depth_keys.resize_discard(input.count);
   const Output out{pass.splats.data(), pass.depths.data(),
                    projected_rows(settings, workspace, pass), pass.tiles_x, pass.tiles_y};
   const SplatSettings& splat_settings = settings;
-  context.launch("project", project_kernel, blocks_for(input.count, kPreprocessThreads),
-                 kPreprocessThreads, input, splat_settings, out);
+  with_layout(layout_of(input.arrays, settings.sh_degree), [&](auto layout) {
+    context.launch("project", project_kernel<layout()>, blocks_for(input.count, kPreprocessThreads),
+                   kPreprocessThreads, input, splat_settings, out);
+  });
 }
 
 }  // namespace gs::cuda

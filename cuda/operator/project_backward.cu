@@ -4,6 +4,7 @@
 // The whole warp writes the rows of SH coefficients, in whole lines. Sums over all Gaussians, those
 // of the camera, are of double precision, in an order of their own.
 #include "cuda/operator/given_rows.cuh"
+#include "cuda/operator/sh_layout.cuh"
 #include "cuda/operator/stages.cuh"
 #include "gs_core/math/pose/camera_entries.h"
 
@@ -12,21 +13,36 @@ namespace {
 
 constexpr int kThreads = 128;
 constexpr int kWarps = kThreads / kWarp;
+constexpr int kBlocks = 5;                       // per multiprocessor, as many as registers allow
 constexpr int kBasisStride = kShBasisCount + 1;  // odd, so that 32 rows begin in different banks
 constexpr int kCameraNumbers = sizeof(CameraEntriesGradient<float>) / sizeof(float);
 static_assert(kCameraNumbers == 16);
 
+template <ShLayout layout>
 struct WarpShared {
-  GivenShRows sh;
-  float basis[kWarp * kBasisStride];  // of the viewing direction of each Gaussian
-  float dL_dcolor[kWarp * 3];         // zero where a Gaussian is not visible
+  GivenShRows<layout> sh;
+  // of the viewing direction of each Gaussian; zero where it is not visible, and beyond the degree
+  float basis[kWarp * kBasisStride];
+  float dL_dcolor[kWarp * 3];
+
+  /// dL by a number of the SH coefficients, 3 k + channel.
+  __device__ float gradient(int row, int number) const {
+    return basis[row * kBasisStride + number / 3] * dL_dcolor[3 * row + number % 3];
+  }
 };
+template <>
+struct WarpShared<ShLayout::none> {};
 
 // What stages 1 and 6 have left.
 struct Projected {
   const std::uint32_t* tile_counts;  // (N)
   const Splat* splats;               // (N)
   const SplatGradientSum* sums;      // (N)
+};
+
+// Where gradients go.
+struct Targets : OperatorGradients {
+  bool has_vectors;  // SH gradients lie as the coefficients do
 };
 
 // Writes a vector where a gradient is wanted.
@@ -42,7 +58,7 @@ struct RowGradient {
   float opacity = 0;
   Vec2f screen{0, 0}, absolute_screen{0, 0};
 
-  __device__ void write_to(const OperatorGradients& to, std::size_t i) const {
+  __device__ void write_to(const Targets& to, std::size_t i) const {
     write(to.arrays.means, i, mean);
     write(to.arrays.scales, i, scale);
     write(to.arrays.colors, i, sh0_or_color);
@@ -57,10 +73,10 @@ struct RowGradient {
       row[3] = sigma.yy, row[4] = 2 * sigma.yz, row[5] = sigma.zz;
     }
     if (to.arrays.opacities.data) *to.arrays.opacities[i] = opacity;
-    if (to.arrays.screen.data)
-      to.arrays.screen[i][0] = screen.x, to.arrays.screen[i][1] = screen.y;
+    if (to.arrays.screen.data) to.arrays.screen[i][0] = screen.x, to.arrays.screen[i][1] = screen.y;
     if (to.absolute_screen)
-      to.absolute_screen[2 * i] = absolute_screen.x, to.absolute_screen[2 * i + 1] = absolute_screen.y;
+      to.absolute_screen[2 * i] = absolute_screen.x,
+                             to.absolute_screen[2 * i + 1] = absolute_screen.y;
   }
 };
 
@@ -76,34 +92,60 @@ __device__ void pull_back_shape(const OperatorInput& in, const GivenShape& shape
   row.rotation = rotation_matrix_vjp(shape.rotation, by_shape.R);
 }
 
-// The whole warp: pulls the gradients of the colors back to the SH rows beyond the first, which it
-// writes, and returns the part of dL/d(mean) that comes from the viewing direction.
-__device__ Vec3f pull_back_sh(const OperatorInput& in, const OperatorGradients& to, int degree,
+// The whole warp: writes the gradients of its rows of SH coefficients.
+template <ShLayout layout>
+__device__ void write_sh(const OperatorInput& in, const Targets& to, int degree, std::size_t first,
+                         const WarpShared<layout>& shared) {
+  using Shape = ShRowShape<layout>;
+  if (!to.arrays.sh_rest.data) return;
+  const int lane = lane_of_thread(), rows = int(min(in.count - first, std::size_t(kWarp)));
+  constexpr int kBefore = 3 - Shape::kFirst;  // numbers that are elsewhere
+  if (Shape::kIsVector && to.has_vectors && rows == kWarp) {
+    auto* const out = reinterpret_cast<float4*>(
+        (Shape::kFirst ? to.arrays.sh0.data : to.arrays.sh_rest.data) + first * Shape::kNumbers);
+    for (int item = lane; item < kWarp * Shape::kNumbers / 4; item += kWarp) {
+      const int row = 4 * item / Shape::kNumbers, at = 4 * item % Shape::kNumbers;
+      float of[4];
+#pragma unroll
+      for (int k = 0; k < 4; ++k) {
+        const bool is_next = at + k >= Shape::kNumbers;
+        of[k] = shared.gradient(row + is_next, kBefore + at + k - (is_next ? Shape::kNumbers : 0));
+      }
+      out[item] = {of[0], of[1], of[2], of[3]};
+    }
+    return;
+  }
+  const int in_use = 3 * sh_rest_count(degree);
+  for (int row = 0; row < rows; ++row)
+    for (int k = lane; k < in_use; k += kWarp)
+      to.arrays.sh_rest[first + row][k] = shared.gradient(row, 3 + k);
+}
+
+// The whole warp: pulls the gradients of the colors back to the SH coefficients, which it writes, and
+// returns the part of dL/d(mean) that comes from the viewing direction.
+template <ShLayout layout>
+__device__ Vec3f pull_back_sh(const OperatorInput& in, const Targets& to, int degree,
                               const Vec3f& eye, const Vec3f& mean, const Vec3f& dL_dcolor,
-                              bool is_visible, std::size_t first, WarpShared& shared) {
-  const int lane = lane_of_thread(), in_use = 3 * sh_rest_count(degree);
-  float* const basis = shared.basis + lane * kBasisStride;
+                              bool is_visible, std::size_t first, WarpShared<layout>& shared) {
+  const int lane = lane_of_thread();
   Vec3f direction(0.0f);
-  for (int k = 0; k < kShBasisCount; ++k) basis[k] = 0.0f;
+  float basis[kShBasisCount] = {};
   if (is_visible) {
     direction = unit_direction(eye, mean);
-    sh_basis(degree, direction, basis);
+    sh_basis(kMaxShDegree, direction, basis);
   }
+#pragma unroll
+  for (int k = 0; k < kShBasisCount; ++k)
+    shared.basis[lane * kBasisStride + k] = k <= sh_rest_count(degree) ? basis[k] : 0.0f;
   store(shared.dL_dcolor + 3 * lane, dL_dcolor);
-  const SomeRows visible{__ballot_sync(kAllLanes, is_visible)};
-  shared.sh.load(in.arrays.sh_rest, first, in_use, visible);
-  if (to.arrays.sh_rest.data) {
-    const int rows = int(min(in.count - first, std::size_t(kWarp)));
-    for (int row = 0; row < rows; ++row)
-      for (int k = lane; k < in_use; k += kWarp)
-        to.arrays.sh_rest[first + row][k] =
-            shared.basis[row * kBasisStride + 1 + k / 3] * shared.dL_dcolor[3 * row + k % 3];
-  }
+  shared.sh.finish(degree);
+  write_sh(in, to, degree, first, shared);
   if (!is_visible) return Vec3f(0.0f);
   float dL_dbasis[kShBasisCount];
+#pragma unroll
   for (int k = 1; k < kShBasisCount; ++k)
-    dL_dbasis[k] = k <= sh_rest_count(degree) ? inner(shared.sh.row(lane)[k - 1], dL_dcolor) : 0.0f;
-  return unit_direction_vjp(eye, mean, sh_basis_vjp(degree, direction, dL_dbasis));
+    dL_dbasis[k] = inner(shared.sh.row(lane)[k - 1], dL_dcolor);
+  return unit_direction_vjp(eye, mean, sh_basis_vjp(kMaxShDegree, direction, dL_dbasis));
 }
 
 // All threads of a block: adds up their shares. Thread k < kCameraNumbers writes sum k to `to`.
@@ -122,18 +164,24 @@ __device__ void add_up(const Number (&shares)[kCameraNumbers], double* to) {
 }
 
 // `of_blocks`: (blocks, kCameraNumbers), where the gradient of the camera is wanted.
-template <bool with_camera>
-__global__ void __launch_bounds__(kThreads)
+template <ShLayout layout, bool with_camera>
+__global__ void __launch_bounds__(kThreads, kBlocks)
     project_backward_kernel(const __grid_constant__ OperatorInput in,
                             const __grid_constant__ SplatSettings settings, Projected projected,
-                            const __grid_constant__ OperatorGradients to, double* of_blocks) {
-  __shared__ WarpShared shared_of_warps[kWarps];
-  WarpShared& shared = shared_of_warps[threadIdx.x / kWarp];
+                            const __grid_constant__ Targets to, double* of_blocks) {
+  constexpr bool has_sh = layout != ShLayout::none;
+  __shared__ WarpShared<layout> shared_of_warps[kWarps];
+  [[maybe_unused]] WarpShared<layout>& shared = shared_of_warps[threadIdx.x / kWarp];
   const std::size_t i = std::size_t(blockIdx.x) * kThreads + threadIdx.x,
                     first = i - lane_of_thread();
   const Camera camera = camera_of(in);
   const bool is_visible = i < in.count && projected.tile_counts[i] > 0;
-  const bool has_sh = in.arrays.sh0.data != nullptr;
+  if constexpr (has_sh) {
+    const SomeRows visible{__ballot_sync(kAllLanes, is_visible)};
+    if (first < in.count)
+      shared.sh.start(in.arrays, first, int(min(in.count - first, std::size_t(kWarp))),
+                      settings.sh_degree, visible);
+  }
   RowGradient row;
   CameraEntriesGradient<float> by_camera;
   Vec3f mean(0.0f), dL_dcolor(0.0f);
@@ -152,12 +200,13 @@ __global__ void __launch_bounds__(kThreads)
     pull_back_shape(in, shape, dL, row);
     if (with_camera) by_camera = camera_entries_vjp(camera, mean, dL, dL_dsplat.mean2d);
   }
-  if (has_sh && settings.sh_degree > 0 && first < in.count) {
-    const Vec3f by_color = pull_back_sh(in, to, settings.sh_degree, camera.position(), mean,
-                                        dL_dcolor, is_visible, first, shared);
-    row.mean += by_color;
-    if (with_camera && is_visible) by_camera.add(camera_entries_by_color_vjp(camera, by_color));
-  }
+  if constexpr (has_sh)
+    if (first < in.count) {
+      const Vec3f by_color = pull_back_sh(in, to, settings.sh_degree, camera.position(), mean,
+                                          dL_dcolor, is_visible, first, shared);
+      row.mean += by_color;
+      if (with_camera && is_visible) by_camera.add(camera_entries_by_color_vjp(camera, by_color));
+    }
   if (i < in.count) row.write_to(to, i);
   if constexpr (with_camera)
     add_up(reinterpret_cast<const float(&)[kCameraNumbers]>(by_camera),
@@ -176,7 +225,8 @@ __global__ void __launch_bounds__(kThreads)
   if (threadIdx.x != 0) return;
   if (viewmat) {
     for (int row = 0; row < 3; ++row) {
-      for (int column = 0; column < 3; ++column) viewmat[4 * row + column] = float(n[3 * row + column]);
+      for (int column = 0; column < 3; ++column)
+        viewmat[4 * row + column] = float(n[3 * row + column]);
       viewmat[4 * row + 3] = float(n[9 + row]);
     }
     for (int k = 12; k < 16; ++k) viewmat[k] = 0;
@@ -197,14 +247,20 @@ void project_backward(Context& context, const OperatorInput& input, const Render
   const Projected projected{pass.tile_counts.data(), pass.splats.data(),
                             workspace.splat_gradients.data()};
   const SplatSettings& splat_settings = settings;
+  const ShLayout layout = layout_of(input.arrays, settings.sh_degree);
+  const Targets targets{gradients, layout_of(gradients.arrays, settings.sh_degree) == layout};
   const auto launch = [&](auto kernel, double* of_blocks) {
     context.launch("project backward", kernel, blocks, kThreads, input, splat_settings, projected,
-                   gradients, of_blocks);
+                   targets, of_blocks);
   };
-  if (!gradients.viewmat && !gradients.K) return launch(project_backward_kernel<false>, nullptr);
+  if (!gradients.viewmat && !gradients.K)
+    return with_layout(
+        layout, [&](auto layout) { launch(project_backward_kernel<layout(), false>, nullptr); });
   Buffer<double> of_blocks(workspace.splat_gradients.memory());
   of_blocks.resize(kCameraNumbers * blocks);
-  launch(project_backward_kernel<true>, of_blocks.data());
+  with_layout(layout, [&](auto layout) {
+    launch(project_backward_kernel<layout(), true>, of_blocks.data());
+  });
   context.launch("camera gradient", add_blocks_kernel, 1, kThreads, of_blocks.data(), blocks,
                  gradients.viewmat, gradients.K);
 }

@@ -29,14 +29,22 @@ constexpr Form kForms[] = {
     {"colors", {-1, 0, false, true}, true, false, false, true},
     {"one array of SH", {3, 0, false, false}, false, false, true, true, true},
     {"sh0 alone", {0, 0, false, false}, true, true, false, false},
-    {"colors of covariances by the classic rule", {-1, 0, true, false}, true, false, true, true,
-     false, BlendRule::classic},
+    {"colors of covariances by the classic rule",
+     {-1, 0, true, false},
+     true,
+     false,
+     true,
+     true,
+     false,
+     BlendRule::classic},
 };
 
 /// A stream, and memory of the GPU that the operator and the test itself take.
 class TestMemory {
  public:
-  TestMemory() { EXPECT_EQ(cudaStreamCreateWithFlags(&stream_, cudaStreamNonBlocking), cudaSuccess); }
+  TestMemory() {
+    EXPECT_EQ(cudaStreamCreateWithFlags(&stream_, cudaStreamNonBlocking), cudaSuccess);
+  }
   ~TestMemory() {
     for (void* const pointer : pointers_) cudaFree(pointer);
     cudaStreamDestroy(stream_);
@@ -85,11 +93,14 @@ std::vector<float> flat(const Vectors& vectors) {
     for (const double number : scalars_of(vector)) numbers.push_back(float(number));
   return numbers;
 }
-std::vector<float> flat(const std::vector<double>& values) { return {values.begin(), values.end()}; }
+std::vector<float> flat(const std::vector<double>& values) {
+  return {values.begin(), values.end()};
+}
 std::vector<float> flat(const std::vector<Sym3<double>>& rows) {
   std::vector<float> numbers;
   for (const Sym3<double>& S : rows)
-    for (const double number : {S.xx, S.xy, S.xz, S.yy, S.yz, S.zz}) numbers.push_back(float(number));
+    for (const double number : {S.xx, S.xy, S.xz, S.yy, S.yz, S.zz})
+      numbers.push_back(float(number));
   return numbers;
 }
 /// Planes from pixels: (H, W, 3) to (3, H, W).
@@ -110,7 +121,8 @@ void round_all(std::vector<V>& vectors) {
     else if constexpr (std::is_same_v<V, Quat<double>>)
       v = {rounded(v.w), rounded(v.x), rounded(v.y), rounded(v.z)};
     else if constexpr (std::is_same_v<V, Sym3<double>>)
-      v = {rounded(v.xx), rounded(v.xy), rounded(v.xz), rounded(v.yy), rounded(v.yz), rounded(v.zz)};
+      v = {rounded(v.xx), rounded(v.xy), rounded(v.xz),
+           rounded(v.yy), rounded(v.yz), rounded(v.zz)};
     else
       v = {rounded(v.x), rounded(v.y), rounded(v.z)};
   }
@@ -187,7 +199,8 @@ class Problem {
                      memory_.uploaded(flat(dL_.alpha))},
                     to);
     std::map<std::string, std::vector<float>> result;
-    for (const auto& [name, array] : made) result[name] = memory_.downloaded(array.first, array.second);
+    for (const auto& [name, array] : made)
+      result[name] = memory_.downloaded(array.first, array.second);
     return result;
   }
 
@@ -256,7 +269,8 @@ class Problem {
     } else {
       arrays.rotations = rows(flat(g.rotations), 4);
       std::vector<Vec3d> scales = g.log_scales;
-      for (std::size_t i = 0; !form_.has_log_scales && i < scales.size(); ++i) scales[i] = scale_of(i);
+      for (std::size_t i = 0; !form_.has_log_scales && i < scales.size(); ++i)
+        scales[i] = scale_of(i);
       arrays.scales = rows(flat(scales), 3);
     }
     if (form_.shape.sh_degree < 0) {
@@ -283,8 +297,8 @@ class Problem {
         for (const double number : {row.x, row.y, row.z, shift}) viewmat.push_back(float(number));
       for (const float number : {0.0f, 0.0f, 0.0f, 1.0f}) viewmat.push_back(number);
       input_.viewmat = memory_.uploaded(viewmat);
-      input_.K = memory_.uploaded({float(camera.fx), 0, float(camera.cx), 0, float(camera.fy),
-                                   float(camera.cy), 0, 0, 1});
+      input_.K = memory_.uploaded(
+          {float(camera.fx), 0, float(camera.cx), 0, float(camera.fy), float(camera.cy), 0, 0, 1});
     } else {
       input_.camera = camera_as<float>(camera);
     }
@@ -311,9 +325,9 @@ TEST_F(CudaOperator, PicturesAndGradientsAreTheExactOnesInEveryForm) {
     Problem problem(form, kCount, 3);
     const auto frame = problem.draw();
     const ExactPicture<double> exact = problem.exact_picture();
-    EXPECT_LT(norm_difference(problem.image_of(*frame), planes(exact.image)),
-              1e-5);
-    std::vector<float> alpha = problem.memory().downloaded(frame->transmittance(), kWidth * kHeight);
+    EXPECT_LT(norm_difference(problem.image_of(*frame), planes(exact.image)), 1e-5);
+    std::vector<float> alpha =
+        problem.memory().downloaded(frame->transmittance(), kWidth * kHeight);
     for (float& value : alpha) value = 1 - value;
     EXPECT_LT(norm_difference(alpha, flat(exact.alpha)), 1e-5);
     const auto gradients = problem.gradients(*frame), expected = problem.exact_gradients();
@@ -347,7 +361,8 @@ TEST_F(CudaOperator, ByAlphaAloneIsThatOfAnImageWithoutWeight) {
 TEST_F(CudaOperator, OffsetsOnTheScreenMoveMeans) {
   Form form = kForms[3];
   Problem problem(form, kCount, 6);
-  problem.input().arrays.screen = {problem.memory().uploaded(std::vector<float>(2 * kCount, 1.0f)), 2};
+  problem.input().arrays.screen = {problem.memory().uploaded(std::vector<float>(2 * kCount, 1.0f)),
+                                   2};
   const std::vector<float> moved = problem.image_of(*problem.draw());
   problem.input().arrays.screen = {};
   const std::vector<float> still = problem.image_of(*problem.draw());
@@ -364,8 +379,7 @@ TEST_F(CudaOperator, WithoutAGradientThePictureIsTheSame) {
   Problem problem(kForms[0], kCount, 7);
   const std::vector<float> expected = problem.image_of(*problem.draw());
   problem.settings().for_backward = false;
-  EXPECT_LT(norm_difference(problem.image_of(*problem.draw()), expected),
-            1e-6);
+  EXPECT_LT(norm_difference(problem.image_of(*problem.draw()), expected), 1e-6);
 }
 
 TEST_F(CudaOperator, NothingToSeeShowsTheBackground) {

@@ -15,8 +15,9 @@ namespace {
 
 using Jet = ceres::Jet<double, 1>;
 constexpr int kWidth = 12, kHeight = 9;
-constexpr InputShape kShapes[] = {{3, 0, false, false},  {2, 5, false, true}, {1, 1, true, false},
-                             {0, 40, false, false}, {-1, 3, true, true}, {-1, 0, false, false}};
+constexpr InputShape kShapes[] = {{3, 0, false, false}, {2, 5, false, true},
+                                  {1, 1, true, false},  {0, 40, false, false},
+                                  {-1, 3, true, true},  {-1, 0, false, false}};
 // Slopes of a picture sum some thousand terms, each rounded at 1e-16, which cancel.
 constexpr double kSlopeTolerance = 1e-9;
 
@@ -123,7 +124,8 @@ TEST(ExactRenderer, EveryInputHasTheSlopeOfJetsAndOfDualNumbers) {
       settings.splat.antialias_detach = false;
       settings.splat.blur = shape.channels > 0 ? 0.5f : 0;
       const ExactInputs<double> in = draw_inputs(random, shape, 30, kWidth, kHeight);
-      const ExactPicture<double> dL = draw_picture_gradient(random, shape.channels, kWidth, kHeight);
+      const ExactPicture<double> dL =
+          draw_picture_gradient(random, shape.channels, kWidth, kHeight);
       const ExactInputs<double> gradient =
           as_inputs(exact_gradients(in.gaussians, in.view, settings, dL));
       for (const char* name : kNames) {
