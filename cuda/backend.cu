@@ -321,7 +321,7 @@ class CudaBackend final : private Gpus, private StepLauncher, private Device, pu
                                     steps_.forecast().capacity_for(photo, model_->count()), report,
                                     number);
     gpu.loss->forward_backward(gpu.pass, *photo.view, loss_settings, gpu.dL_dimage);
-    blend_backward(gpu.context, settings, {gpu.dL_dimage.span(), {}}, gpu.renderer.workspace(),
+    blend_backward(gpu.context, settings, {gpu.dL_dimage.span(), {}, {}}, gpu.renderer.workspace(),
                    gpu.pass);
     if (settings.with_depths) add_depth_gradient(gpu, photo, loss_settings, settings);
   }

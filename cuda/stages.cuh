@@ -51,6 +51,7 @@ struct CudaScratch final : BackendScratch {
   Buffer<std::uint32_t> first_checkpoints;  // (tiles) a tile's first checkpoint; one per segment but the first
   Buffer<ListSegment> segments;             // (capacity S) the longest first, then empty ones
   Buffer<Vec4f> instance_buffer;                       // of the sorts, and then of the checkpoints (instance_buffer.cuh)
+  Buffer<float> depth_checkpoints;                     // (S - tiles, pixels of a tile) sum of depths before a segment
 
   /// The order of the tiles; null where they are blended as they are numbered. An empty Buffer may
   /// still point to the order of an earlier, smaller picture.
@@ -60,7 +61,7 @@ struct CudaScratch final : BackendScratch {
 
   explicit CudaScratch(Memory& memory)
       : view_splats(memory), tile_order(memory), first_checkpoints(memory), segments(memory),
-        instance_buffer(memory) {}
+        instance_buffer(memory), depth_checkpoints(memory) {}
 };
 // clang-format on
 
@@ -153,6 +154,7 @@ struct Background {
 struct PictureGradient {
   Span<const float> image;  // (3, H, W)
   Span<const float> alpha;  // (H, W)  by 1 - transmittance; empty: zeros
+  Span<const float> depth;  // (H, W)  by RenderPass::depth_image; empty: zeros
 };
 
 #ifdef __CUDACC__

@@ -30,6 +30,7 @@ struct RenderSettings : SplatSettings {
   bool for_backward = true;  // false: what only the backward pass reads may be skipped
   // false: the CUDA backend may leave RenderPass::depths empty, which only depth maps need
   bool with_depths = true;
+  bool blends_depth = false;  // also sum the depths of splats, into RenderPass::depth_image
   // sums that do not depend on their order, so that a step has one result
   bool deterministic = false;
 };
@@ -90,12 +91,13 @@ struct RenderPass {
   // 4 blend
   Buffer<float> image;                  // (3, H, W) with background, not clamped
   Buffer<float> transmittance;          // (H, W)    what is left for the background
+  Buffer<float> depth_image;            // (H, W)    sum of weights times Splat::depth; only if blends_depth
   Buffer<std::uint32_t> last_instance;  // (H, W)    1 + position in its tile's list of the last blended; 0 = none
 
   explicit RenderPass(Memory& memory = host_memory())
       : splats(memory), depths(memory), pixel_rects(memory), tile_counts(memory),
         depth_order(memory), tile_splats(memory), tile_ranges(memory), image(memory),
-        transmittance(memory), last_instance(memory) {}
+        transmittance(memory), depth_image(memory), last_instance(memory) {}
 
   /// The scratch of one backend, made when it is first asked for.
   template <class Scratch>

@@ -59,6 +59,7 @@ Operation make_operation(const Addresses& arrays, std::size_t count, const py::d
   }
   input.has_log_scales = arrays.contains("log_scales");
   input.has_logit_opacities = arrays.contains("logit_opacities");
+  input.has_inverse_depth = given["inverse_depth"].cast<bool>();
   if (given.contains("camera")) input.camera = given["camera"].cast<NamedCamera>().camera;
   input.camera.width = given["width"].cast<int>();
   input.camera.height = given["height"].cast<int>();
@@ -73,6 +74,7 @@ Operation make_operation(const Addresses& arrays, std::size_t count, const py::d
                                                                              : BlendRule::faster_gs;
   settings.deterministic = given["deterministic"].cast<bool>();
   settings.for_backward = given["for_backward"].cast<bool>();
+  settings.blends_depth = given["blends_depth"].cast<bool>();
   return operation;
 }
 
@@ -94,7 +96,7 @@ std::unique_ptr<cuda::OperatorFrame> draw(const Operation& operation, std::uintp
 
 void pull_back(const Operation& operation, const cuda::OperatorFrame& frame, std::uintptr_t stream,
                const py::function& scratch, std::uintptr_t image, std::uintptr_t alpha,
-               const Addresses& to) {
+               std::uintptr_t depth, const Addresses& to) {
   cuda::OperatorGradients gradients;
   for (const auto& [name, at] : to) {
     float* const address = pointer<float>(at.first);
@@ -112,8 +114,10 @@ void pull_back(const Operation& operation, const cuda::OperatorFrame& frame, std
   const cuda::OperatorCall call{operation.device, pointer<void>(stream), nullptr,
                                 allocator(scratch)};
   const py::gil_scoped_release release;
-  cuda::pull_back(call, frame, operation.input, settings,
-                  {pointer<const float>(image), pointer<const float>(alpha)}, gradients);
+  cuda::pull_back(
+      call, frame, operation.input, settings,
+      {pointer<const float>(image), pointer<const float>(alpha), pointer<const float>(depth)},
+      gradients);
 }
 
 }  // namespace
@@ -127,6 +131,8 @@ void bind_gpu_operator(py::module_& module) {
       .def("pull_back", pull_back);
   py::class_<OperatorFrame>(module, "GpuFrame")
       .def_property_readonly("image", [=](const OperatorFrame& f) { return address(f.image()); })
+      .def_property_readonly("depth",
+                             [=](const OperatorFrame& f) { return address(f.depth_image()); })
       .def_property_readonly("transmittance",
                              [=](const OperatorFrame& f) { return address(f.transmittance()); })
       .def_property_readonly("splats", [=](const OperatorFrame& f) { return address(f.splats()); })

@@ -49,14 +49,18 @@ constexpr int kListed = kProductSplats + kWarp;
 using Walk = PartWalkOf<Splat, kTileWidth, true, std::uint16_t>;
 static_assert(kSegmentLength <= 65536);  // a walk of 16 bits
 
-constexpr int kColorColumns = 6;  // in use
+// Columns of the colors' right-hand side that are in use.
+template <bool with_depth>
+constexpr int kColorColumns = with_depth ? 8 : 6;
 
+template <bool with_depth>
 struct WarpShared {
-  ListedSplat list[kListed];
+  Listed<with_depth> list[kListed];
   Walk::Ahead ahead;
   // the left-hand sides: f and w of 16 splats at each pixel; then the sums over the pixels
   alignas(16) float fragments[place_of_w(kProducts - 1) + kLeftStride];
-  alignas(8) float colors[kColorColumns][kColorStride];  // the right-hand side, by columns
+  alignas(
+      8) float colors[kColorColumns<with_depth>][kColorStride];  // the right-hand side, by columns
 };
 
 // This lane's part of the right-hand side of the moments, column l / 4: x^a y^b, a + b <= 2. Row t
@@ -85,13 +89,91 @@ struct Monomials {
   }
 };
 
+// The results of the forward pass.
+struct Forward {
+  const float* image;                      // (3, H, W)
+  const float* transmittance;              // (H, W)
+  const std::uint32_t* last;               // (H, W)
+  const std::uint32_t* first_checkpoints;  // (tiles)
+  const Vec4f* checkpoints;                // (.., pixels of a tile)
+  const float* depth;                      // (H, W)
+  const float* depth_checkpoints;          // (.., pixels of a tile)
+};
+// A PictureGradient as a kernel gets it.
+struct PictureGradientPointers {
+  const float *image, *alpha, *depth;
+};
+
+// The state of one pixel during the walk. gs_core/math/render/blend.h has the same formulas with
+// the color behind a fragment; here its inner product with dL/d(pixel) is enough.
+template <bool with_depth>
+struct PixelWalk {
+  Vec3f dL_dpixel{0, 0, 0};
+  float dL_ddepth = 0;
+  float behind = 0;       // <color behind without background, dL/dpixel> - background_term
+  float last_behind = 0;  // the same behind the last fragment: -background_term
+  float transmittance = 1;
+  int last = -1;  // the position of the last fragment
+
+  __device__ PixelWalk(const TileLists& lists, const Subtile& subtile, const Vec3f& background,
+                       const Forward& forward, const PictureGradientPointers& dL) {
+    if (!subtile.is_inside) return;
+    const std::size_t at = subtile.pixel(lists), plane = std::size_t(lists.width) * lists.height;
+    const float* const image = forward.image + at;
+    dL_dpixel = {dL.image[at], dL.image[plane + at], dL.image[2 * plane + at]};
+    behind = inner(dL_dpixel, Vec3f(image[0], image[plane], image[2 * plane]));
+    last_behind = forward.transmittance[at] * inner(dL_dpixel, background);
+    if (dL.alpha) {  // as a color of -dL/d(alpha) behind everything
+      const float by_alpha = forward.transmittance[at] * dL.alpha[at];
+      behind -= by_alpha;
+      last_behind -= by_alpha;
+    }
+    if constexpr (with_depth) {
+      dL_ddepth = dL.depth[at];
+      behind = fmaf(dL_ddepth, forward.depth[at], behind);
+    }
+    last = int(forward.last[at]) - 1;
+  }
+
+  /// Skips to a later segment, before which `at` has color, transmittance and depth.
+  __device__ void skip_to(const Forward& forward, std::size_t at) {
+    const Vec4f& checkpoint = forward.checkpoints[at];
+    behind -= inner(dL_dpixel, Vec3f(checkpoint.x, checkpoint.y, checkpoint.z));
+    if constexpr (with_depth) behind -= dL_ddepth * forward.depth_checkpoints[at];
+    transmittance = checkpoint.w;
+  }
+
+  /// Returns f and w of a fragment, and advances past it. A fragment that is not kept has opacity 0:
+  /// f and w are 0 and the state stays as it is, without a branch.
+  template <BlendRule rule>
+  __device__ float2 step(const Listed<with_depth>& splat, float e, bool is_kept) {
+    const float opacity = is_kept ? splat.opacity : 0.0f, gaussian = exp2_fragment(e);
+    const float alpha = fragment_alpha<rule>(opacity, gaussian);
+    const float weight = transmittance * alpha;
+    float shade =
+        fmaf(splat.red, dL_dpixel.x, fmaf(splat.green, dL_dpixel.y, splat.blue * dL_dpixel.z));
+    if constexpr (with_depth) shade = fmaf(splat.depth, dL_ddepth, shade);
+    behind = int(splat.position) == last ? last_behind : fmaf(-weight, shade, behind);
+    const float q = 1.0f / fmaxf(1.0f - alpha, kMinOneMinusAlpha);
+    float f = fmaf(weight, shade, -alpha * q * behind);
+    if (rule == BlendRule::classic && opacity * gaussian > kMaxAlphaClassic) f = 0.0f;
+    transmittance = transmittance * (1.0f - alpha);
+    return {f, weight};
+  }
+};
+
 // Writes this lane's row of the right-hand side of the colors: red, green and blue of dL/d(pixel),
-// which a product cuts off to TF32, and the rest of each.
-__device__ void write_colors(WarpShared& shared, const Vec3f& dL_dpixel) {
+// which a product cuts off to TF32, the rest of each, and the same of the depth.
+template <bool with_depth>
+__device__ void write_colors(WarpShared<with_depth>& shared, const PixelWalk<with_depth>& pixel) {
   const int lane = lane_of_thread();
   for (int c = 0; c < 3; ++c) {
-    shared.colors[c][lane] = dL_dpixel[c];
-    shared.colors[3 + c][lane] = dL_dpixel[c] - tf32_part(dL_dpixel[c]);
+    shared.colors[c][lane] = pixel.dL_dpixel[c];
+    shared.colors[3 + c][lane] = pixel.dL_dpixel[c] - tf32_part(pixel.dL_dpixel[c]);
+  }
+  if constexpr (with_depth) {
+    shared.colors[6][lane] = pixel.dL_ddepth;
+    shared.colors[7][lane] = pixel.dL_ddepth - tf32_part(pixel.dL_ddepth);
   }
 }
 
@@ -148,14 +230,14 @@ struct SplatOfLane {
 
 // The whole warp: sums f and w of up to 16 splats over the pixels, and adds each splat's share to
 // the sums of its Gaussian. Splats 2 g and 2 g + 1 are rows g and g + 8 of the products.
-template <class Sums>
-__device__ void add_shares(WarpShared& shared, const ListedSplat* list, int count,
+template <class Sums, class Shared, class Listed>
+__device__ void add_shares(Shared& shared, const Listed* list, int count,
                            const SplatOfLane& of_lane, const Monomials& monomials,
                            const Vec2f& center, const Sums& sums) {
   constexpr bool kHasFragments = Sums::kStatistic != FragmentStatistic::none;
   const int lane = lane_of_thread(), g = lane / 4, t = lane % 4;
   __syncwarp();
-  const float* const column = shared.colors[min(g, kColorColumns - 1)] + 2 * t;
+  const float* const column = shared.colors[min(g, kColorColumns<Sums::kDepth> - 1)] + 2 * t;
   SecondSums seconds;
   float moments[4] = {}, colors[4] = {};
 #pragma unroll
@@ -180,10 +262,11 @@ __device__ void add_shares(WarpShared& shared, const ListedSplat* list, int coun
   std::uint32_t gaussian = 0;
   SplatShare share;
   if (lane < count) {
-    const ListedSplat splat = list[lane];
+    const Listed splat = list[lane];
     const float* const of_splat = shared.fragments + lane * kSumStride;
     gaussian = splat.gaussian;
     share.gradient = splat_gradient(splat, center, of_splat);
+    if (Sums::kDepth) share.gradient.depth = of_splat[14] + of_splat[15];
     if (Sums::kAbsolute)
       share.gradient.absolute_x = of_lane.absolute.x,
       share.gradient.absolute_y = of_lane.absolute.y;
@@ -194,73 +277,16 @@ __device__ void add_shares(WarpShared& shared, const ListedSplat* list, int coun
   __syncwarp();
 }
 
-// The state of one pixel during the walk. gs_core/math/render/blend.h has the same formulas with
-// the color behind a fragment; here its inner product with dL/d(pixel) is enough.
-struct PixelWalk {
-  Vec3f dL_dpixel{0, 0, 0};
-  float behind = 0;       // <color behind without background, dL/dpixel> - background_term
-  float last_behind = 0;  // the same behind the last fragment: -background_term
-  float transmittance = 1;
-  int last = -1;  // the position of the last fragment
-
-  __device__ PixelWalk(const TileLists& lists, const Subtile& subtile, const Vec3f& background,
-                       const float* image, const float* final_transmittance,
-                       const std::uint32_t* last_instance, const float* dL_dimage,
-                       const float* dL_dalpha) {
-    if (!subtile.is_inside) return;
-    const std::size_t at = subtile.pixel(lists), plane = std::size_t(lists.width) * lists.height;
-    dL_dpixel = {dL_dimage[at], dL_dimage[plane + at], dL_dimage[2 * plane + at]};
-    behind = inner(dL_dpixel, Vec3f(image[at], image[plane + at], image[2 * plane + at]));
-    last_behind = final_transmittance[at] * inner(dL_dpixel, background);
-    if (dL_dalpha) {  // as a color of -dL/d(alpha) behind everything
-      const float by_alpha = final_transmittance[at] * dL_dalpha[at];
-      behind -= by_alpha;
-      last_behind -= by_alpha;
-    }
-    last = int(last_instance[at]) - 1;
-  }
-
-  /// Skips to a later segment; the checkpoint has (color, transmittance) before it.
-  __device__ void skip_to(const Vec4f& checkpoint) {
-    behind -= inner(dL_dpixel, Vec3f(checkpoint.x, checkpoint.y, checkpoint.z));
-    transmittance = checkpoint.w;
-  }
-
-  /// Returns f and w of a fragment, and advances past it. A fragment that is not kept has opacity 0:
-  /// f and w are 0 and the state stays as it is, without a branch.
-  template <BlendRule rule>
-  __device__ float2 step(const ListedSplat& splat, float e, bool is_kept) {
-    const float opacity = is_kept ? splat.opacity : 0.0f, gaussian = exp2_fragment(e);
-    const float alpha = fragment_alpha<rule>(opacity, gaussian);
-    const float weight = transmittance * alpha;
-    const float shade =
-        fmaf(splat.red, dL_dpixel.x, fmaf(splat.green, dL_dpixel.y, splat.blue * dL_dpixel.z));
-    behind = int(splat.position) == last ? last_behind : fmaf(-weight, shade, behind);
-    const float q = 1.0f / fmaxf(1.0f - alpha, kMinOneMinusAlpha);
-    float f = fmaf(weight, shade, -alpha * q * behind);
-    if (rule == BlendRule::classic && opacity * gaussian > kMaxAlphaClassic) f = 0.0f;
-    transmittance = transmittance * (1.0f - alpha);
-    return {f, weight};
-  }
-};
-
-// The results of the forward pass.
-struct Forward {
-  const float* image;                      // (3, H, W)
-  const float* transmittance;              // (H, W)
-  const std::uint32_t* last;               // (H, W)
-  const std::uint32_t* first_checkpoints;  // (tiles)
-  const Vec4f* checkpoints;                // (.., pixels of a tile)
-};
-
 // The whole warp: lists those of the walk's next 32 splats that hit the sub-tile, from a place of
 // the ring on, and returns their number.
-__device__ int list_next(ListedSplat* ring, int place, Walk& walk, const PixelRange& pixels) {
-  ListedSplat splat_of_lane;
+template <class Listed>
+__device__ int list_next(Listed* ring, int place, Walk& walk, const PixelRange& pixels) {
+  constexpr bool with_depth = std::is_same_v<Listed, ListedSplatWithDepth>;
+  Listed splat_of_lane;
   bool is_hit = false;
   walk.take_next([&](int, const Splat& splat, std::uint32_t position, std::uint32_t gaussian) {
     is_hit = pixels.are_hit_by(splat);
-    splat_of_lane = listed(splat, position, gaussian, walk.least_color());
+    splat_of_lane = listed_as<with_depth>(splat, position, gaussian, walk.least_color());
   });
   const unsigned hits = __ballot_sync(kAllLanes, is_hit);
   place += __popc(hits & lanes_below());
@@ -271,25 +297,24 @@ __device__ int list_next(ListedSplat* ring, int place, Walk& walk, const PixelRa
 template <BlendRule rule, class Sums>
 __global__ void __launch_bounds__(kBlendThreads, kBlocks)
     blend_backward_kernel(TileLists lists, const ListSegment* segments, Background background,
-                          Forward forward, const float* dL_dimage, const float* dL_dalpha,
-                          Sums sums) {
+                          Forward forward, PictureGradientPointers dL, Sums sums) {
   constexpr bool kHasFragments = Sums::kStatistic != FragmentStatistic::none;
-  __shared__ WarpShared shared_of_warps[kBlendWarps];
-  WarpShared& shared = shared_of_warps[threadIdx.x / kWarp];
+  using Listed = Listed<Sums::kDepth>;
+  __shared__ WarpShared<Sums::kDepth> shared_of_warps[kBlendWarps];
+  WarpShared<Sums::kDepth>& shared = shared_of_warps[threadIdx.x / kWarp];
   const int lane = lane_of_thread();
   const WarpWork work;
   const ListSegment segment = segments[work.item];
   if (segment.tile == kNoTile) return;
   const Subtile subtile(lists, segment.tile, work.subtile);
-  PixelWalk pixel(lists, subtile, background(), forward.image, forward.transmittance, forward.last,
-                  dL_dimage, dL_dalpha);
+  PixelWalk<Sums::kDepth> pixel(lists, subtile, background(), forward, dL);
   const std::uint32_t longest = warp_max(std::uint32_t(pixel.last + 1)),
                       first = segment.number * kSegmentLength;
   if (longest <= first) return;
   if (segment.number > 0)
-    pixel.skip_to(forward.checkpoints[subtile.checkpoint(forward.first_checkpoints[segment.tile] +
-                                                         segment.number - 1)]);
-  write_colors(shared, pixel.dL_dpixel);
+    pixel.skip_to(forward,
+                  subtile.checkpoint(forward.first_checkpoints[segment.tile] + segment.number - 1));
+  write_colors(shared, pixel);
   const Monomials monomials;
   const Vec2f center{float(subtile.x0) + 0.5f * kSubtileWidth,
                      float(subtile.y0) + 0.5f * kSubtileHeight};
@@ -298,8 +323,8 @@ __global__ void __launch_bounds__(kBlendThreads, kBlocks)
   const PixelRange pixels = subtile.pixels();
   Walk walk(shared.ahead, lists, subtile.tile, pixels.bit(), first,
             min(longest, first + kSegmentLength), false);
-  ListedSplat* list = shared.list;  // where the next product begins
-  int listed = 0;                   // splats from there on
+  Listed* list = shared.list;  // where the next product begins
+  int listed = 0;              // splats from there on
   while (true) {
     while (listed < kProductSplats && !walk.is_done())
       listed += list_next(shared.list, int(list - shared.list) + listed, walk, pixels);
@@ -308,11 +333,11 @@ __global__ void __launch_bounds__(kBlendThreads, kBlocks)
     if (lane == 0 && count % 2) list[count] = {};  // the other one of a pair
     __syncwarp();
     SplatOfLane of_lane;
-    const auto step = [&](int k, const ListedSplat& splat) {
+    const auto step = [&](int k, const Listed& splat) {
       const float dx = x - splat.mean2d.x, dy = y - splat.mean2d.y;
       const float e = base2_exponent(splat, dx, dy);
       const bool is_kept = e >= splat.lowest && int(splat.position) <= pixel.last;
-      const float2 fragment = pixel.step<rule>(splat, e, is_kept);
+      const float2 fragment = pixel.template step<rule>(splat, e, is_kept);
       if (Sums::kAbsolute) {
         const Vec2f sum = absolute_gradient(splat, dx, dy, fragment.x);
         if (lane == k) of_lane.absolute = sum;
@@ -326,7 +351,7 @@ __global__ void __launch_bounds__(kBlendThreads, kBlocks)
     float* to = left;
 #pragma unroll 1
     for (int k = 0; k < count; k += 2, to += kPairStride) {
-      const ListedSplat one = list[k], other = list[k + 1];
+      const Listed one = list[k], other = list[k + 1];
       const float2 a = step(k, one), b = step(k + 1, other);
       *reinterpret_cast<float2*>(to) = {a.x, b.x};
       *reinterpret_cast<float2*>(to + place_of_w(0)) = {a.y, b.y};
@@ -351,7 +376,7 @@ __global__ void __launch_bounds__(kBlendThreads)
   sum.conic_xx += number(2), sum.conic_xy += number(3), sum.conic_yy += number(4);
   sum.opacity += number(5);
   sum.red += number(6), sum.green += number(7), sum.blue += number(8);
-  sum.absolute_x += number(9), sum.absolute_y += number(10);
+  sum.absolute_x += number(9), sum.absolute_y += number(10), sum.depth += number(11);
   store_in_vectors(gradients + i, sum);
   store_in_vectors(all_fine + i, FineSums{});
   if (fine.has_coarse) all_coarse[i] = {};
@@ -364,46 +389,57 @@ void blend_backward(Context& context, const RenderSettings& settings, const Pict
   const StageScope scope(context, "blend backward");
   GS_CHECK(dL.image.size == 3 * pass.pixel_count());
   GS_CHECK(dL.alpha.empty() || dL.alpha.size == pass.pixel_count());
+  GS_CHECK(dL.depth.empty() || dL.depth.size == pass.depth_image.size());
   const CudaScratch& scratch = pass.scratch<CudaScratch>();
-  const Forward forward{pass.image.data(), pass.transmittance.data(), pass.last_instance.data(),
-                        scratch.first_checkpoints.data(), scratch.checkpoints()};
+  const Forward forward{pass.image.data(),
+                        pass.transmittance.data(),
+                        pass.last_instance.data(),
+                        scratch.first_checkpoints.data(),
+                        scratch.checkpoints(),
+                        pass.depth_image.data(),
+                        scratch.depth_checkpoints.data()};
   const auto launch = [&](const auto& sums) {
     with_rule(settings.blend_rule, [&](auto rule) {
       context.launch("blend backward",
                      blend_backward_kernel<rule(), std::remove_cvref_t<decltype(sums)>>,
                      blend_blocks(scratch.segments.size()), kBlendThreads, tile_lists(pass),
-                     scratch.segments.data(), Background(settings), forward, dL.image.data,
-                     dL.alpha.data, sums);
+                     scratch.segments.data(), Background(settings), forward,
+                     PictureGradientPointers{dL.image.data, dL.alpha.data, dL.depth.data}, sums);
     });
   };
   const FragmentSink fragments{
       settings.deterministic ? nullptr : workspace.fragment_sums.data(),
       settings.deterministic ? workspace.fixed_fragment_sums.data() : nullptr,
       force_scale(pass.pixel_count())};
+  // With depths, forces are only summed beside absolute gradients, so that there are fewer kernels.
+  const bool with_forces = settings.fragment_statistic != FragmentStatistic::none;
   const auto launch_with = [&](const auto& sums) {
     using Sums = std::remove_cvref_t<decltype(sums)>;
-    if (settings.fragment_statistic == FragmentStatistic::none) return launch(sums);
+    if (!with_forces) return launch(sums);
     if constexpr (std::is_same_v<Sums, FloatSums<false>>)
       return launch(FloatSumsOfForces{{sums.of_gaussian}});
-    else
+    else if constexpr (!Sums::kDepth || Sums::kAbsolute)
       return launch(WithForces<Sums>{sums, fragments});
+    else
+      GS_CHECK(!"forces beside absolute gradients");
   };
-  const auto launch_as_asked = [&](auto absolute) {
+  const auto launch_as_asked = [&](auto absolute, auto depth) {
     if (!settings.deterministic)
-      return launch_with(FloatSums<absolute()>{workspace.splat_gradients.data()});
-    launch_with(FixedSums<absolute()>{workspace.fine_sums.data(), workspace.coarse_sums.data()});
+      return launch_with(FloatSums<absolute(), depth()>{workspace.splat_gradients.data()});
+    launch_with(
+        FixedSums<absolute(), depth()>{workspace.fine_sums.data(), workspace.coarse_sums.data()});
     const std::size_t count = pass.tile_counts.size();
     context.launch("collect sums", collect_sums_kernel, blocks_for(count, kBlendThreads),
                    kBlendThreads, count, pass.tile_counts.data(), workspace.fine_sums.data(),
                    workspace.coarse_sums.data(), workspace.splat_gradients.data());
   };
+  const bool with_depth = !dL.depth.empty();
   // Forces that are not among the gradients are in sums of their own, beside absolute gradients.
-  const bool has_forces_apart = settings.fragment_statistic != FragmentStatistic::none &&
-                                settings.with_depths && !settings.deterministic;
-  if (settings.absolute_gradient || has_forces_apart)
-    launch_as_asked(std::true_type());
-  else
-    launch_as_asked(std::false_type());
+  const bool has_forces_apart = with_forces && settings.with_depths && !settings.deterministic;
+  with_constant(settings.absolute_gradient || has_forces_apart || (with_forces && with_depth),
+                [&](auto absolute) {
+                  with_constant(with_depth, [&](auto depth) { launch_as_asked(absolute, depth); });
+                });
 }
 
 }  // namespace gs::cuda

@@ -22,15 +22,16 @@ struct SplatShare {
 __device__ inline bool is_zero(const SplatGradientSum& sum) {
   return sum.mean2d.x == 0.0f && sum.mean2d.y == 0.0f && sum.conic_xx == 0.0f &&
          sum.conic_xy == 0.0f && sum.conic_yy == 0.0f && sum.opacity == 0.0f && sum.red == 0.0f &&
-         sum.green == 0.0f && sum.blue == 0.0f && sum.absolute_x == 0.0f && sum.absolute_y == 0.0f;
+         sum.green == 0.0f && sum.blue == 0.0f && sum.absolute_x == 0.0f &&
+         sum.absolute_y == 0.0f && sum.depth == 0.0f;
 }
 
 /// The sums of the gradients of all Gaussians, in floating point or in fixed point. add() is called
 /// by the whole warp: lane k < count has the share of the k-th splat, and scratch memory from
 /// numbers[k * kSumStride] on.
-template <bool kAbsolute_>
+template <bool kAbsolute_, bool kDepth_ = false>
 struct FloatSums {
-  static constexpr bool kAbsolute = kAbsolute_;
+  static constexpr bool kAbsolute = kAbsolute_, kDepth = kDepth_;
   static constexpr FragmentStatistic kStatistic = FragmentStatistic::none;
   SplatGradientSum* of_gaussian;
 
@@ -40,8 +41,8 @@ struct FloatSums {
     float4* const into = reinterpret_cast<float4*>(of_gaussian + gaussian);
     add_to(into, {sum.mean2d.x, sum.mean2d.y, sum.conic_xx, sum.conic_xy});
     add_to(into + 1, {sum.conic_yy, sum.opacity, sum.red, sum.green});
-    if (kAbsolute)
-      add_to(into + 2, {sum.blue, sum.absolute_x, sum.absolute_y, 0.0f});
+    if (kAbsolute || kDepth)
+      add_to(into + 2, {sum.blue, sum.absolute_x, sum.absolute_y, sum.depth});
     else
       atomicAdd(&of_gaussian[gaussian].blue, sum.blue);
   }
@@ -59,9 +60,9 @@ struct FloatSumsOfForces : FloatSums<true> {
   }
 };
 /// Gradient sums in fixed point: the order of additions does not matter.
-template <bool kAbsolute_>
+template <bool kAbsolute_, bool kDepth_ = false>
 struct FixedSums {
-  static constexpr bool kAbsolute = kAbsolute_;
+  static constexpr bool kAbsolute = kAbsolute_, kDepth = kDepth_;
   static constexpr FragmentStatistic kStatistic = FragmentStatistic::none;
   FineSums* fine;
   CoarseSums* coarse;
@@ -69,7 +70,9 @@ struct FixedSums {
   // Neighboring lanes add neighboring numbers, which share sectors of memory.
   __device__ void add(int count, std::uint32_t gaussian, const SplatShare& share,
                       float* numbers) const {
-    constexpr int kNumbers = kAbsolute ? kAllGradientNumbers : kGradientNumbers;
+    constexpr int kNumbers = kDepth      ? kAllGradientNumbers
+                             : kAbsolute ? kAbsoluteNumbers
+                                         : kGradientNumbers;
     const int lane = lane_of_thread();
     if (lane < count)
       store_in_vectors(reinterpret_cast<SplatGradientSum*>(numbers + lane * kSumStride),

@@ -19,6 +19,7 @@ struct Frame final : OperatorFrame {
       : context(call.device, static_cast<cudaStream_t>(call.stream)), memory(context, call.kept),
         pass(memory) {}
   const float* image() const override { return pass.image.data(); }
+  const float* depth_image() const override { return pass.depth_image.data(); }
   const float* transmittance() const override { return pass.transmittance.data(); }
   const Splat* splats() const override { return pass.splats.data(); }
   const float* depths() const override { return pass.depths.data(); }
@@ -148,7 +149,8 @@ void pull_back(const OperatorCall& call, const OperatorFrame& frame, const Opera
   Buffer<float> no_image(scratch);
   if (!dL.image) zeros(no_image, 3 * pixels);
   const PictureGradient dL_dpicture{{dL.image ? dL.image : no_image.data(), 3 * pixels},
-                                    {dL.alpha, dL.alpha ? pixels : 0}};
+                                    {dL.alpha, dL.alpha ? pixels : 0},
+                                    {dL.depth, dL.depth ? pixels : 0}};
   blend_backward(context, settings, dL_dpicture, workspace, pass);
   project_backward(context, input, settings, workspace, pass, gradients);
 }

@@ -45,6 +45,7 @@ struct OperatorInput {
   std::size_t count = 0;  // N
   OperatorArrays<const float> arrays;
   bool has_log_scales = false, has_logit_opacities = false;
+  bool has_inverse_depth = false;  // depth_image() sums weights over depths, not times depths
   Camera camera;                   // its size counts in any case
   const float* viewmat = nullptr;  // (4, 4)  cam_from_world in place of the camera's
   const float* K = nullptr;        // (3, 3)  fx, fy, cx, cy in place of the camera's
@@ -54,6 +55,7 @@ struct OperatorInput {
 struct OperatorPictureGradient {
   const float* image = nullptr;  // (3, H, W)
   const float* alpha = nullptr;  // (H, W)  null: zeros
+  const float* depth = nullptr;  // (H, W)  null: zeros
 };
 
 /// Where gradients are written, in device memory; what is null is not computed. Rows of Gaussians
@@ -82,6 +84,7 @@ class OperatorFrame {
  public:
   virtual ~OperatorFrame() = default;
   virtual const float* image() const = 0;                // (3, H, W)  with the background
+  virtual const float* depth_image() const = 0;          // (H, W)  only with settings.blends_depth
   virtual const float* transmittance() const = 0;        // (H, W)
   virtual const Splat* splats() const = 0;               // (N)  undefined where not visible
   virtual const float* depths() const = 0;               // (N)  likewise

@@ -86,6 +86,7 @@ __global__ void __launch_bounds__(kPreprocessThreads, kBlocks)
   if (i >= in.count) return;
   if (hits == 0) return cull(out.rows, i);
   keep(out.rows, i, hits, projected.depth, pixels);
+  if (in.has_inverse_depth) splat.depth = 1.0f / projected.depth;
   store_in_vectors(out.splats + i, splat);
   out.depths[i] = projected.depth;
 }

@@ -190,6 +190,10 @@ __global__ void __launch_bounds__(kThreads, kBlocks)
     const SplatGradientSum sum = load_in_vectors(projected.sums + i);
     SplatGradient dL_dsplat = masked(sum, has_sh ? projected.splats[i].color : Vec3f(0.0f));
     dL_dcolor = dL_dsplat.color;
+    if (in.has_inverse_depth) {
+      const float inverse = projected.splats[i].depth;
+      dL_dsplat.depth *= -inverse * inverse;
+    }
     const GivenShape shape = shape_of(in, i);
     const EllipsoidInCameraGradient<float> dL = project_ellipsoid_in_camera_vjp(
         camera, to_camera(camera, mean), shape.sigma, shape.opacity, settings, dL_dsplat);

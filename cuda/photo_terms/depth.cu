@@ -178,7 +178,7 @@ void DepthStage::add_gradient(Context& context, const RenderSettings& settings,
     context.launch("depth loss", compare_depth_kernel, blocks_for(plane, kThreads), kThreads,
                    pixels, target_.data(), dL_dplanes_.data());
   }
-  blend_backward(context, of_depth, {dL_dplanes_.span(), {}}, workspace, pass);
+  blend_backward(context, of_depth, {dL_dplanes_.span(), {}, {}}, workspace, pass);
   const StageScope scope(context, "depth");
   context.launch("depth gradients", return_colors_kernel, blocks_for(count, kThreads), kThreads,
                  rows);

@@ -61,6 +61,8 @@ inline void reserve_instances(const RenderSettings& settings, Buffer<Vec4f>& buf
   const std::size_t size =
       std::max(instances, settings.for_backward ? checkpoint_pixels(capacity) : 0);
   if (buffer.size() < size) buffer.resize_discard(size);
+  if (settings.for_backward && settings.blends_depth)
+    pass.scratch<CudaScratch>().depth_checkpoints.resize_discard(checkpoint_pixels(capacity));
   pass.tile_splats.resize_discard(capacity);
 }
 

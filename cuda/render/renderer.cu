@@ -171,7 +171,7 @@ void CudaRenderer::backward(const GaussiansSpan& gaussians, const Camera& camera
   RenderSettings plain = settings;
   plain.fragment_statistic = FragmentStatistic::none;  // steps alone gather them: backend.cu
   reserve_gradients(gaussians.mean.size, plain);
-  blend_backward(context_, plain, {dL_dimage, {}}, workspace_, pass);
+  blend_backward(context_, plain, {dL_dimage, {}, {}}, workspace_, pass);
   preprocess_backward(context_, gaussians, {camera, settings, nullptr, workspace_, pass}, gradients,
                       dL_dmean2d);
 }

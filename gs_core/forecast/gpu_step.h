@@ -54,11 +54,11 @@ struct alignas(16) SplatGradientSum {
   // absolute: |dL/d(mean2d)|, where asked for; else count and second of FragmentSums for the score
   // "force" (sums_among_gradients() in stages.cuh)
   float blue, absolute_x, absolute_y;
-  float depth;  // of photos with a depth map; not summed here (depth.cu)
+  float depth;  // where depths are blended
 };
 
-/// Count of numbers in a SplatGradientSum: without the absolute gradient, and with it.
-inline constexpr int kGradientNumbers = 9, kAllGradientNumbers = 11;
+/// Count of numbers in a SplatGradientSum: without the absolute gradient, with it, and with the depth.
+inline constexpr int kGradientNumbers = 9, kAbsoluteNumbers = 11, kAllGradientNumbers = 12;
 
 /// The sums as integer multiples of kFine. A share x is split into a multiple of kCoarse, which is
 /// rarely not zero and goes to CoarseSums, and the rest, which goes here. The rest is below 2^42

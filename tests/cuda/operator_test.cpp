@@ -14,6 +14,8 @@ constexpr int kWidth = 70, kHeight = 45;  // several tiles, the last ones cut of
 constexpr int kCount = 100;               // more than three warps
 constexpr double kTolerance = 2e-4;       // of norms; a fragment at its cutoff is 1/255
 
+enum class Depth { none, metric, inverse };
+
 /// Which arrays are given, and in which form.
 struct Form {
   const char* name;
@@ -21,22 +23,41 @@ struct Form {
   bool has_log_scales = true, has_logits = true;
   bool camera_on_device = false, background_on_device = false, one_sh_array = false;
   BlendRule rule = BlendRule::faster_gs;
+  Depth depth = Depth::none;
 };
 constexpr Form kForms[] = {
-    {"as a model stores them", {3, 0, false, false}},
-    {"activated", {2, 0, false, true}, false, false, true, true},
-    {"covariances", {1, 0, true, false}, false, true, true, false},
-    {"colors", {-1, 0, false, true}, true, false, false, true},
-    {"one array of SH", {3, 0, false, false}, false, false, true, true, true},
-    {"sh0 alone", {0, 0, false, false}, true, true, false, false},
-    {"colors of covariances by the classic rule",
-     {-1, 0, true, false},
-     true,
-     false,
-     true,
-     true,
-     false,
-     BlendRule::classic},
+    {.name = "as a model stores them", .shape = {3, 0, false, false}},
+    {.name = "activated, with depths",
+     .shape = {2, 0, false, true},
+     .has_log_scales = false,
+     .has_logits = false,
+     .camera_on_device = true,
+     .background_on_device = true,
+     .depth = Depth::metric},
+    {.name = "covariances",
+     .shape = {1, 0, true, false},
+     .has_log_scales = false,
+     .camera_on_device = true},
+    {.name = "colors, with inverse depths",
+     .shape = {-1, 0, false, true},
+     .has_logits = false,
+     .background_on_device = true,
+     .depth = Depth::inverse},
+    {.name = "one array of SH",
+     .shape = {3, 0, false, false},
+     .has_log_scales = false,
+     .has_logits = false,
+     .camera_on_device = true,
+     .background_on_device = true,
+     .one_sh_array = true},
+    {.name = "sh0 alone", .shape = {0, 0, false, false}},
+    {.name = "colors of covariances by the classic rule, with depths",
+     .shape = {-1, 0, true, false},
+     .has_logits = false,
+     .camera_on_device = true,
+     .background_on_device = true,
+     .rule = BlendRule::classic,
+     .depth = Depth::metric},
 };
 
 /// A stream, and memory of the GPU that the operator and the test itself take.
@@ -144,8 +165,11 @@ class Problem {
     TestRandom random(seed);
     in_ = in_floats(draw_inputs(random, form.shape, count, kWidth, kHeight));
     dL_ = draw_picture_gradient(random, 0, kWidth, kHeight);
-    dL_.depth.clear(), dL_.inverse_depth.clear();
-    round_all(dL_.image), round_all(dL_.alpha);
+    (form.depth == Depth::metric ? dL_.inverse_depth : dL_.depth).clear();
+    if (form.depth == Depth::none) dL_.inverse_depth.clear();
+    round_all(dL_.image), round_all(dL_.alpha), round_all(dL_.depth), round_all(dL_.inverse_depth);
+    settings_.blends_depth = form.depth != Depth::none;
+    input_.has_inverse_depth = form.depth == Depth::inverse;
     exact_.splat.antialias = settings_.antialias = form.shape.antialias;
     exact_.splat.antialias_detach = settings_.antialias_detach = false;
     exact_.rule = settings_.blend_rule = form.rule;
@@ -196,7 +220,8 @@ class Problem {
     }
     cuda::pull_back(call(), frame, input_, settings_,
                     {with_image ? memory_.uploaded(planes(dL_.image)) : nullptr,
-                     memory_.uploaded(flat(dL_.alpha))},
+                     memory_.uploaded(flat(dL_.alpha)),
+                     form_.depth == Depth::none ? nullptr : memory_.uploaded(flat(depths_of(dL_)))},
                     to);
     std::map<std::string, std::vector<float>> result;
     for (const auto& [name, array] : made)
@@ -204,6 +229,10 @@ class Problem {
     return result;
   }
 
+  /// Depths or inverse depths, whichever are drawn.
+  const std::vector<double>& depths_of(const ExactPicture<double>& picture) const {
+    return form_.depth == Depth::metric ? picture.depth : picture.inverse_depth;
+  }
   ExactPicture<double> exact_picture() const {
     return gs::exact_picture(in_.gaussians, in_.view, exact_);
   }
@@ -330,6 +359,10 @@ TEST_F(CudaOperator, PicturesAndGradientsAreTheExactOnesInEveryForm) {
         problem.memory().downloaded(frame->transmittance(), kWidth * kHeight);
     for (float& value : alpha) value = 1 - value;
     EXPECT_LT(norm_difference(alpha, flat(exact.alpha)), 1e-5);
+    if (form.depth != Depth::none) {
+      const auto depths = problem.memory().downloaded(frame->depth_image(), kWidth * kHeight);
+      EXPECT_LT(norm_difference(depths, flat(problem.depths_of(exact))), 1e-5);
+    }
     const auto gradients = problem.gradients(*frame), expected = problem.exact_gradients();
     EXPECT_EQ(gradients.size(), expected.size());
     for (const auto& [name, values] : expected) {

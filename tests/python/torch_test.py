@@ -40,16 +40,16 @@ def draw(arrays, outputs=("image", "alpha"), width=WIDTH, height=HEIGHT, **setti
 def loss_of(rendering):
     """A number that depends on every pixel in a way of its own, made of whichever pictures there are."""
     total = 0
-    for picture in (rendering.image, rendering.alpha):
+    for picture in (rendering.image, rendering.alpha, rendering.depth, rendering.inverse_depth):
         if picture is not None:
             weights = torch.sin(torch.arange(picture.numel(), device=picture.device, dtype=picture.dtype))
             total = total + (picture * weights.view(picture.shape)).sum()
     return total
 
 
-def gradients(arrays, **settings):
+def gradients(arrays, outputs=("image", "alpha"), **settings):
     """The pictures, and the gradients by every array."""
-    rendering = draw(arrays, **settings)
+    rendering = draw(arrays, outputs, **settings)
     return rendering, dict(zip(arrays, torch.autograd.grad(loss_of(rendering), list(arrays.values()))))
 
 
@@ -104,19 +104,31 @@ class OnTheGpuTest(TestCase):
     }
 
     def assert_near(self, tensor, expected, tolerance, name):
-        difference = torch.linalg.vector_norm(tensor.double().cpu() - expected.double())
-        self.assertLessEqual(float(difference), tolerance * max(1e-6, float(torch.linalg.vector_norm(expected.double()))), name)
+        tensor, expected = tensor.detach().double().cpu(), expected.detach().double()
+        difference = torch.linalg.vector_norm(tensor - expected)
+        self.assertLessEqual(float(difference), tolerance * max(1e-6, float(torch.linalg.vector_norm(expected))), name)
 
     def test_pictures_and_gradients_are_those_of_the_cpu(self):
         for form, others in self.FORMS.items():
-            for settings in ({}, {"blend_rule": "classic"}, {"antialiased": True}, {"blur": 0.5, "near": 2.8}):
+            for settings in ({}, {"blend_rule": "classic"}, {"antialiased": True}, {"blur": 0.5, "near": 2.8},
+                             {"outputs": ("image", "alpha", "depth")}, {"outputs": ("inverse_depth",)}):
                 with self.subTest(form, **settings):
                     expected, by_cpu = gradients(arguments(100, dtype=torch.float64, **others), **settings)
                     drawn, by_gpu = gradients(arguments(100, "cuda", **others), **settings)
-                    self.assert_near(drawn.image, expected.image, 1e-5, "image")
-                    self.assert_near(drawn.alpha, expected.alpha, 1e-5, "alpha")
+                    for name, picture in expected._asdict().items():
+                        if picture is not None:
+                            self.assert_near(getattr(drawn, name), picture, 1e-5, name)
                     for name, gradient in by_cpu.items():
                         self.assert_near(by_gpu[name], gradient, 3e-4, name)
+
+    def test_long_lists_have_checkpoints(self):
+        names = ("image", "alpha", "depth")
+        crowd = {"means": np.random.default_rng(3).uniform(-0.3, 0.3, (3000, 3)), "logit_opacities": np.full(3000, -4.0)}
+        expected, by_cpu = gradients(arguments(3000, dtype=torch.float64, **crowd), names)
+        drawn, by_gpu = gradients(arguments(3000, "cuda", **crowd), names)
+        self.assert_near(drawn.depth, expected.depth, 1e-5, "depth")
+        for name, gradient in by_cpu.items():
+            self.assert_near(by_gpu[name], gradient, 1e-3, name)
 
     def test_rows_are_those_of_the_cpu(self):
         names = ("visible", "radii", "means2d", "depths", "conics")
@@ -234,6 +246,8 @@ class OnTheGpuTest(TestCase):
             draw(arguments(5, "cuda", dtype=torch.float64))
         with self.assertRaisesRegex(gemsplat.UsageError, "background is on cpu, but means on cuda:0"):
             draw({**arguments(5, "cuda"), "background": torch.zeros(3)})
+        with self.assertRaisesRegex(gemsplat.UsageError, "depth or inverse_depth"):
+            draw(arguments(5, "cuda"), ("depth", "inverse_depth"))
 
 
 if __name__ == "__main__":

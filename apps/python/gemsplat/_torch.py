@@ -154,30 +154,30 @@ class _Draw(torch.autograd.Function):
         ctx.set_materialize_grads(False)
         height, width = call["height"], call["width"]
         transmittance = kept.view(ctx.frame.transmittance, torch.float32, height, width)
-        image = kept.view(ctx.frame.image, torch.float32, 3, height, width).clone()
+        pictures = [kept.view(ctx.frame.image, torch.float32, 3, height, width).clone(), 1 - transmittance]
+        if call["blends_depth"]:
+            pictures.append(kept.view(ctx.frame.depth, torch.float32, height, width).clone())
         rows = _row_outputs(ctx.frame, kept, call)
         ctx.mark_non_differentiable(*rows)
-        return image, 1 - transmittance, *rows
+        return *pictures, *rows
 
     @staticmethod
     @once_differentiable
-    def backward(ctx, by_image, by_alpha, *_):
+    def backward(ctx, by_image, by_alpha, *others):
+        by_depth = others[0] if ctx.call["blends_depth"] else None
+        by_pictures = [None if by is None else by.contiguous() for by in (by_image, by_alpha, by_depth)]
         dense = dict(zip(ctx.names, ctx.saved_tensors))
         wanted = [name for name, is_needed in zip(ctx.names, ctx.needs_input_grad[2:]) if is_needed]
-        nothing = [None] * (2 + len(ctx.names))
-        if by_image is None and by_alpha is None:
-            return tuple(nothing)
+        if all(by is None for by in by_pictures):
+            return (None,) * (2 + len(ctx.names))
         has_unused = "sh" in dense or "sh_rest" in dense
         make = torch.zeros if has_unused and ctx.call["has_unused_sh"] else torch.empty
         gradients = {name: (make if name in ("sh", "sh_rest") else torch.empty)(
             dense[name].shape, dtype=torch.float32, device=dense[name].device) for name in wanted if name != "background"}
-        by_image = None if by_image is None else by_image.contiguous()
-        by_alpha = None if by_alpha is None else by_alpha.contiguous()
         device = ctx.kept.device
         with torch.cuda.device(device):
             ctx.operation.pull_back(ctx.frame, torch.cuda.current_stream().cuda_stream, _Pieces(device),
-                                    0 if by_image is None else by_image.data_ptr(),
-                                    0 if by_alpha is None else by_alpha.data_ptr(), _addresses(gradients))
+                                    *(0 if by is None else by.data_ptr() for by in by_pictures), _addresses(gradients))
         if "background" in wanted:
             gradients["background"] = torch.zeros_like(dense["background"]) if by_image is None else (
                 by_image * ctx.kept.view(ctx.frame.transmittance, torch.float32, *by_image.shape[1:])).sum((1, 2))
@@ -185,6 +185,7 @@ class _Draw(torch.autograd.Function):
 
 
 _MATRICES = ("viewmats", "Ks", "background")
+_DEPTHS = ("depth", "inverse_depth")
 
 
 def _row_outputs(frame, kept, call):
@@ -214,11 +215,14 @@ def _on_gpu(arguments):
         raise UsageError("a GPU draws tensors of float32; tensors of float64 are drawn on the CPU")
     if not hasattr(_gemsplat, "GpuOperation"):
         raise UsageError("this gemsplat was built without CUDA; give tensors on the CPU, or build it where nvcc is found")
-    others = [name for name in arguments.pictures if name not in ("image", "alpha")] + ["features"] * (arguments.channels > 0)
-    if others or arguments.smooth:
-        raise UsageError(f"{'smooth' if arguments.smooth else others[0]} is for tensors on the CPU")
+    for name, is_asked in (("smooth", arguments.smooth), ("features", arguments.channels > 0)):
+        if is_asked:
+            raise UsageError(f"{name} is for tensors on the CPU")
+    if "depth" in arguments.pictures and "inverse_depth" in arguments.pictures:
+        raise UsageError("a GPU draws depth or inverse_depth; call rasterize() for each of them")
     views = [_view(arguments, view) for view in range(arguments.views)]
-    found = dict(zip(("image", "alpha") + arguments.rows, zip(*views)))
+    depths = tuple(name for name in arguments.pictures if name in _DEPTHS)
+    found = dict(zip(("image", "alpha") + depths + arguments.rows, zip(*views)))
     found["image"] = [image.permute(1, 2, 0) for image in found["image"]]
     return Rendering(**{name: torch.stack(found[name]) if arguments.has_view_axis else found[name][0]
                         for name in arguments.pictures + arguments.rows})
@@ -232,7 +236,8 @@ def _view(arguments, view):
     stored = {"sh": lambda: tensors["sh"].shape[1], "sh0": lambda: 1 + (tensors["sh_rest"].shape[1] if "sh_rest" in tensors else 0)}
     coefficients = stored[arguments.color]() if arguments.color in stored else 1
     call.update(count=arguments.count, device=tensors["means"].device.index or 0, rows=arguments.rows,
-                has_unused_sh=coefficients > (arguments.sh_degree + 1)**2,
+                blends_depth=any(name in arguments.pictures for name in _DEPTHS),
+                inverse_depth="inverse_depth" in arguments.pictures, has_unused_sh=coefficients > (arguments.sh_degree + 1)**2,
                 deterministic=torch.are_deterministic_algorithms_enabled(),
                 for_backward=torch.is_grad_enabled() and any(tensor.requires_grad for tensor in tensors.values()))
     if arguments.cameras:

@@ -16,19 +16,22 @@ struct Output {
   std::uint32_t* last;                     // (H, W)
   const std::uint32_t* first_checkpoints;  // (tiles)
   Vec4f* checkpoints;                      // (.., pixels of a tile); null: none are wanted
+  float* depth;                            // (H, W)
+  float* depth_checkpoints;                // (.., pixels of a tile)
 };
 
+template <bool with_depth>
 struct WarpShared {
-  ListedSplat list[kWarp];
+  Listed<with_depth> list[kWarp];
   ListWalk::Ahead ahead;
 };
 
-template <BlendRule rule>
+template <BlendRule rule, bool with_depth>
 __global__ void __launch_bounds__(kBlendThreads, kBlocks)
     blend_kernel(TileLists lists, const std::uint32_t* tile_order, Background background,
                  Output out) {
-  __shared__ WarpShared shared_of_warps[kBlendWarps];
-  WarpShared& shared = shared_of_warps[threadIdx.x / kWarp];
+  __shared__ WarpShared<with_depth> shared_of_warps[kBlendWarps];
+  WarpShared<with_depth>& shared = shared_of_warps[threadIdx.x / kWarp];
   const WarpWork work;
   const Subtile subtile(lists, tile_of(tile_order, work.item), work.subtile);
   if (subtile.x0 >= lists.width || subtile.y0 >= lists.height) return;  // the whole warp
@@ -36,19 +39,22 @@ __global__ void __launch_bounds__(kBlendThreads, kBlocks)
   PixelState<float> pixel;
   bool is_open = subtile.is_inside;  // takes further fragments
   std::uint32_t last = 0;
+  float depth = 0;
   const float x = float(subtile.x) + 0.5f, y = float(subtile.y) + 0.5f;
   const std::uint32_t length = lists.ranges[subtile.tile + 1] - lists.ranges[subtile.tile];
   for (ListWalk walk(shared.ahead, lists, subtile.tile, subtile.pixels(), 0, length,
                      out.checkpoints != nullptr);
        !walk.is_done();) {
     if (!__any_sync(kAllLanes, is_open)) break;
-    if (walk.segment_is_done())
-      out.checkpoints[subtile.checkpoint(out.first_checkpoints[subtile.tile] + walk.next_segment() -
-                                         1)] = {pixel.color.x, pixel.color.y, pixel.color.z,
-                                                pixel.transmittance};
+    if (walk.segment_is_done()) {
+      const std::size_t at =
+          subtile.checkpoint(out.first_checkpoints[subtile.tile] + walk.next_segment() - 1);
+      out.checkpoints[at] = {pixel.color.x, pixel.color.y, pixel.color.z, pixel.transmittance};
+      if constexpr (with_depth) out.depth_checkpoints[at] = depth;
+    }
     const int count = walk.list_next(shared.list);
     for (int i = 0; i < count; ++i) {
-      const ListedSplat splat = shared.list[i];
+      const Listed<with_depth> splat = shared.list[i];
       const float e = base2_exponent(splat, x - splat.mean2d.x, y - splat.mean2d.y);
       if (!is_open || e < splat.lowest) continue;
       const float alpha = fragment_alpha<rule>(splat.opacity, exp2_fragment(e));
@@ -56,6 +62,7 @@ __global__ void __launch_bounds__(kBlendThreads, kBlocks)
         is_open = false;
         continue;
       }
+      if constexpr (with_depth) depth = fmaf(pixel.transmittance * alpha, splat.depth, depth);
       composite(pixel, {splat.red, splat.green, splat.blue}, alpha);
       last = splat.position + 1;
       if (rule == BlendRule::faster_gs && is_opaque(pixel.transmittance)) is_open = false;
@@ -70,6 +77,7 @@ __global__ void __launch_bounds__(kBlendThreads, kBlocks)
   out.image[2 * plane + to] = color.z;
   out.transmittance[to] = pixel.transmittance;
   out.last[to] = last;
+  if constexpr (with_depth) out.depth[to] = depth;
 }
 
 }  // namespace
@@ -79,14 +87,21 @@ void blend(Context& context, const RenderSettings& settings, RenderPass& pass) {
   pass.image.resize_discard(3 * pass.pixel_count());
   pass.transmittance.resize_discard(pass.pixel_count());
   pass.last_instance.resize_discard(pass.pixel_count());
+  pass.depth_image.resize_discard(settings.blends_depth ? pass.pixel_count() : 0);
   if (blends_on_tensor_cores(context, settings)) return blend_gemm(context, settings, pass);
   const CudaScratch& scratch = pass.scratch<CudaScratch>();
-  const Output out{pass.image.data(), pass.transmittance.data(), pass.last_instance.data(),
+  const Output out{pass.image.data(),
+                   pass.transmittance.data(),
+                   pass.last_instance.data(),
                    scratch.first_checkpoints.data(),
-                   settings.for_backward ? scratch.checkpoints() : nullptr};
+                   settings.for_backward ? scratch.checkpoints() : nullptr,
+                   pass.depth_image.data(),
+                   scratch.depth_checkpoints.data()};
   with_rule(settings.blend_rule, [&](auto rule) {
-    context.launch("blend", blend_kernel<rule()>, blend_blocks(pass.tile_count()), kBlendThreads,
-                   tile_lists(pass), scratch.order(), Background(settings), out);
+    with_constant(settings.blends_depth, [&](auto depth) {
+      context.launch("blend", blend_kernel<rule(), depth()>, blend_blocks(pass.tile_count()),
+                     kBlendThreads, tile_lists(pass), scratch.order(), Background(settings), out);
+    });
   });
 }
 

@@ -14,6 +14,9 @@
 //              their weights by the light that reaches them.
 //   colors     The weights already have the layout of the left-hand side of the second product.
 //
+// Depths, where they are wanted, are summed without a product: each lane adds those of its own
+// splats, and the four lanes add up at the end.
+//
 // Exponents are as exact as in fp32: the monomials of a pixel are exact in fp16, a coefficient is
 // the sum of two fp16 numbers (together they fill the 16 columns of one product), and sums are
 // fp32. Weights are split into two TF32 parts.
@@ -29,10 +32,13 @@ struct Output {
   std::uint32_t* last;                     // (H, W)
   const std::uint32_t* first_checkpoints;  // (tiles)
   float* checkpoints;                      // (.., pixels of a tile, 4)
+  float* depth;                            // (H, W)
+  float* depth_checkpoints;                // (.., pixels of a tile)
 };
 
-template <BlendRule rule, bool with_history, int height, class AnySplat_, int edge_ = kTileWidth>
-struct Variant : PixelVariant<rule, with_history, height> {
+template <BlendRule rule, bool with_history, bool with_depth, int height, class AnySplat_,
+          int edge_ = kTileWidth>
+struct Variant : PixelVariant<rule, with_history, with_depth, height> {
   using AnySplat = AnySplat_;
   static constexpr int edge = edge_;  // of a tile
   static_assert(edge == kTileWidth || (height == kPart && !with_history));
@@ -53,7 +59,7 @@ struct Variant : PixelVariant<rule, with_history, height> {
 template <class Kind>
 struct WarpShared {
   typename Kind::Queue::Shared queue;
-  PixelShared<Kind::height, Kind::with_history> pixels;
+  typename SubtilePixels<Kind>::Shared pixels;
   typename Kind::Walk::Ahead ahead;
 };
 
@@ -95,6 +101,11 @@ __global__ void __launch_bounds__(kBlendThreads, Kind::blocks)
         const float2 channel = pixels.channel_of_pair(pair, behind);
         to[0] = channel.x;
         to[4 * kSubtileWidth] = channel.y;
+        if constexpr (Kind::with_depth) {
+          const float2 depth = pixels.depth_of_pair(pair);
+          float* const depths = out.depth_checkpoints + slot * kTileWidth * kTileHeight + pixel;
+          if (pixels.owner() == 0) depths[0] = depth.x, depths[kSubtileWidth] = depth.y;
+        }
       }
     }
     queue.take_batch(walk);
@@ -118,6 +129,14 @@ __global__ void __launch_bounds__(kBlendThreads, Kind::blocks)
     if (row < rows) to[0] = pair.x;
     if (row + 1 < rows) to[lists.width] = pair.y;
     to += 2 * lists.width;
+  }
+  if constexpr (Kind::with_depth) {
+    float* at = out.depth + first;
+    for (int row = 0; row < Kind::height; row += 2, at += 2 * lists.width) {
+      const float2 depth = pixels.depth_of_pair(row / 2);
+      if (row < rows && channel == 0) at[0] = depth.x;
+      if (row + 1 < rows && channel == 0) at[lists.width] = depth.y;
+    }
   }
   if constexpr (Kind::with_history) {
     std::uint32_t* at = out.last + first;
@@ -146,9 +165,13 @@ int tile_edge_of(const Context& context, const RenderSettings& settings, const C
 
 void blend_gemm(Context& context, const RenderSettings& settings, RenderPass& pass) {
   const CudaScratch& scratch = pass.scratch<CudaScratch>();
-  const Output out{pass.image.data(), pass.transmittance.data(), pass.last_instance.data(),
+  const Output out{pass.image.data(),
+                   pass.transmittance.data(),
+                   pass.last_instance.data(),
                    scratch.first_checkpoints.data(),
-                   reinterpret_cast<float*>(scratch.checkpoints())};
+                   reinterpret_cast<float*>(scratch.checkpoints()),
+                   pass.depth_image.data(),
+                   scratch.depth_checkpoints.data()};
   const auto launch = [&](auto kind, const auto* splats) {
     using Kind = decltype(kind);
     context.launch("blend", blend_gemm_kernel<Kind>,
@@ -158,20 +181,21 @@ void blend_gemm(Context& context, const RenderSettings& settings, RenderPass& pa
   };
   if (pass.tile_edge == kWideTile)
     return with_rule(settings.blend_rule, [&](auto rule) {
-      launch(Variant<rule(), false, kPart, ViewSplat, kWideTile>(),
+      launch(Variant<rule(), false, false, kPart, ViewSplat, kWideTile>(),
              static_cast<const ViewSplat*>(scratch.view_splats.data()));
     });
   with_constant(has_small_subtiles(context, pass.pixel_count()), [&](auto small) {
     constexpr int height = small() ? 4 : 8;
-    if (settings.for_backward)
-      return with_rule(settings.blend_rule, [&](auto rule) {
-        launch(Variant<rule(), true, height, Splat>(),
-               static_cast<const Splat*>(pass.splats.data()));
-      });
+    const Splat* const all = pass.splats.data();
     with_rule(settings.blend_rule, [&](auto rule) {
+      if (settings.blends_depth)
+        return with_constant(settings.for_backward, [&](auto history) {
+          launch(Variant<rule(), history(), true, height, Splat>(), all);
+        });
+      if (settings.for_backward) return launch(Variant<rule(), true, false, height, Splat>(), all);
       with_splats(pass, [&](const auto* splats) {
         using AnySplat = std::remove_cvref_t<decltype(*splats)>;
-        launch(Variant<rule(), false, height, AnySplat>(), splats);
+        launch(Variant<rule(), false, false, height, AnySplat>(), splats);
       });
     });
   });

@@ -11,21 +11,23 @@ namespace gs::cuda {
 inline constexpr float kClosed = -0.0f;
 
 /// The pixels of one warp between batches, row by row of the sub-tile. In shared memory.
-template <int height, bool with_history>
+template <int height, bool with_history, bool with_depth>
 struct PixelShared {
   // of two rows, before the next batch, or kClosed
   float2 transmittance[height / 2][kWarp];
-  float4 sums[height / 2][kWarp];     // of the second product: a lane's part of two rows
-  std::uint32_t last[height][kWarp];  // 1 + position of a lane's last blended splat; 0: none
-};
-template <int height>
-struct PixelShared<height, false> {
-  float2 transmittance[height / 2][kWarp];
-  float4 sums[height / 2][kWarp];
+  float4 sums[height / 2][kWarp];  // of the second product: a lane's part of two rows
+  // a lane's part of the sum of depths of two rows
+  float2 depths[with_depth ? height / 2 : 1][with_depth ? kWarp : 1];
+  // 1 + position of a lane's last blended splat; 0: none
+  std::uint32_t last[with_history ? height : 1][with_history ? kWarp : 1];
 };
 
 __device__ inline float of_partner(float value, int distance) {
   return __shfl_xor_sync(kAllLanes, value, distance);
+}
+__device__ inline float sum_of_owners(float value) {
+  value += of_partner(value, 1);
+  return value + of_partner(value, 2);
 }
 __device__ inline std::uint32_t greatest_of_owners(std::uint32_t value) {
   value = max(value, __shfl_xor_sync(kAllLanes, value, 1));
@@ -38,7 +40,7 @@ template <class Kind>
 class SubtilePixels {
  public:
   using Queue = typename Kind::Queue;
-  using Shared = PixelShared<Kind::height, Kind::with_history>;
+  using Shared = PixelShared<Kind::height, Kind::with_history, Kind::with_depth>;
   static constexpr int kPairs = Kind::height / 2;  // of rows
 
   template <class Lists>
@@ -56,6 +58,7 @@ class SubtilePixels {
       shared_.transmittance[pair][lane_of_thread()] = {2 * pair < rows ? 1.0f : kClosed,
                                                        2 * pair + 1 < rows ? 1.0f : kClosed};
       shared_.sums[pair][lane_of_thread()] = {0, 0, 0, 0};
+      if constexpr (Kind::with_depth) shared_.depths[pair][lane_of_thread()] = {0, 0};
     }
     if constexpr (Kind::with_history)
       for (int y = 0; y < Kind::height; ++y) shared_.last[y][lane_of_thread()] = 0;
@@ -101,6 +104,11 @@ class SubtilePixels {
     const float4 sums = shared_.sums[pair][lane_of_thread()];
     const float2 left = shared_.transmittance[pair][lane_of_thread()];
     return {channel(sums.x + sums.y, left.x, behind), channel(sums.z + sums.w, left.y, behind)};
+  }
+  /// The whole warp: the sums of weights times depths of the two pixels in a pair of rows.
+  __device__ float2 depth_of_pair(int pair) const {
+    const float2 part = shared_.depths[pair][lane_of_thread()];
+    return {sum_of_owners(part.x), sum_of_owners(part.y)};
   }
   /// The whole warp: returns 1 + position of a pixel's last blended splat; 0: none.
   __device__ std::uint32_t last(int row) const {
@@ -197,6 +205,7 @@ class SubtilePixels {
       scale(weights, 1, reaching[1]);
     }
     add_colors(*pair.sums, weights, color_columns);
+    if constexpr (Kind::with_depth) add_depths(pair, weights, queue);
     *pair.transmittance = {left[0], left[1]};
     if constexpr (Kind::with_history)
 #pragma unroll
@@ -244,6 +253,23 @@ class SubtilePixels {
       multiply_add_in_parts(high, low, part, columns[j]);
     }
     sums = {high[0] + low[0], high[1] + low[1], high[2] + low[2], high[3] + low[3]};
+  }
+
+  template <int owned>
+  __device__ void add_depths(const RowPair& pair, const float (&weights)[owned][2],
+                             const Queue& queue) const {
+    const float4* const depths = queue.depths(owned * kOwners);
+    float2& sums = shared_.depths[pair.number()][lane_of_thread()];
+    float2 sum = sums;
+#pragma unroll
+    for (int i = 0; i < owned; i += 4) {
+      const float4 z = depths[i / 4];
+      sum.x = fmaf(weights[i][0], z.x, fmaf(weights[i + 1][0], z.y, sum.x));
+      sum.x = fmaf(weights[i + 2][0], z.z, fmaf(weights[i + 3][0], z.w, sum.x));
+      sum.y = fmaf(weights[i][1], z.x, fmaf(weights[i + 1][1], z.y, sum.y));
+      sum.y = fmaf(weights[i + 2][1], z.z, fmaf(weights[i + 3][1], z.w, sum.y));
+    }
+    sums = sum;
   }
 
   Shared& shared_;

@@ -13,13 +13,14 @@ inline constexpr int kHistoryBlocks = 5;  // the same with history
 inline constexpr int kSmallPicture = 3;
 
 /// A variant of the pixels that a warp blends.
-template <BlendRule rule_, bool with_history_, int height_>
+template <BlendRule rule_, bool with_history_, bool with_depth_, int height_>
 struct PixelVariant {
   static constexpr BlendRule rule = rule_;
   static constexpr bool with_history = with_history_;  // for the backward pass: last, checkpoints
+  static constexpr bool with_depth = with_depth_;      // also sums the depths of splats
   static constexpr int height = height_;               // pixels of a sub-tile
   static constexpr bool has_part = height == kPart;
-  using Queue = SplatQueue<with_history, has_part ? kBatch : 2 * kBatch>;
+  using Queue = SplatQueue<with_history, with_depth, has_part ? kBatch : 2 * kBatch>;
   static constexpr int blocks = with_history ? kHistoryBlocks : kBlocks;
 };
 
@@ -30,12 +31,4 @@ inline bool has_small_subtiles(const Context& context, std::size_t pixels) {
          std::size_t(kSmallPicture * kBlocks * kBlendWarps * context.multiprocessors());
 }
 
-/// Calls f(std::bool_constant<value>()).
-template <class F>
-void with_constant(bool value, F&& f) {
-  if (value)
-    f(std::true_type());
-  else
-    f(std::false_type());
-}
 }  // namespace gs::cuda

@@ -38,17 +38,13 @@ inline constexpr float kLeast = 0x1p-126f;
 inline constexpr float kLight = float(kMinAlpha) / kLeast;
 
 /// Shared memory of one warp's queue, for one batch or two. Positions are stored only for the
-/// backward pass.
-template <bool with_positions, unsigned places>
+/// backward pass, and depths where they are blended.
+template <bool with_positions, bool with_depth, unsigned places>
 struct QueueShared {
   uint4 high[places], low[places];  // eight fp16 each, factors of 1, x, y, x^2, x y, y^2, 1, x
   QueueColors colors[places / kBatch];
-  std::uint32_t positions[places];  // in the tile's list
-};
-template <unsigned places>
-struct QueueShared<false, places> {
-  uint4 high[places], low[places];
-  QueueColors colors[places / kBatch];
+  alignas(16) float depths[with_depth ? places : 4];
+  std::uint32_t positions[with_positions ? places : 4];  // in the tile's list
 };
 
 /// What a queue takes of a splat: the factors of its conic, log2(255 opacity), and its color, raised
@@ -62,7 +58,9 @@ __device__ inline float log2_opacity(const Splat& splat) {
 __device__ inline Vec3f color_of(const Splat& splat, float least) {
   return {fmaxf(splat.color.x, least), fmaxf(splat.color.y, least), fmaxf(splat.color.z, least)};
 }
+__device__ inline float depth_of(const Splat& splat) { return splat.depth; }
 __device__ inline ConicFactors<float> factors_of(const ViewSplat& splat) { return splat.L; }
+__device__ inline float depth_of(const ViewSplat&) { return 0; }
 __device__ inline float log2_opacity(const ViewSplat& splat) { return splat.log2_opacity; }
 __device__ inline Vec3f color_of(const ViewSplat& splat, float) {
   return unpacked_color(splat.color);
@@ -70,10 +68,10 @@ __device__ inline Vec3f color_of(const ViewSplat& splat, float) {
 
 /// A queue of one batch must be empty when it takes splats. A queue of two batches takes splats
 /// while less than one batch waits.
-template <bool with_positions, unsigned places>
+template <bool with_positions, bool with_depth, unsigned places>
 class SplatQueue {
  public:
-  using Shared = QueueShared<with_positions, places>;
+  using Shared = QueueShared<with_positions, with_depth, places>;
   static constexpr bool has_one_batch = places == kBatch;
 
   /// `center` of the sub-tile, in pixels.
@@ -105,7 +103,8 @@ class SplatQueue {
       // A splat this far away is invisible at every pixel, and its coefficients would overflow
       // fp16.
       if (!(terms.of[0] > kFarAway)) terms = invisible();
-      put(has_one_batch ? k : count_ + k, terms, color_of(splat, walk.least_color()), position);
+      put(has_one_batch ? k : count_ + k, terms, color_of(splat, walk.least_color()),
+          depth_of(splat), position);
     });
   }
 
@@ -113,7 +112,7 @@ class SplatQueue {
   __device__ void fill_up(unsigned batch) {
     if (count_ >= batch) return;
     if (lane_of_thread() >= count_ && lane_of_thread() < batch)
-      put(lane_of_thread(), invisible(), {0, 0, 0}, 0);
+      put(lane_of_thread(), invisible(), {0, 0, 0}, 0, 0);
     count_ = batch;
     __syncwarp();
   }
@@ -163,6 +162,12 @@ class SplatQueue {
     return shared_.positions[begin_ + lane_of_thread() % kOwners * owned_of(batch) + i];
   }
 
+  /// The depths of this lane's splats of the next batch.
+  __device__ const float4* depths(int batch) const {
+    return reinterpret_cast<const float4*>(shared_.depths + begin_ +
+                                           lane_of_thread() % kOwners * owned_of(batch));
+  }
+
   /// The whole warp: drops the next batch, or the last half. The walk that brings the splats after
   /// it synchronizes the warp before a queue of one batch takes them.
   __device__ void pop(unsigned batch) {
@@ -180,7 +185,7 @@ class SplatQueue {
     return {a.x - b.x, a.y - b.y};
   }
   __device__ void put(unsigned k, const ExponentTerms<float>& terms, const Vec3f& color,
-                      std::uint32_t position) {
+                      float depth, std::uint32_t position) {
     const unsigned place = has_one_batch ? k : (begin_ + k) % places;
     const unsigned column = place / kBatch * kBatch + place_of_splat(place % kBatch);
     __half2 high[4], low[4];
@@ -205,6 +210,7 @@ class SplatQueue {
       colors.columns[2 * c][row] = part;
       colors.columns[2 * c + 1][row] = color[c] - part;
     }
+    if constexpr (with_depth) shared_.depths[place] = depth;
     if constexpr (with_positions) shared_.positions[place] = position;
   }
 

@@ -67,6 +67,15 @@ inline std::size_t blend_blocks(std::size_t tiles) {
   return tiles * kSubtilesPerTile / kBlendWarps;
 }
 
+/// Calls f(std::bool_constant<value>()).
+template <class F>
+void with_constant(bool value, F&& f) {
+  if (value)
+    f(std::true_type());
+  else
+    f(std::false_type());
+}
+
 /// Calls f with the blend rule as a constant.
 template <class F>
 void with_rule(BlendRule rule, F&& f) {
@@ -162,6 +171,22 @@ __device__ inline ListedSplat listed(const Splat& splat, std::uint32_t position,
           gaussian};
 }
 
+/// The same with what is summed beside the color.
+struct ListedSplatWithDepth : ListedSplat {
+  float depth;
+};
+template <bool with_depth>
+using Listed = std::conditional_t<with_depth, ListedSplatWithDepth, ListedSplat>;
+
+template <bool with_depth>
+__device__ Listed<with_depth> listed_as(const Splat& splat, std::uint32_t position,
+                                        std::uint32_t gaussian, float least_color) {
+  if constexpr (with_depth)
+    return {listed(splat, position, gaussian, least_color), splat.depth};
+  else
+    return listed(splat, position, gaussian, least_color);
+}
+
 /// The exponent e of a fragment. Forward and backward pass both call this, so that they keep the
 /// same fragments.
 __device__ inline float base2_exponent(const ListedSplat& splat, float dx, float dy) {
@@ -238,10 +263,12 @@ class ListWalkOf {
     return __popc(hits);
   }
   /// Walks the list and writes the splats to another list.
-  __device__ int list_next(ListedSplat* list) {
+  template <class Listed>
+  __device__ int list_next(Listed* list) {
     return take_next(
         [&](int k, const Splat& splat, std::uint32_t position, std::uint32_t gaussian) {
-          list[k] = listed(splat, position, gaussian, lists_.least_color);
+          constexpr bool with_depth = std::is_same_v<Listed, ListedSplatWithDepth>;
+          list[k] = listed_as<with_depth>(splat, position, gaussian, lists_.least_color);
         });
   }
 

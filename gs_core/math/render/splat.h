@@ -46,6 +46,7 @@ struct alignas(alignof(T) > 16 ? alignof(T) : 16) BasicSplat {
   Vec3<T> color;   // not clamped; blending takes max(color, 0)
   // image-plane covariance's yy, pixels^2: with it the conic is factored without cancellation
   T variance_y;
+  T depth;  // what blending sums beside the color, where it is asked to: world units
 };
 using Splat = BasicSplat<float>;
 
@@ -103,6 +104,7 @@ GS_HD ProjectedGaussian<T> project_ellipsoid(const PinholeCamera<T>& camera, con
   splat.mean2d = project_mean(camera, p);
   splat.conic = conic_of(result.cov2d);
   splat.variance_y = result.cov2d.yy;
+  splat.depth = result.depth;
   const T sum = splat.mean2d.x + splat.mean2d.y + splat.opacity;
   result.is_visible = sum - sum == T(0);  // false for NaN and infinity
   return result;
