@@ -87,11 +87,14 @@ cuda::Allocate allocator(const py::function& allocate) {
 }
 
 std::unique_ptr<cuda::OperatorFrame> draw(const Operation& operation, std::uintptr_t stream,
-                                          const py::function& kept, const py::function& scratch) {
+                                          const py::function& kept, const py::function& scratch,
+                                          std::uintptr_t image, std::uintptr_t alpha,
+                                          std::uintptr_t depth) {
   const cuda::OperatorCall call{operation.device, pointer<void>(stream), allocator(kept),
                                 allocator(scratch)};
   const py::gil_scoped_release release;
-  return cuda::draw(call, operation.input, operation.settings);
+  return cuda::draw(call, operation.input, operation.settings,
+                    {pointer<float>(image), pointer<float>(alpha), pointer<float>(depth)});
 }
 
 void pull_back(const Operation& operation, const cuda::OperatorFrame& frame, std::uintptr_t stream,
@@ -130,9 +133,6 @@ void bind_gpu_operator(py::module_& module) {
       .def("draw", draw)
       .def("pull_back", pull_back);
   py::class_<OperatorFrame>(module, "GpuFrame")
-      .def_property_readonly("image", [=](const OperatorFrame& f) { return address(f.image()); })
-      .def_property_readonly("depth",
-                             [=](const OperatorFrame& f) { return address(f.depth_image()); })
       .def_property_readonly("transmittance",
                              [=](const OperatorFrame& f) { return address(f.transmittance()); })
       .def_property_readonly("splats", [=](const OperatorFrame& f) { return address(f.splats()); })

@@ -18,8 +18,6 @@ struct Frame final : OperatorFrame {
   explicit Frame(const OperatorCall& call)
       : context(call.device, static_cast<cudaStream_t>(call.stream)), memory(context, call.kept),
         pass(memory) {}
-  const float* image() const override { return pass.image.data(); }
-  const float* depth_image() const override { return pass.depth_image.data(); }
   const float* transmittance() const override { return pass.transmittance.data(); }
   const Splat* splats() const override { return pass.splats.data(); }
   const float* depths() const override { return pass.depths.data(); }
@@ -84,6 +82,20 @@ std::uint32_t count_instances(Context& context, const RenderSettings& settings,
   return instances;
 }
 
+constexpr int kThreads = 256;
+
+// Copies what a pass keeps to what the caller gets.
+__global__ void __launch_bounds__(kThreads)
+    copy_picture_kernel(std::size_t pixels, const float* image, const float* transmittance,
+                        const float* depth, OperatorPicture to) {
+  const std::size_t i = std::size_t(blockIdx.x) * kThreads + threadIdx.x;
+  if (i >= pixels) return;
+  if (to.image)
+    for (int c = 0; c < 3; ++c) to.image[c * pixels + i] = image[c * pixels + i];
+  if (to.alpha) to.alpha[i] = 1.0f - transmittance[i];
+  if (to.depth) to.depth[i] = depth[i];
+}
+
 // About the bytes that the buffers of stages 1 to 4 take, so that few pieces are asked for.
 struct Expected {
   std::size_t of_rows, of_scratch_rows, of_instances, of_scratch_instances;
@@ -100,7 +112,7 @@ struct Expected {
 }  // namespace
 
 std::unique_ptr<OperatorFrame> draw(const OperatorCall& call, const OperatorInput& input,
-                                    const RenderSettings& settings) {
+                                    const RenderSettings& settings, const OperatorPicture& to) {
   const OnDevice here(call.device);
   auto frame = std::make_unique<Frame>(call);
   Context& context = frame->context;
@@ -121,6 +133,8 @@ std::unique_ptr<OperatorFrame> draw(const OperatorCall& call, const OperatorInpu
   create_instances(context, settings, workspace, pass, limit);
   sort_by_tile(context, settings, workspace, pass, limit.capacity);
   blend(context, settings, pass);
+  context.launch("copy of the picture", copy_picture_kernel, blocks_for(pixels, kThreads), kThreads,
+                 pixels, pass.image.data(), pass.transmittance.data(), pass.depth_image.data(), to);
   frame->memory.close();
   return frame;
 }

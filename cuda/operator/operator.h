@@ -45,10 +45,18 @@ struct OperatorInput {
   std::size_t count = 0;  // N
   OperatorArrays<const float> arrays;
   bool has_log_scales = false, has_logit_opacities = false;
-  bool has_inverse_depth = false;  // depth_image() sums weights over depths, not times depths
-  Camera camera;                   // its size counts in any case
+  bool has_inverse_depth =
+      false;      // the depth of a picture sums weights over depths, not times them
+  Camera camera;  // its size counts in any case
   const float* viewmat = nullptr;  // (4, 4)  cam_from_world in place of the camera's
   const float* K = nullptr;        // (3, 3)  fx, fy, cx, cy in place of the camera's
+};
+
+/// Where a picture is written, in device memory; what is null is not wanted.
+struct OperatorPicture {
+  float* image = nullptr;  // (3, H, W)  with the background
+  float* alpha = nullptr;  // (H, W)     1 - transmittance
+  float* depth = nullptr;  // (H, W)     sum of weights times depths; needs settings.blends_depth
 };
 
 /// dL by a picture, in device memory.
@@ -78,13 +86,11 @@ struct OperatorCall {
   Allocate kept, scratch;
 };
 
-/// A picture that was drawn, with what its gradient needs. Nothing changes it, so that gradients can
-/// be asked for again and again. All pointers are to device memory.
+/// What is kept of a picture that was drawn, for its gradient. Nothing changes it, so that gradients
+/// can be asked for again and again, also where the caller has changed the picture. All pointers are to device memory.
 class OperatorFrame {
  public:
   virtual ~OperatorFrame() = default;
-  virtual const float* image() const = 0;                // (3, H, W)  with the background
-  virtual const float* depth_image() const = 0;          // (H, W)  only with settings.blends_depth
   virtual const float* transmittance() const = 0;        // (H, W)
   virtual const Splat* splats() const = 0;               // (N)  undefined where not visible
   virtual const float* depths() const = 0;               // (N)  likewise
@@ -92,10 +98,10 @@ class OperatorFrame {
   virtual std::uint32_t instances() const = 0;           // of Gaussians in tiles
 };
 
-/// Draws Gaussians. Waits once, for the number of instances. Throws Error where the GPU fails.
+/// Draws Gaussians to `to`. Waits once, for the number of instances. Throws Error where the GPU fails.
 /// settings.background_on_device may replace the background.
 std::unique_ptr<OperatorFrame> draw(const OperatorCall& call, const OperatorInput& input,
-                                    const RenderSettings& settings);
+                                    const RenderSettings& settings, const OperatorPicture& to);
 
 /// Pulls a gradient back to everything that draw() has read, whose arguments it takes again. Does not
 /// wait.

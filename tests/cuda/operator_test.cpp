@@ -11,8 +11,9 @@ namespace gs {
 namespace {
 
 constexpr int kWidth = 70, kHeight = 45;  // several tiles, the last ones cut off
-constexpr int kCount = 100;               // more than three warps
-constexpr double kTolerance = 2e-4;       // of norms; a fragment at its cutoff is 1/255
+constexpr int kPixels = kWidth * kHeight;
+constexpr int kCount = 100;          // more than three warps
+constexpr double kTolerance = 2e-4;  // of norms; a fragment at its cutoff is 1/255
 
 enum class Depth { none, metric, inverse };
 
@@ -182,10 +183,19 @@ class Problem {
   cuda::OperatorInput& input() { return input_; }
 
   TestMemory& memory() { return memory_; }
-  std::vector<float> image_of(const cuda::OperatorFrame& frame) {
-    return memory_.downloaded(frame.image(), 3 * kWidth * kHeight);
+  std::unique_ptr<cuda::OperatorFrame> draw() {
+    picture_ = {memory_.floats(3 * kPixels), memory_.floats(kPixels),
+                settings_.blends_depth ? memory_.floats(kPixels) : nullptr};
+    return cuda::draw(call(), input_, settings_, picture_);
   }
-  std::unique_ptr<cuda::OperatorFrame> draw() { return cuda::draw(call(), input_, settings_); }
+  // of the picture that was drawn last
+  std::vector<float> image() { return memory_.downloaded(picture_.image, 3 * kPixels); }
+  std::vector<float> alpha() { return memory_.downloaded(picture_.alpha, kPixels); }
+  std::vector<float> depth() { return memory_.downloaded(picture_.depth, kPixels); }
+  std::vector<float> drawn() {
+    draw();
+    return image();
+  }
 
   /// Gradients by every array, by name; and "viewmat", "K", "screen".
   std::map<std::string, std::vector<float>> gradients(const cuda::OperatorFrame& frame,
@@ -344,6 +354,7 @@ class Problem {
   ExactSettings exact_;
   RenderSettings settings_;
   cuda::OperatorInput input_;
+  cuda::OperatorPicture picture_;
 };
 
 class CudaOperator : public CudaTest {};
@@ -354,14 +365,10 @@ TEST_F(CudaOperator, PicturesAndGradientsAreTheExactOnesInEveryForm) {
     Problem problem(form, kCount, 3);
     const auto frame = problem.draw();
     const ExactPicture<double> exact = problem.exact_picture();
-    EXPECT_LT(norm_difference(problem.image_of(*frame), planes(exact.image)), 1e-5);
-    std::vector<float> alpha =
-        problem.memory().downloaded(frame->transmittance(), kWidth * kHeight);
-    for (float& value : alpha) value = 1 - value;
-    EXPECT_LT(norm_difference(alpha, flat(exact.alpha)), 1e-5);
+    EXPECT_LT(norm_difference(problem.image(), planes(exact.image)), 1e-5);
+    EXPECT_LT(norm_difference(problem.alpha(), flat(exact.alpha)), 1e-5);
     if (form.depth != Depth::none) {
-      const auto depths = problem.memory().downloaded(frame->depth_image(), kWidth * kHeight);
-      EXPECT_LT(norm_difference(depths, flat(problem.depths_of(exact))), 1e-5);
+      EXPECT_LT(norm_difference(problem.depth(), flat(problem.depths_of(exact))), 1e-5);
     }
     const auto gradients = problem.gradients(*frame), expected = problem.exact_gradients();
     EXPECT_EQ(gradients.size(), expected.size());
@@ -396,9 +403,9 @@ TEST_F(CudaOperator, OffsetsOnTheScreenMoveMeans) {
   Problem problem(form, kCount, 6);
   problem.input().arrays.screen = {problem.memory().uploaded(std::vector<float>(2 * kCount, 1.0f)),
                                    2};
-  const std::vector<float> moved = problem.image_of(*problem.draw());
+  const std::vector<float> moved = problem.drawn();
   problem.input().arrays.screen = {};
-  const std::vector<float> still = problem.image_of(*problem.draw());
+  const std::vector<float> still = problem.drawn();
   double worst = 0;
   for (int c = 0; c < 3; ++c)
     for (int y = 1; y < kHeight; ++y)
@@ -410,9 +417,9 @@ TEST_F(CudaOperator, OffsetsOnTheScreenMoveMeans) {
 
 TEST_F(CudaOperator, WithoutAGradientThePictureIsTheSame) {
   Problem problem(kForms[0], kCount, 7);
-  const std::vector<float> expected = problem.image_of(*problem.draw());
+  const std::vector<float> expected = problem.drawn();
   problem.settings().for_backward = false;
-  EXPECT_LT(norm_difference(problem.image_of(*problem.draw()), expected), 1e-6);
+  EXPECT_LT(norm_difference(problem.drawn(), expected), 1e-6);
 }
 
 TEST_F(CudaOperator, NothingToSeeShowsTheBackground) {
@@ -421,10 +428,9 @@ TEST_F(CudaOperator, NothingToSeeShowsTheBackground) {
     problem.settings().near_plane = 500, problem.settings().far_plane = 1000;
     const auto frame = problem.draw();
     EXPECT_EQ(frame->instances(), 0u);
-    const std::vector<float> image = problem.image_of(*frame);
+    const std::vector<float> image = problem.image();
     for (int c = 0; c < 3; ++c)
-      for (int i = 0; i < kWidth * kHeight; ++i)
-        ASSERT_EQ(image[c * kWidth * kHeight + i], image[c * kWidth * kHeight]);
+      for (int i = 0; i < kPixels; ++i) ASSERT_EQ(image[c * kPixels + i], image[c * kPixels]);
     for (const auto& [name, gradient] : problem.gradients(*frame))
       for (const float number : gradient) ASSERT_EQ(number, 0.0f) << name;
   }
@@ -436,7 +442,7 @@ TEST_F(CudaOperator, MemoryThatRunsOutEndsTheCall) {
   const cuda::OperatorCall call{
       0, nullptr, [](std::size_t) -> void* { throw Error("no memory", ExitCode::out_of_memory); },
       [&](std::size_t) -> void* { return --left, nullptr; }};
-  EXPECT_THROW(cuda::draw(call, problem.input(), problem.settings()), Error);
+  EXPECT_THROW(cuda::draw(call, problem.input(), problem.settings(), {}), Error);
 }
 
 }  // namespace

@@ -145,27 +145,24 @@ class _Draw(torch.autograd.Function):
         dense = [tensor.contiguous() if name in _MATRICES else _addressable(tensor)
                  for name, tensor in zip(names, tensors)]
         device = tensors[0].device
-        kept, scratch = _Pieces(device), _Pieces(device)
+        ctx.kept = _Pieces(device)
         ctx.operation = _gemsplat.GpuOperation(_addresses(dict(zip(names, dense))), call["count"], call)
-        with torch.cuda.device(device):
-            ctx.frame = ctx.operation.draw(torch.cuda.current_stream().cuda_stream, kept, scratch)
-        ctx.kept = kept
+        pixels = call["height"], call["width"]
+        pictures = [torch.empty((3, *pixels) if name == "image" else pixels, dtype=torch.float32, device=device)
+                    if name in call["pictures"] or name == "depth" and call["blends_depth"] else None
+                    for name in _DRAWN]
+        ctx.frame = ctx.operation.draw(torch.cuda.current_stream(device).cuda_stream, ctx.kept, _Pieces(device),
+                                       *(0 if picture is None else picture.data_ptr() for picture in pictures))
         ctx.save_for_backward(*dense)
         ctx.set_materialize_grads(False)
-        height, width = call["height"], call["width"]
-        transmittance = kept.view(ctx.frame.transmittance, torch.float32, height, width)
-        pictures = [kept.view(ctx.frame.image, torch.float32, 3, height, width).clone(), 1 - transmittance]
-        if call["blends_depth"]:
-            pictures.append(kept.view(ctx.frame.depth, torch.float32, height, width).clone())
-        rows = _row_outputs(ctx.frame, kept, call)
+        rows = _row_outputs(ctx.frame, ctx.kept, call)
         ctx.mark_non_differentiable(*rows)
         return *pictures, *rows
 
     @staticmethod
     @once_differentiable
-    def backward(ctx, by_image, by_alpha, *others):
-        by_depth = others[0] if ctx.call["blends_depth"] else None
-        by_pictures = [None if by is None else by.contiguous() for by in (by_image, by_alpha, by_depth)]
+    def backward(ctx, *by_outputs):
+        by_pictures = [None if by is None else by.contiguous() for by in by_outputs[:len(_DRAWN)]]
         dense = dict(zip(ctx.names, ctx.saved_tensors))
         wanted = [name for name, is_needed in zip(ctx.names, ctx.needs_input_grad[2:]) if is_needed]
         if all(by is None for by in by_pictures):
@@ -175,10 +172,10 @@ class _Draw(torch.autograd.Function):
         gradients = {name: (make if name in ("sh", "sh_rest") else torch.empty)(
             dense[name].shape, dtype=torch.float32, device=dense[name].device) for name in wanted if name != "background"}
         device = ctx.kept.device
-        with torch.cuda.device(device):
-            ctx.operation.pull_back(ctx.frame, torch.cuda.current_stream().cuda_stream, _Pieces(device),
-                                    *(0 if by is None else by.data_ptr() for by in by_pictures), _addresses(gradients))
+        ctx.operation.pull_back(ctx.frame, torch.cuda.current_stream(device).cuda_stream, _Pieces(device),
+                                *(0 if by is None else by.data_ptr() for by in by_pictures), _addresses(gradients))
         if "background" in wanted:
+            by_image = by_pictures[0]
             gradients["background"] = torch.zeros_like(dense["background"]) if by_image is None else (
                 by_image * ctx.kept.view(ctx.frame.transmittance, torch.float32, *by_image.shape[1:])).sum((1, 2))
         return None, None, *(gradients.get(name) for name in ctx.names)
@@ -186,6 +183,7 @@ class _Draw(torch.autograd.Function):
 
 _MATRICES = ("viewmats", "Ks", "background")
 _DEPTHS = ("depth", "inverse_depth")
+_DRAWN = ("image", "alpha", "depth")  # what the kernels write; the last one is either of _DEPTHS
 
 
 def _row_outputs(frame, kept, call):
@@ -221,22 +219,25 @@ def _on_gpu(arguments):
     if "depth" in arguments.pictures and "inverse_depth" in arguments.pictures:
         raise UsageError("a GPU draws depth or inverse_depth; call rasterize() for each of them")
     views = [_view(arguments, view) for view in range(arguments.views)]
-    depths = tuple(name for name in arguments.pictures if name in _DEPTHS)
-    found = dict(zip(("image", "alpha") + depths + arguments.rows, zip(*views)))
-    found["image"] = [image.permute(1, 2, 0) for image in found["image"]]
+    depth = "inverse_depth" if "inverse_depth" in arguments.pictures else "depth"
+    found = dict(zip(("image", "alpha", depth) + arguments.rows, zip(*views)))
+    if "image" in arguments.pictures:
+        found["image"] = [image.permute(1, 2, 0) for image in found["image"]]
     return Rendering(**{name: torch.stack(found[name]) if arguments.has_view_axis else found[name][0]
                         for name in arguments.pictures + arguments.rows})
 
 
 def _view(arguments, view):
-    tensors = {name: tensor[view] if is_per_view(name, tensor) else tensor for name, tensor in arguments.arrays.items()}
+    tensors = dict(arguments.arrays)
+    if arguments.has_view_axis:
+        tensors = {name: tensor[view] if is_per_view(name, tensor) else tensor for name, tensor in tensors.items()}
     if arguments.color is None:
         tensors["colors"] = tensors["means"].new_zeros((1, 3)).expand(arguments.count, 3)
     call = {name: getattr(arguments, name) for name in _SETTINGS}
     stored = {"sh": lambda: tensors["sh"].shape[1], "sh0": lambda: 1 + (tensors["sh_rest"].shape[1] if "sh_rest" in tensors else 0)}
     coefficients = stored[arguments.color]() if arguments.color in stored else 1
     call.update(count=arguments.count, device=tensors["means"].device.index or 0, rows=arguments.rows,
-                blends_depth=any(name in arguments.pictures for name in _DEPTHS),
+                pictures=arguments.pictures, blends_depth=any(name in arguments.pictures for name in _DEPTHS),
                 inverse_depth="inverse_depth" in arguments.pictures, has_unused_sh=coefficients > (arguments.sh_degree + 1)**2,
                 deterministic=torch.are_deterministic_algorithms_enabled(),
                 for_backward=torch.is_grad_enabled() and any(tensor.requires_grad for tensor in tensors.values()))
