@@ -1,6 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """gemsplat.rasterize() of PyTorch tensors: gradients on the CPU beside finite differences, and the GPU beside the CPU."""
 
+import os
+import re
+import subprocess
+import sys
 import threading
 import unittest
 
@@ -12,7 +16,7 @@ except ModuleNotFoundError:
 import numpy as np
 
 import gemsplat
-from support import TestCase
+from support import SOURCE, TestCase
 
 HAS_GPU = torch is not None and torch.cuda.is_available() and gemsplat.cuda_device_count() > 0
 WIDTH, HEIGHT = 70, 45  # several tiles, the last ones cut off
@@ -71,6 +75,14 @@ class OnTheCpuTest(TestCase):
         drawn = draw(arrays)
         expected = draw({name: tensor.detach().numpy() for name, tensor in arrays.items()})
         np.testing.assert_array_equal(drawn.image.detach().numpy(), expected.image)
+
+    def test_the_example_fits_a_photo(self):
+        printed = subprocess.run([sys.executable, str(SOURCE / "examples" / "fit_picture_torch.py"), "--steps", "60",
+                                  "--output", str(self.folder / "fit.ppm")], check=True, capture_output=True, text=True,
+                                 env={**os.environ, "CUDA_VISIBLE_DEVICES": ""}).stdout
+        before, after = map(float, re.search(r"(\d+\.\d) dB before, (\d+\.\d) after", printed).groups())
+        self.assertGreater(after, before + 8)
+        self.assertGreater((self.folder / "fit.ppm").stat().st_size, 60 * 45 * 3)
 
     def test_a_second_derivative_is_refused(self):
         arrays = arguments(6)
@@ -136,6 +148,14 @@ class OnTheGpuTest(TestCase):
         drawn = draw(arguments(100, "cuda"), names)
         for name in names:
             self.assert_near(getattr(drawn, name), getattr(expected, name), 1e-4 if name != "radii" else 0.02, name)
+
+    def test_the_guide_runs(self):
+        page = (SOURCE / "docs" / "guide" / "differentiable.md").read_text()
+        programs = re.findall(r"^```(python|py)\n(.*?)^```", page, re.M | re.S)
+        names = {"torch": torch}
+        exec(programs[0][1], names)
+        exec(next(text for kind, text in programs if kind == "py"), names)
+        self.assertEqual(names["tensors"]["means"].grad.shape, (100, 3))
 
     def test_lower_degrees_leave_the_higher_coefficients_alone(self):
         arrays = arguments(100, "cuda")
