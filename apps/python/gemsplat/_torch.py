@@ -16,6 +16,7 @@ from ._gemsplat import UsageError
 from ._rasterize import Rendering
 
 _SETTINGS = ("width", "height", "sh_degree", "near", "far", "blur", "antialiased", "blend_rule")
+GPU_PICTURES = ("image", "alpha")  # that a GPU draws in one pass
 _SPLAT_NUMBERS = 12  # mean2d 2, conic 3, opacity, cutoff, color 3, and 2 more
 
 
@@ -214,7 +215,7 @@ def _on_gpu(arguments):
         raise UsageError("a GPU draws tensors of float32; tensors of float64 are drawn on the CPU")
     if not hasattr(_gemsplat, "GpuOperation"):
         raise UsageError("this gemsplat was built without CUDA; give tensors on the CPU, or build it where nvcc is found")
-    others = [name for name in arguments.pictures if name not in ("image", "alpha")] + ["features"] * (arguments.channels > 0)
+    others = [name for name in arguments.pictures if name not in GPU_PICTURES] + ["features"] * (arguments.channels > 0)
     if others or arguments.smooth:
         raise UsageError(f"{'smooth' if arguments.smooth else others[0]} is for tensors on the CPU")
     views = [_view(arguments, view) for view in range(arguments.views)]
