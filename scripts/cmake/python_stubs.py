@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""python_stubs.py FOLDER: writes __init__.pyi and jobs.pyi of the module on PYTHONPATH; the build calls it.
+"""python_stubs.py FOLDER: writes __init__.pyi, jobs.pyi and compat/__init__.pyi of the module on PYTHONPATH; the build calls it.
 
 Functions of Python say what they take. Of classes in C++, pybind11 says it in doc strings.
 """
@@ -11,6 +11,7 @@ from inspect import Parameter
 from pathlib import Path
 
 import gemsplat
+import gemsplat.compat
 
 HEADER = """# SPDX-License-Identifier: Apache-2.0
 # Written by scripts/cmake/python_stubs.py.
@@ -89,5 +90,5 @@ def stub_of(module):
 
 
 if __name__ == "__main__":
-    for file, module in {"__init__": gemsplat, "jobs": gemsplat.jobs}.items():
+    for file, module in {"__init__": gemsplat, "jobs": gemsplat.jobs, "compat/__init__": gemsplat.compat}.items():
         (Path(sys.argv[1]) / f"{file}.pyi").write_text(stub_of(module))

@@ -1,7 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Runs the Python of docs/reference/python.md and docs/guide/differentiable.md."""
+"""Runs the Python of docs/reference/python.md, docs/guide/differentiable.md and docs/guide/compat.md."""
 
 import contextlib
+import importlib.util
 import io
 import os
 import re
@@ -49,6 +50,14 @@ class Docs(TestCase):
         arrays = ["colors", "log_scales", "logit_opacities", "means", "rotations"]
         self.assertEqual(outputs_of("guide/differentiable.md"),
                          [f"(48, 64, 3) {arrays}\n", "float32 True\n", "(48, 64, 3) True\n"])
+
+    @unittest.skipUnless(importlib.util.find_spec("torch"), "PyTorch is not installed")
+    def test_the_program_of_the_guide_to_drop_ins_runs(self):
+        import gemsplat.compat
+
+        self.addCleanup(gemsplat.compat.uninstall)
+        self.assertEqual(outputs_of("guide/compat.md"),
+                         ["(1, 48, 64, 4) (1, 100, 2)\ngsplat.rasterization: 1 call by gemsplat\n"])
 
 
 if __name__ == "__main__":

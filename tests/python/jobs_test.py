@@ -12,6 +12,7 @@ import unittest
 from pathlib import Path
 
 import gemsplat
+import gemsplat.compat
 from support import COURTYARD, SMALL_FLAGS, SOURCE, TestCase, random_arrays, run_program
 
 SAID_ELSEWHERE = {"help", "help_all", "json", "progress", "quiet", "verbose"}
@@ -129,6 +130,12 @@ class Stubs(TestCase):
             self.assertIn(line, text)
         self.assertNotIn("object", text)
         self.assertNotIn("_gemsplat", text)
+
+    def test_the_functions_of_compat_are_stated_as_they_are(self):
+        tree, functions = self.functions_of("compat/__init__.pyi")
+        self.assertEqual(set(functions), set(gemsplat.compat.__all__))
+        for name, node in functions.items():
+            self.assert_states(node, getattr(gemsplat.compat, name))
 
     def test_everything_has_a_docstring(self):
         for name in gemsplat.__all__:

@@ -194,6 +194,21 @@ class Files(TestCase):
             gemsplat.load(self.folder)
 
 
+class Points(TestCase):
+    def test_distances_to_the_nearest_points_are_those_of_numpy(self):
+        points = np.random.default_rng(1).normal(size=(60, 3)).astype(np.float32)
+        squares = np.sort(((points[:, None].astype(np.float64) - points)**2).sum(-1), 1)  # the first is the point itself
+        np.testing.assert_allclose(gemsplat.nearest_distances(points), squares[:, 1:4].mean(1), rtol=1e-5)
+        np.testing.assert_allclose(gemsplat.nearest_distances(points, 5), squares[:, 1:6].mean(1), rtol=1e-5)
+        np.testing.assert_array_equal(gemsplat.nearest_distances([[1, 2, 3], [1, 2, 5]]), [4, 4])
+        np.testing.assert_array_equal(gemsplat.nearest_distances([[1, 2, 3]]), [0])
+        self.assertEqual(gemsplat.nearest_distances(np.zeros((0, 3))).shape, (0,))
+
+    def test_points_and_numbers_that_cannot_be_are_refused(self):
+        self.assert_refused("k must lie between 1 and 16, but is 17", gemsplat.nearest_distances, np.zeros((4, 3)), 17)
+        self.assert_refused("points holds nan in row 1", gemsplat.nearest_distances, [[0, 0, 0], [0, float("nan"), 0]])
+
+
 class WithoutNumPy(TestCase):
     def test_the_import_names_the_python_that_lacks_it(self):
         script = "import sys; sys.modules['numpy'] = None; import gemsplat"

@@ -25,8 +25,8 @@ except ModuleNotFoundError as error:
         error.msg = "the compiled part of gemsplat is not built, or is for another Python: run scripts/setup.sh"
     raise
 from . import jobs
-from ._arrays import (Evaluation, Picture, Result, ViewMetrics, evaluate, export, load, load_cameras, merge, render,
-                     report, train)
+from ._arrays import (Evaluation, Picture, Result, ViewMetrics, evaluate, export, load, load_cameras, merge,
+                     nearest_distances, render, report, train)
 from ._rasterize import Rendering, jvp, rasterize, vjp
 
 __all__ = [name for name in dir() if not name.startswith("_")] + ["__version__"]

@@ -12,7 +12,7 @@ import numpy as np
 
 from . import _gemsplat
 from ._gemsplat import Camera, Model, Progress, Scene, UsageError
-from ._classes import three_numbers
+from ._classes import floats_of, three_numbers
 from .jobs import as_json, takes
 
 Text = Union[str, "PathLike[str]"]
@@ -255,6 +255,16 @@ def report(folder: Text, output: Optional[Text] = None) -> Path:
 def load_cameras(path: Text, world_offset: Optional[ArrayLike] = None) -> list[Camera]:
     """The cameras of a cameras.json, as runs hold one, with `world_offset` (a model's) taken off."""
     return _gemsplat.load_cameras(path, three_numbers("world_offset", (0, 0, 0) if world_offset is None else world_offset))
+
+
+def nearest_distances(points: ArrayLike, k: int = 3) -> NDArray[np.float32]:
+    """Mean squared distance from each of N points (N, 3) to its k nearest others, 1 to 16.   (N,)
+
+    Where there are fewer than k others, it is the mean over all of them; a single point has 0.
+    """
+    if k not in range(1, _gemsplat.MOST_NEAREST + 1):
+        raise UsageError(f"k must lie between 1 and {_gemsplat.MOST_NEAREST}, but is {k!r}")
+    return _gemsplat.nearest_distances(floats_of("points", points, (None, 3)), int(k))
 
 
 Model.save, Model.edit, Model.keep, Model.drop = save, edit, keep, drop

@@ -1,0 +1,277 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A drop-in for rasterization() of gsplat 1.4 to 1.6, by gemsplat.rasterize(); install() puts it into an installed gsplat.
+
+docs/guide/compat.md says what differs. Shapes: any batch axes "...", C views, N Gaussians, pictures of H x W pixels.
+"""
+
+from __future__ import annotations
+
+import importlib
+import inspect
+import itertools
+import math
+import sys
+from typing import Optional
+
+import torch
+
+from .. import UsageError
+from . import _harmonics, _report
+from ._meta import Meta
+from ._passes import ScreenTap, draw
+from ._projection import Footprints, box_radii, project, square_radii
+
+APIS = ("1.4", "1.5", "1.6")
+_MODES = ("RGB", "D", "ED", "RGB+D", "RGB+ED")
+_ARRAYS = ("means", "quats", "scales", "covars", "opacities", "colors", "viewmats", "Ks", "backgrounds")
+_TILE = 16  # pixels
+_WITHOUT_EFFECT = ("global_z_order",)
+_OF_GSPLAT = ("DefaultStrategy", "MCMCStrategy", "Strategy", "SelectiveAdam", "PngCompression", "rasterization_2dgs",
+              "fully_fused_projection", "rasterize_to_pixels", "isect_tiles", "isect_offset_encode", "quat_scale_to_covar_preci",
+              "compute_relocation", "proj", "world_to_cam", "accumulate", "export_splats")
+
+api: Optional[str] = None  # of APIS, as install() was asked for; None: that of the installed gsplat
+rendering = sys.modules[__name__]
+_originals = []  # (module, its rasterization), which patch() has replaced
+
+
+class _SparseGradient(torch.autograd.Function):
+    """A tensor (N, ...) whose gradient is a sparse tensor of some rows."""
+
+    @staticmethod
+    def forward(ctx, tensor, rows):
+        ctx.save_for_backward(rows)
+        return tensor.view_as(tensor)
+
+    @staticmethod
+    def backward(ctx, gradient):
+        rows, = ctx.saved_tensors
+        return torch.sparse_coo_tensor(rows[None], gradient[rows], gradient.shape), None
+
+
+def rasterization(means, quats, scales, opacities, colors, viewmats, Ks, width, height, near_plane=0.01, far_plane=1e10,
+                  radius_clip=0.0, eps2d=0.3, sh_degree=None, packed=True, tile_size=_TILE, backgrounds=None, render_mode="RGB",
+                  sparse_grad=False, absgrad=False, rasterize_mode="classic", channel_chunk=32, distributed=False,
+                  camera_model="pinhole", segmented=False, covars=None, **others):
+    """Pictures (..., C, H, W, X), alphas (..., C, H, W, 1), and a dict of what is known of each Gaussian.
+
+    means (..., N, 3), quats (..., N, 4), scales (..., N, 3), or covars (..., N, 3, 3); opacities (..., N).
+    colors: (..., N, D) or (..., C, N, D); with sh_degree (..., N, K, 3) or (..., C, N, K, 3).
+    viewmats (..., C, 4, 4) from world to camera, Ks (..., C, 3, 3), backgrounds (..., C, D).
+    render_mode: RGB, D (sums of weights times depths), ED (their mean), RGB+D or RGB+ED, whose depth is the last channel.
+    packed: the dict has the Gaussians of all pictures one behind the other, for which the host waits for the GPU.
+    sparse_grad: with packed and without batch axes, means, quats and scales get sparse gradients of the Gaussians that are seen.
+
+    channel_chunk, segmented and global_z_order have no effect. What gemsplat does not draw is passed to an installed gsplat;
+    without one it throws NotImplementedError, which names the argument.
+    """
+    given = dict(locals())
+    del given["others"]
+    reason = _reason_to_pass(given, others)
+    if reason:
+        return _pass_on(reason, given, others)
+    _report.count("gsplat.rasterization")
+    batch, views = means.shape[:-2], viewmats.shape[-3]
+    _check_shapes(given, batch, means.shape[-2], views)
+    flat = {name: None if given[name] is None else given[name].reshape(math.prod(batch), *given[name].shape[len(batch):])
+            for name in _ARRAYS}
+    footprints, opacities_drawn = _footprints(flat, width, height, eps2d, rasterize_mode)
+    radii = _radii(footprints, opacities_drawn, near_plane, far_plane, width, height, radius_clip)
+    is_seen = radii > 0 if radii.dim() == 3 else (radii > 0).all(-1)
+    is_differentiated = torch.is_grad_enabled() and any(tensor is not None and tensor.requires_grad for tensor in flat.values())
+    meta, screen = _meta_of(footprints, opacities_drawn, radii, is_seen, batch, packed, is_differentiated)
+    meta.update(width=width, height=height, tile_size=_TILE, tile_width=math.ceil(width / _TILE),
+                tile_height=math.ceil(height / _TILE), n_batches=len(flat["means"]), n_cameras=views)
+    if sparse_grad and packed and not batch:
+        rows = is_seen[0].any(0).nonzero()[:, 0]
+        flat.update({name: _SparseGradient.apply(given[name], rows)[None] for name in ("means", "quats", "scales")
+                     if given[name] is not None})
+    settings = {"width": width, "height": height, "near": near_plane, "far": far_plane, "blur": eps2d,
+                "antialiased": rasterize_mode == "antialiased", "blend_rule": "classic"}
+    pairs = []
+    for b, c in itertools.product(range(len(flat["means"])), range(views)):
+        arrays = _view_of(flat, b, c, sh_degree, "RGB" in render_mode)
+        if radius_clip > 0:
+            arrays["opacities"] = torch.where(is_seen[b, c], arrays["opacities"], arrays["opacities"].new_zeros(()))
+        pairs.append(_picture(arrays, None if screen is None else screen[b, c], render_mode, settings))
+    pictures, alphas = (torch.stack(each).view(*batch, views, *each[0].shape) for each in zip(*pairs))
+    return pictures, alphas, meta
+
+
+def spherical_harmonics(degrees_to_use, dirs, coeffs, masks=None):
+    """Sums of coefficients (..., K, 3) in directions (..., 3) of any length; zeros where masks (...) is False.   (..., 3)"""
+    _report.count("gsplat.spherical_harmonics")
+    values = _harmonics.evaluate(degrees_to_use, dirs, coeffs)
+    return values if masks is None else torch.where(masks[..., None], values, values.new_zeros(()))
+
+
+def patch():
+    """Replaces rasterization() of the installed gsplat; False where there is none."""
+    package = _installed()
+    if package is None:
+        return False
+    if not _originals:
+        for module in (package, importlib.import_module("gsplat.rendering")):
+            _originals.append((module, module.rasterization))
+            module.rasterization = rasterization
+    return True
+
+
+def unpatch():
+    """Gives back what patch() has replaced."""
+    for module, original in _originals:
+        module.rasterization = original
+    _originals.clear()
+
+
+def __getattr__(name):
+    package = None if name.startswith("__") else _installed()
+    if package is not None:
+        return getattr(package, name)
+    if name in _OF_GSPLAT:
+        raise ImportError(f"{name} is gsplat's own, and gsplat is not installed; "
+                          "gemsplat.compat has rasterization and spherical_harmonics")
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+
+
+def _installed():
+    """The package gsplat, or None."""
+    try:
+        package = importlib.import_module("gsplat")
+    except ModuleNotFoundError as error:
+        if error.name != "gsplat":
+            raise
+        return None
+    return None if package is sys.modules[__name__] else package
+
+
+def _api():
+    if api:
+        return api
+    version = str(getattr(_originals[0][0], "__version__", APIS[-1])) if _originals else APIS[-1]
+    return next((known for known in APIS if version.startswith(known)), APIS[-1])
+
+
+def _reason_to_pass(given, others):
+    """What of a call gemsplat does not draw, as it was given; None: it draws all."""
+    drawn = {"camera_model": ("pinhole",), "render_mode": _MODES, "rasterize_mode": ("classic", "antialiased"),
+             "tile_size": (_TILE,), "distributed": (False,), "absgrad": (False,)}
+    for name, values in drawn.items():
+        if given[name] not in values:
+            return f"{name}={given[name]!r}"
+    asked = [name for name, value in others.items() if name not in _WITHOUT_EFFECT and value is not None and value is not False]
+    return asked[0] if asked else None
+
+
+def _pass_on(reason, given, others):
+    package = _installed()
+    if package is None:
+        raise NotImplementedError(f"gemsplat does not draw {reason}; where gsplat is installed, such calls are passed to it")
+    _report.count("gsplat.rasterization", reason)
+    original = _originals[0][1] if _originals else package.rasterization
+    defaults = inspect.signature(rasterization).parameters
+    return original(**{name: value for name, value in given.items() if value is not defaults[name].default}, **others)
+
+
+def _check_shapes(given, batch, count, views):
+    wanted = {"means": (count, 3), "opacities": (count,), "viewmats": (views, 4, 4), "Ks": (views, 3, 3)}
+    wanted.update({"quats": (count, 4), "scales": (count, 3)} if given["covars"] is None else {"covars": (count, 3, 3)})
+    for name, shape in wanted.items():
+        if tuple(given[name].shape) != (*batch, *shape):
+            raise UsageError(f"{name} must have the shape {(*batch, *shape)}, but has {tuple(given[name].shape)}")
+    if "RGB" not in given["render_mode"]:
+        return
+    shape, degree = tuple(given["colors"].shape[len(batch):]), given["sh_degree"]
+    of_one = shape[1:] if len(shape) == (3 if degree is None else 4) and shape[0] == views else shape
+    if of_one[:1] != (count,) or len(of_one) != (2 if degree is None else 3):
+        last = "D" if degree is None else "K, 3"
+        raise UsageError(f"colors must have the shape (..., {count}, {last}) or (..., {views}, {count}, {last}), but has "
+                         f"{tuple(given['colors'].shape)}; with sh_degree they are coefficients")
+    if degree is not None and of_one[1] < (degree + 1)**2:
+        raise UsageError(f"colors must have {(degree + 1)**2} coefficients or more for sh_degree={degree}, but have {of_one[1]}")
+
+
+def _footprints(flat, width, height, blur, rasterize_mode):
+    """Of all pictures (B, C, N), and the opacities that are drawn."""
+    with torch.no_grad():
+        parts = []
+        for b, means in enumerate(flat["means"]):
+            parts.append(project(means, _shape_of(flat, b), flat["viewmats"][b], flat["Ks"][b], width, height, blur)[:-1])
+        footprints = Footprints(*(torch.stack(part) for part in zip(*parts)), blur)
+        opacities = flat["opacities"][:, None].expand(footprints.depths.shape)
+        return footprints, opacities * footprints.compensations if rasterize_mode == "antialiased" else opacities
+
+
+def _shape_of(flat, b):
+    """Of rasterize(): scales and rotations, or covariances."""
+    if flat["covars"] is None:
+        return {"scales": flat["scales"][b], "rotations": flat["quats"][b]}
+    covars = flat["covars"][b]
+    return {"covariances": torch.stack([covars[:, row, column] for row in range(3) for column in range(row, 3)], -1)}
+
+
+def _radii(footprints, opacities, near, far, width, height, clip):
+    """(B, C, N) of gsplat 1.4, of later ones (B, C, N, 2)."""
+    if _api() != "1.4":
+        return box_radii(footprints, opacities, near, far, width, height, clip)
+    radii = square_radii(footprints, near, far, width, height, tile=1)
+    return torch.where(radii > clip, radii, torch.zeros_like(radii))
+
+
+def _meta_of(footprints, opacities, radii, is_seen, batch, packed, is_differentiated):
+    """The dict, and what to add to the means in the pictures (B, C, N, 2), so that its means2d gets their gradient."""
+    with torch.no_grad():
+        rows = {"radii": radii, "means2d": footprints.means2d, "depths": footprints.depths, "conics": footprints.conics}
+        rows = {name: torch.where(is_seen.view(*is_seen.shape, *(1,) * (value.dim() - 3)), value, value.new_zeros(()))
+                for name, value in rows.items()}
+        rows["opacities"] = opacities
+        ids = is_seen.nonzero(as_tuple=True) if packed else (None,) * 3
+        shown = {name: value[ids] if packed else value.reshape(*batch, *value.shape[1:]) for name, value in rows.items()}
+    meta = Meta((*batch, is_seen.shape[1]), batch_ids=ids[0], camera_ids=ids[1], gaussian_ids=ids[2], **shown)
+    if not is_differentiated:
+        return meta, None
+    tap = ScreenTap.apply(meta["means2d"].requires_grad_(), (1, 1))
+    if packed:
+        tap = tap.new_zeros((*is_seen.shape, 2)).index_put(ids, tap)
+    return meta, tap.reshape(*is_seen.shape, 2)
+
+
+def _view_of(flat, b, c, degree, has_colors):
+    """Arrays of rasterize() for one picture."""
+    viewmat = flat["viewmats"][b, c]
+    arrays = {"means": flat["means"][b], **_shape_of(flat, b), "opacities": flat["opacities"][b], "viewmats": viewmat,
+              "Ks": flat["Ks"][b, c]}
+    if not has_colors:
+        return arrays
+    colors = flat["colors"][b]
+    if colors.dim() == (3 if degree is None else 4):
+        colors = colors[c]
+    if degree is None:
+        arrays["colors"] = colors
+    elif degree <= 3 and colors.shape[-1] == 3:
+        arrays.update(sh=colors if colors.shape[1] in (1, 4, 9, 16) else colors[:, :(degree + 1)**2], sh_degree=degree)
+    else:
+        center = -(viewmat[:3, :3] * viewmat[:3, 3, None]).sum(0)
+        arrays["colors"] = (_harmonics.evaluate(degree, flat["means"][b] - center, colors) + 0.5).clamp_min(0)
+    if flat["backgrounds"] is not None:
+        arrays["background"] = flat["backgrounds"][b, c]
+    return arrays
+
+
+def _picture(arrays, screen, render_mode, settings):
+    """(H, W, X) and alpha (H, W, 1). Colors of other than three channels are features, which have no background of their own."""
+    background = arrays.get("background")
+    if "colors" in arrays and arrays["colors"].shape[-1] != 3:
+        arrays["features"] = arrays.pop("colors")
+        arrays.pop("background", None)
+    outputs = ["alpha", *(["image"] if "colors" in arrays or "sh" in arrays else []), *(["depth"] if "D" in render_mode else [])]
+    found = draw(outputs, **arrays, screen=screen, **settings)
+    alpha, channels = found["alpha"][..., None], []
+    if "features" in found:
+        channels.append(found["features"] if background is None else found["features"] + (1 - alpha) * background)
+    elif "image" in found:
+        channels.append(found["image"])
+    if "D" in render_mode:
+        depth = found["depth"][..., None]
+        channels.append(depth / alpha.clamp_min(1e-10) if "ED" in render_mode else depth)
+    return channels[0] if len(channels) == 1 else torch.cat(channels, -1), alpha
