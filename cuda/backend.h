@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "cuda/gpus/shard.h"
+#include "gs_render/operator.h"
 #include "gs_train/backend.h"
 
 namespace gs::cuda {
@@ -34,6 +35,9 @@ struct Process {
 std::unique_ptr<Backend> make_backend(const std::vector<int>& devices,
                                       std::size_t chunk_rows = kChunkRows,
                                       const Process& process = {});
+
+/// Drawing and its gradient on arrays of others; of any GPU, and for any thread.
+const SplatOperator& splat_operator();
 
 /// GPU memory that the backends of this process have allocated; for tests and benchmarks.
 struct Usage {

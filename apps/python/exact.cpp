@@ -183,6 +183,7 @@ py::dict gradients(const NamedArrays& values, const NamedArrays& dL_dpicture,
   put("sh", found.sh);
   put("features", found.features);
   put("screen", found.screen);
+  put("absolute_screen", found.absolute_screen);
   put("background", std::vector<Vec3d>{found.background});
   put("viewmats", std::vector<double>{R.row0.x, R.row0.y, R.row0.z, t.x,  //
                                       R.row1.x, R.row1.y, R.row1.z, t.y,  //

@@ -4,8 +4,8 @@
 #include <pybind11/functional.h>
 
 #include "apps/python/module.h"
-#include "cuda/operator/operator.h"
 #include "data_loaders/cameras/camera_file.h"
+#include "gs_app/run/make_backend.h"
 
 namespace py = pybind11;
 
@@ -19,13 +19,13 @@ T* pointer(std::uintptr_t address) {
 
 /// One view of some Gaussians, and how it is drawn.
 struct Operation {
-  cuda::OperatorInput input;
+  OperatorInput input;
   RenderSettings settings;
   int device = 0;
 };
 
 template <class Number>
-cuda::Rows<Number>* rows_named(cuda::OperatorArrays<Number>& arrays, const std::string& name) {
+OperatorRows<Number>* rows_named(OperatorArrays<Number>& arrays, const std::string& name) {
   if (name == "means") return &arrays.means;
   if (name == "rotations") return &arrays.rotations;
   if (name == "scales" || name == "log_scales") return &arrays.scales;
@@ -43,7 +43,7 @@ using Addresses = std::map<std::string, std::pair<std::uintptr_t, std::size_t>>;
 
 Operation make_operation(const Addresses& arrays, std::size_t count, const py::dict& given) {
   Operation operation;
-  cuda::OperatorInput& input = operation.input;
+  OperatorInput& input = operation.input;
   RenderSettings& settings = operation.settings;
   input.count = count;
   for (const auto& [name, at] : arrays) {
@@ -54,12 +54,13 @@ Operation make_operation(const Addresses& arrays, std::size_t count, const py::d
       input.K = address;
     else if (name == "background")
       settings.background_on_device = address;
-    else
+    else if (name != "absolute_screen")
       *rows_named(input.arrays, name) = {address, at.second};
   }
   input.has_log_scales = arrays.contains("log_scales");
   input.has_logit_opacities = arrays.contains("logit_opacities");
   input.has_inverse_depth = given["inverse_depth"].cast<bool>();
+  input.room = given["max_instances"].cast<std::uint32_t>();
   if (given.contains("camera")) input.camera = given["camera"].cast<NamedCamera>().camera;
   input.camera.width = given["width"].cast<int>();
   input.camera.height = given["height"].cast<int>();
@@ -79,28 +80,28 @@ Operation make_operation(const Addresses& arrays, std::size_t count, const py::d
 }
 
 /// A function of Python that returns the address of device memory.
-cuda::Allocate allocator(const py::function& allocate) {
+AllocateOnDevice allocator(const py::function& allocate) {
   return [&allocate](std::size_t bytes) {
     const py::gil_scoped_acquire acquire;
     return pointer<void>(allocate(bytes).cast<std::uintptr_t>());
   };
 }
 
-std::unique_ptr<cuda::OperatorFrame> draw(const Operation& operation, std::uintptr_t stream,
-                                          const py::function& kept, const py::function& scratch,
-                                          std::uintptr_t image, std::uintptr_t alpha,
-                                          std::uintptr_t depth) {
-  const cuda::OperatorCall call{operation.device, pointer<void>(stream), allocator(kept),
-                                allocator(scratch)};
+std::unique_ptr<OperatorFrame> draw(const Operation& operation, std::uintptr_t stream,
+                                    const py::function& kept, const py::function& scratch,
+                                    std::uintptr_t image, std::uintptr_t alpha,
+                                    std::uintptr_t depth) {
+  const OperatorCall call{operation.device, pointer<void>(stream), allocator(kept),
+                          allocator(scratch)};
   const py::gil_scoped_release release;
-  return cuda::draw(call, operation.input, operation.settings,
-                    {pointer<float>(image), pointer<float>(alpha), pointer<float>(depth)});
+  return gpu_operator().draw(call, operation.input, operation.settings,
+                             {pointer<float>(image), pointer<float>(alpha), pointer<float>(depth)});
 }
 
-void pull_back(const Operation& operation, const cuda::OperatorFrame& frame, std::uintptr_t stream,
+void pull_back(const Operation& operation, const OperatorFrame& frame, std::uintptr_t stream,
                const py::function& scratch, std::uintptr_t image, std::uintptr_t alpha,
                std::uintptr_t depth, const Addresses& to) {
-  cuda::OperatorGradients gradients;
+  OperatorGradients gradients;
   for (const auto& [name, at] : to) {
     float* const address = pointer<float>(at.first);
     if (name == "viewmats")
@@ -114,8 +115,7 @@ void pull_back(const Operation& operation, const cuda::OperatorFrame& frame, std
   }
   RenderSettings settings = operation.settings;
   settings.absolute_gradient = gradients.absolute_screen != nullptr;
-  const cuda::OperatorCall call{operation.device, pointer<void>(stream), nullptr,
-                                allocator(scratch)};
+  const OperatorCall call{operation.device, pointer<void>(stream), nullptr, allocator(scratch)};
   const py::gil_scoped_release release;
   cuda::pull_back(
       call, frame, operation.input, settings,
@@ -126,7 +126,6 @@ void pull_back(const Operation& operation, const cuda::OperatorFrame& frame, std
 }  // namespace
 
 void bind_gpu_operator(py::module_& module) {
-  using cuda::OperatorFrame;
   const auto address = [](const auto* at) { return reinterpret_cast<std::uintptr_t>(at); };
   py::class_<Operation>(module, "GpuOperation")
       .def(py::init(&make_operation))
@@ -139,6 +138,8 @@ void bind_gpu_operator(py::module_& module) {
       .def_property_readonly("depths", [=](const OperatorFrame& f) { return address(f.depths()); })
       .def_property_readonly("tile_counts",
                              [=](const OperatorFrame& f) { return address(f.tile_counts()); })
+      .def_property_readonly("overflowed",
+                             [=](const OperatorFrame& f) { return address(f.overflowed()); })
       .def_property_readonly("instances", &OperatorFrame::instances);
 }
 

@@ -3,7 +3,7 @@
 #pragma once
 
 #include "cuda/device/context.cuh"
-#include "cuda/operator/operator.h"
+#include "gs_render/operator.h"
 
 namespace gs::cuda {
 
@@ -11,7 +11,7 @@ namespace gs::cuda {
 /// are the caller's, who frees them.
 class CallerMemory final : public DeviceMemory {
  public:
-  CallerMemory(Context& context, Allocate allocate)
+  CallerMemory(Context& context, AllocateOnDevice allocate)
       : DeviceMemory(context), allocate_(std::move(allocate)) {}
 
   /// The next piece has at least so many bytes, where the last one has fewer left.
@@ -24,7 +24,7 @@ class CallerMemory final : public DeviceMemory {
   void deallocate(void* pointer, std::size_t bytes) noexcept override;
 
  private:
-  Allocate allocate_;
+  AllocateOnDevice allocate_;
   std::size_t expected_ = 0;
   std::byte *next_ = nullptr, *end_ = nullptr;  // what is left of the last piece
 };

@@ -2,8 +2,8 @@
 // Reads the Gaussians and the cameras that callers of the operator give, in any of their forms.
 #pragma once
 
-#include "cuda/operator/operator.h"
 #include "gs_core/math/render/splat.h"
+#include "gs_render/operator.h"
 
 namespace gs::cuda {
 

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // The operator: the stages of a picture, and those of its gradient, in order.
-#include "cuda/operator/operator.h"
+#include "cuda/backend.h"
 
 #include <atomic>
 #include <mutex>
@@ -17,16 +17,18 @@ namespace {
 struct Frame final : OperatorFrame {
   explicit Frame(const OperatorCall& call)
       : context(call.device, static_cast<cudaStream_t>(call.stream)), memory(context, call.kept),
-        pass(memory) {}
+        pass(memory), halted(memory) {}
   const float* transmittance() const override { return pass.transmittance.data(); }
   const Splat* splats() const override { return pass.splats.data(); }
   const float* depths() const override { return pass.depths.data(); }
   const std::uint32_t* tile_counts() const override { return pass.tile_counts.data(); }
+  const std::uint32_t* overflowed() const override { return halted.data(); }
   std::uint32_t instances() const override { return count; }
 
   Context context;
   CallerMemory memory;
   RenderPass pass;
+  Buffer<std::uint32_t> halted;  // (1) with a room
   std::uint32_t count = 0;
 };
 
@@ -109,64 +111,82 @@ struct Expected {
   }
 };
 
+class CudaOperator final : public SplatOperator {
+ public:
+  std::unique_ptr<OperatorFrame> draw(const OperatorCall& call, const OperatorInput& input,
+                                      const RenderSettings& settings,
+                                      const OperatorPicture& to) const override {
+    const OnDevice here(call.device);
+    auto frame = std::make_unique<Frame>(call);
+    Context& context = frame->context;
+    RenderPass& pass = frame->pass;
+    CallerMemory scratch(context, call.scratch);
+    Workspace workspace(scratch);
+    const std::size_t pixels = std::size_t(input.camera.width) * input.camera.height;
+    const Expected first(input.count, pixels, 0);
+    frame->memory.expect(first.of_rows);
+    scratch.expect(first.of_scratch_rows);
+    project(context, input, settings, workspace, pass);
+    if (input.room > 0) {
+      frame->halted.resize(1);
+      frame->halted.fill_zero();
+      // Each visible Gaussian has an instance. One row more shows that there are too many.
+      order_by_depth(context, settings, workspace, pass, std::size_t(input.room) + 1);
+      frame->count = input.room;
+    } else {
+      order_by_depth(context, settings, workspace, pass, input.count);
+      frame->count = count_instances(context, settings, workspace, pass);
+    }
+    const Expected then(input.count, pixels, frame->count);
+    frame->memory.expect(then.of_instances);
+    scratch.expect(then.of_scratch_instances);
+    const InstanceLimit limit{std::max(frame->count, 1u), frame->halted.data()};
+    create_instances(context, settings, workspace, pass, limit);
+    sort_by_tile(context, settings, workspace, pass, limit.capacity);
+    blend(context, settings, pass);
+    context.launch("copy of the picture", copy_picture_kernel, blocks_for(pixels, kThreads),
+                   kThreads, pixels, pass.image.data(), pass.transmittance.data(),
+                   pass.depth_image.data(), to);
+    frame->memory.close();
+    return frame;
+  }
+
+  void pull_back(const OperatorCall& call, const OperatorFrame& frame, const OperatorInput& input,
+                 const RenderSettings& settings, const OperatorPictureGradient& dL,
+                 const OperatorGradients& gradients) const override {
+    const OnDevice here(call.device);
+    const RenderPass& pass = static_cast<const Frame&>(frame).pass;
+    Context context(call.device, static_cast<cudaStream_t>(call.stream));
+    CallerMemory scratch(context, call.scratch);
+    Workspace workspace(scratch);
+    const std::size_t rows = input.count, pixels = pass.pixel_count();
+    constexpr std::size_t kFixed = sizeof(FineSums) + sizeof(CoarseSums);
+    scratch.expect(rows * (sizeof(SplatGradientSum) + (settings.deterministic ? kFixed : 0)) +
+                   (dL.image ? 0 : 3 * pixels * sizeof(float)) + (1 << 16));
+    const auto zeros = [](auto& buffer, std::size_t size) {
+      buffer.resize_discard(size);
+      buffer.fill_zero();
+    };
+    zeros(workspace.splat_gradients, rows);
+    if (settings.deterministic) {
+      zeros(workspace.fine_sums, rows);
+      zeros(workspace.coarse_sums, rows);
+    }
+    Buffer<float> no_image(scratch);
+    if (!dL.image) zeros(no_image, 3 * pixels);
+    const PictureGradient dL_dpicture{{dL.image ? dL.image : no_image.data(), 3 * pixels},
+                                      {dL.alpha, dL.alpha ? pixels : 0},
+                                      {dL.depth, dL.depth ? pixels : 0}};
+    blend_backward(context, settings, dL_dpicture, workspace, pass);
+    project_backward(context, input, settings, workspace, pass, frame.overflowed(), gradients);
+  }
+};
+
 }  // namespace
 
-std::unique_ptr<OperatorFrame> draw(const OperatorCall& call, const OperatorInput& input,
-                                    const RenderSettings& settings, const OperatorPicture& to) {
-  const OnDevice here(call.device);
-  auto frame = std::make_unique<Frame>(call);
-  Context& context = frame->context;
-  RenderPass& pass = frame->pass;
-  CallerMemory scratch(context, call.scratch);
-  Workspace workspace(scratch);
-  const std::size_t pixels = std::size_t(input.camera.width) * input.camera.height;
-  const Expected first(input.count, pixels, 0);
-  frame->memory.expect(first.of_rows);
-  scratch.expect(first.of_scratch_rows);
-  project(context, input, settings, workspace, pass);
-  order_by_depth(context, settings, workspace, pass, input.count);
-  frame->count = count_instances(context, settings, workspace, pass);
-  const Expected then(input.count, pixels, frame->count);
-  frame->memory.expect(then.of_instances);
-  scratch.expect(then.of_scratch_instances);
-  const InstanceLimit limit{std::max(frame->count, 1u)};
-  create_instances(context, settings, workspace, pass, limit);
-  sort_by_tile(context, settings, workspace, pass, limit.capacity);
-  blend(context, settings, pass);
-  context.launch("copy of the picture", copy_picture_kernel, blocks_for(pixels, kThreads), kThreads,
-                 pixels, pass.image.data(), pass.transmittance.data(), pass.depth_image.data(), to);
-  frame->memory.close();
-  return frame;
-}
-
-void pull_back(const OperatorCall& call, const OperatorFrame& frame, const OperatorInput& input,
-               const RenderSettings& settings, const OperatorPictureGradient& dL,
-               const OperatorGradients& gradients) {
-  const OnDevice here(call.device);
-  const RenderPass& pass = static_cast<const Frame&>(frame).pass;
-  Context context(call.device, static_cast<cudaStream_t>(call.stream));
-  CallerMemory scratch(context, call.scratch);
-  Workspace workspace(scratch);
-  const std::size_t rows = input.count, pixels = pass.pixel_count();
-  constexpr std::size_t kFixed = sizeof(FineSums) + sizeof(CoarseSums);
-  scratch.expect(rows * (sizeof(SplatGradientSum) + (settings.deterministic ? kFixed : 0)) +
-                 (dL.image ? 0 : 3 * pixels * sizeof(float)) + (1 << 16));
-  const auto zeros = [](auto& buffer, std::size_t size) {
-    buffer.resize_discard(size);
-    buffer.fill_zero();
-  };
-  zeros(workspace.splat_gradients, rows);
-  if (settings.deterministic) {
-    zeros(workspace.fine_sums, rows);
-    zeros(workspace.coarse_sums, rows);
-  }
-  Buffer<float> no_image(scratch);
-  if (!dL.image) zeros(no_image, 3 * pixels);
-  const PictureGradient dL_dpicture{{dL.image ? dL.image : no_image.data(), 3 * pixels},
-                                    {dL.alpha, dL.alpha ? pixels : 0},
-                                    {dL.depth, dL.depth ? pixels : 0}};
-  blend_backward(context, settings, dL_dpicture, workspace, pass);
-  project_backward(context, input, settings, workspace, pass, gradients);
+const SplatOperator& splat_operator() {
+  static const CudaOperator one;
+  return one;
 }
 
 }  // namespace gs::cuda

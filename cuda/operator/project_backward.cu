@@ -38,6 +38,7 @@ struct Projected {
   const std::uint32_t* tile_counts;  // (N)
   const Splat* splats;               // (N)
   const SplatGradientSum* sums;      // (N)
+  const std::uint32_t* overflowed;   // (1)  may be null
 };
 
 // Where gradients go.
@@ -46,7 +47,7 @@ struct Targets : OperatorGradients {
 };
 
 // Writes a vector where a gradient is wanted.
-__device__ void write(const Rows<float>& to, std::size_t i, const Vec3f& gradient) {
+__device__ void write(const OperatorRows<float>& to, std::size_t i, const Vec3f& gradient) {
   if (to.data) store(to[i], gradient);
 }
 
@@ -175,7 +176,8 @@ __global__ void __launch_bounds__(kThreads, kBlocks)
   const std::size_t i = std::size_t(blockIdx.x) * kThreads + threadIdx.x,
                     first = i - lane_of_thread();
   const Camera camera = camera_of(in);
-  const bool is_visible = i < in.count && projected.tile_counts[i] > 0;
+  const bool has_overflowed = projected.overflowed && *projected.overflowed;
+  const bool is_visible = !has_overflowed && i < in.count && projected.tile_counts[i] > 0;
   if constexpr (has_sh) {
     const SomeRows visible{__ballot_sync(kAllLanes, is_visible)};
     if (first < in.count)
@@ -244,12 +246,12 @@ __global__ void __launch_bounds__(kThreads)
 }  // namespace
 
 void project_backward(Context& context, const OperatorInput& input, const RenderSettings& settings,
-                      Workspace& workspace, const RenderPass& pass,
+                      Workspace& workspace, const RenderPass& pass, const std::uint32_t* overflowed,
                       const OperatorGradients& gradients) {
   const StageScope scope(context, "project backward");
   const std::size_t blocks = blocks_for(input.count, kThreads);
   const Projected projected{pass.tile_counts.data(), pass.splats.data(),
-                            workspace.splat_gradients.data()};
+                            workspace.splat_gradients.data(), overflowed};
   const SplatSettings& splat_settings = settings;
   const ShLayout layout = layout_of(input.arrays, settings.sh_degree);
   const Targets targets{gradients, layout_of(gradients.arrays, settings.sh_degree) == layout};

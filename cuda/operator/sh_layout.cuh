@@ -3,9 +3,9 @@
 // 32 Gaussians: back to back in whole vectors of 16 bytes, or else number by number.
 #pragma once
 
-#include "cuda/operator/operator.h"
 #include "cuda/render/sh_rows.cuh"
 #include "gs_core/math/render/sh.h"
+#include "gs_render/operator.h"
 
 namespace gs::cuda {
 
@@ -37,7 +37,7 @@ ShLayout layout_of(const OperatorArrays<Number>& arrays, int degree) {
   const auto is_aligned = [](const void* data) {
     return reinterpret_cast<std::uintptr_t>(data) % sizeof(float4) == 0;
   };
-  const Rows<Number>&sh0 = arrays.sh0, &rest = arrays.sh_rest;
+  const OperatorRows<Number>&sh0 = arrays.sh0, &rest = arrays.sh_rest;
   if (!sh0.data) return ShLayout::none;
   if (degree == 0) return ShLayout::any;
   const bool is_whole = rest.data == sh0.data + 3 && sh0.stride == rest.stride;

@@ -3,8 +3,8 @@
 // are in cuda/stages.cuh.
 #pragma once
 
-#include "cuda/operator/operator.h"
 #include "cuda/stages.cuh"
+#include "gs_render/operator.h"
 
 namespace gs::cuda {
 
@@ -13,9 +13,9 @@ void project(Context& context, const OperatorInput& input, const RenderSettings&
              Workspace& workspace, RenderPass& pass);
 
 /// 7  project_backward.cu: from workspace.splat_gradients to the gradients of what was given. The
-/// sums stay as they are.
+/// sums stay as they are. Where `overflowed`, which may be null, is raised, gradients are zero.
 void project_backward(Context& context, const OperatorInput& input, const RenderSettings& settings,
-                      Workspace& workspace, const RenderPass& pass,
+                      Workspace& workspace, const RenderPass& pass, const std::uint32_t* overflowed,
                       const OperatorGradients& gradients);
 
 }  // namespace gs::cuda

@@ -64,11 +64,17 @@ int cuda_index(const std::string& device) {
 bool has_cuda() { return true; }
 int cuda_device_count() { return cuda::device_count(); }
 std::string why_no_gpu() { return cuda::why_no_gpu(); }
+const SplatOperator& gpu_operator() { return cuda::splat_operator(); }
 #else
 bool has_cuda() { return false; }
 int cuda_device_count() { return 0; }
 std::string why_no_gpu() {
   return "training and rendering run on the CPU; build again where nvcc is on the PATH";
+}
+const SplatOperator& gpu_operator() {
+  throw UsageError(
+      "this gemsplat was built without CUDA; build again where nvcc is on the PATH, or give arrays "
+      "on the CPU");
 }
 #endif
 

@@ -9,6 +9,7 @@
 
 #include "gs_app/run/process_place.h"
 #include "gs_core/config/config.h"
+#include "gs_render/operator.h"
 #include "gs_train/backend.h"
 
 namespace gs {
@@ -24,6 +25,9 @@ std::unique_ptr<Backend> make_backend(const std::string& device);
 std::unique_ptr<Backend> make_training_backend(const TrainConfig& train,
                                                const ProcessPlace* place = nullptr,
                                                const std::filesystem::path& output = {});
+
+/// Drawing and its gradient on arrays of others, on a GPU. Throws Error where this build has no CUDA.
+const SplatOperator& gpu_operator();
 
 /// Whether a device, as make_backend() takes it, is the CPU.
 bool is_cpu(const std::string& device);

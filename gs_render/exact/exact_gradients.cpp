@@ -12,18 +12,20 @@ constexpr std::size_t kParts = 16;
 /// What the pixels of one part add to gradients.
 struct PixelSums {
   std::vector<BasicSplatGradient<double>> splats;  // (N)
+  std::vector<Vec2<double>> absolute;              // (N)  by the projected means
   std::vector<double> features;                    // (N, channels)
   Vec3d background{0.0};
 
   explicit PixelSums(const ExactGaussians<double>& gaussians)
       : splats(gaussians.count(), {{0, 0}, {0, 0, 0}, 0, {0, 0, 0}, 0}),
-        features(gaussians.features.size(), 0) {}
+        absolute(gaussians.count(), {0, 0}), features(gaussians.features.size(), 0) {}
 
   void add(const PixelSums& other) {
     for (std::size_t i = 0; i < splats.size(); ++i) {
       BasicSplatGradient<double>& sum = splats[i];
       const BasicSplatGradient<double>& more = other.splats[i];
       sum.mean2d += more.mean2d;
+      absolute[i] += other.absolute[i];
       sum.conic.xx += more.conic.xx;
       sum.conic.xy += more.conic.xy;
       sum.conic.yy += more.conic.yy;
@@ -101,6 +103,8 @@ void blend_backward(const ExactGaussians<double>& gaussians, const ExactView<dou
         fragment_exponent_vjp(splat.splat.conic, fragment.dx, fragment.dy, by_alpha.exponent);
     row.opacity += by_alpha.opacity;
     row.mean2d += by_exponent.mean2d;
+    sums.absolute[splat.row] +=
+        Vec2<double>{std::abs(by_exponent.mean2d.x), std::abs(by_exponent.mean2d.y)};
     row.conic.xx += by_exponent.conic.xx;
     row.conic.xy += by_exponent.conic.xy;
     row.conic.yy += by_exponent.conic.yy;
@@ -202,6 +206,7 @@ ExactGradients exact_gradients(const ExactGaussians<double>& gaussians,
 
   ExactGradients gradients = zeros_like(gaussians);
   gradients.features = std::move(sums.features);
+  gradients.absolute_screen = std::move(sums.absolute);
   gradients.background = sums.background;
   const SplatSettings splat_settings = splat_settings_of(settings);
   for (const ExactSplat<double>& splat : splats)

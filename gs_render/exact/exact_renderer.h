@@ -62,6 +62,8 @@ struct ExactPicture {
 /// dL by each input, in arrays of the same shapes; `screen` also where it was empty.
 struct ExactGradients : ExactGaussians<double> {
   std::vector<Vec2<double>> screen;  // (N)
+  // (N)  sums over the pixels of the absolute values of their shares in `screen` (Ye et al. 2024)
+  std::vector<Vec2<double>> absolute_screen;
   CameraEntriesGradient<double> camera;
   Vec3d background{0.0, 0.0, 0.0};
 };

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // The operator beside its twin, the exact renderer, in every form of its arrays.
-#include "cuda/operator/operator.h"
+#include "gs_render/operator.h"
 
 #include <cuda_runtime_api.h>
 
@@ -87,7 +87,7 @@ class TestMemory {
     copy(to, values.data(), values.size(), cudaMemcpyHostToDevice);
     return to;
   }
-  cuda::Allocate allocator() {
+  AllocateOnDevice allocator() {
     return [this](std::size_t bytes) { return allocate(bytes); };
   }
 
@@ -180,13 +180,13 @@ class Problem {
 
   const ExactGaussians<double>& gaussians() const { return in_.gaussians; }
   RenderSettings& settings() { return settings_; }
-  cuda::OperatorInput& input() { return input_; }
+  OperatorInput& input() { return input_; }
 
   TestMemory& memory() { return memory_; }
-  std::unique_ptr<cuda::OperatorFrame> draw() {
+  std::unique_ptr<OperatorFrame> draw() {
     picture_ = {memory_.floats(3 * kPixels), memory_.floats(kPixels),
                 settings_.blends_depth ? memory_.floats(kPixels) : nullptr};
-    return cuda::draw(call(), input_, settings_, picture_);
+    return cuda::splat_operator().draw(call(), input_, settings_, picture_);
   }
   // of the picture that was drawn last
   std::vector<float> image() { return memory_.downloaded(picture_.image, 3 * kPixels); }
@@ -198,16 +198,16 @@ class Problem {
   }
 
   /// Gradients by every array, by name; and "viewmat", "K", "screen".
-  std::map<std::string, std::vector<float>> gradients(const cuda::OperatorFrame& frame,
+  std::map<std::string, std::vector<float>> gradients(const OperatorFrame& frame,
                                                       bool with_image = true) {
     const std::size_t n = in_.gaussians.count(), coefficients = in_.gaussians.sh_count();
     std::map<std::string, std::pair<float*, std::size_t>> made;
     const auto make = [&](const char* name, std::size_t columns) {
       float* const to = memory_.floats(std::max<std::size_t>(n * columns, 1));
       made[name] = {to, n * columns};
-      return cuda::Rows<float>{to, columns};
+      return OperatorRows<float>{to, columns};
     };
-    cuda::OperatorGradients to;
+    OperatorGradients to;
     to.arrays.means = make("means", 3);
     to.arrays.opacities = make("opacities", 1);
     to.arrays.screen = make("screen", 2);
@@ -220,7 +220,7 @@ class Problem {
     if (form_.shape.sh_degree < 0) {
       to.arrays.colors = make("colors", 3);
     } else {
-      const cuda::Rows<float> sh = make("sh", 3 * coefficients);
+      const OperatorRows<float> sh = make("sh", 3 * coefficients);
       to.arrays.sh0 = sh;
       to.arrays.sh_rest = {sh.data + 3, sh.stride};
     }
@@ -228,11 +228,12 @@ class Problem {
       to.viewmat = memory_.floats(16), made["viewmat"] = {to.viewmat, 16};
       to.K = memory_.floats(9), made["K"] = {to.K, 9};
     }
-    cuda::pull_back(call(), frame, input_, settings_,
-                    {with_image ? memory_.uploaded(planes(dL_.image)) : nullptr,
-                     memory_.uploaded(flat(dL_.alpha)),
-                     form_.depth == Depth::none ? nullptr : memory_.uploaded(flat(depths_of(dL_)))},
-                    to);
+    cuda::splat_operator().pull_back(
+        call(), frame, input_, settings_,
+        {with_image ? memory_.uploaded(planes(dL_.image)) : nullptr,
+         memory_.uploaded(flat(dL_.alpha)),
+         form_.depth == Depth::none ? nullptr : memory_.uploaded(flat(depths_of(dL_)))},
+        to);
     std::map<std::string, std::vector<float>> result;
     for (const auto& [name, array] : made)
       result[name] = memory_.downloaded(array.first, array.second);
@@ -286,16 +287,14 @@ class Problem {
     const Vec3d& s = in_.gaussians.log_scales[i];
     return {std::exp(s.x), std::exp(s.y), std::exp(s.z)};
   }
-  cuda::OperatorCall call() {
-    return {0, memory_.stream(), memory_.allocator(), memory_.allocator()};
-  }
-  cuda::Rows<const float> rows(const std::vector<float>& numbers, std::size_t columns) {
+  OperatorCall call() { return {0, memory_.stream(), memory_.allocator(), memory_.allocator()}; }
+  OperatorRows<const float> rows(const std::vector<float>& numbers, std::size_t columns) {
     return {memory_.uploaded(numbers), columns};
   }
 
   void fill_input() {
     const ExactGaussians<double>& g = in_.gaussians;
-    cuda::OperatorArrays<const float>& arrays = input_.arrays;
+    OperatorArrays<const float>& arrays = input_.arrays;
     input_.count = g.count();
     input_.has_log_scales = form_.has_log_scales;
     input_.has_logit_opacities = form_.has_logits;
@@ -353,8 +352,8 @@ class Problem {
   ExactPicture<double> dL_;
   ExactSettings exact_;
   RenderSettings settings_;
-  cuda::OperatorInput input_;
-  cuda::OperatorPicture picture_;
+  OperatorInput input_;
+  OperatorPicture picture_;
 };
 
 class CudaOperator : public CudaTest {};
@@ -439,10 +438,10 @@ TEST_F(CudaOperator, NothingToSeeShowsTheBackground) {
 TEST_F(CudaOperator, MemoryThatRunsOutEndsTheCall) {
   Problem problem(kForms[0], kCount, 9);
   int left = 3;
-  const cuda::OperatorCall call{
+  const OperatorCall call{
       0, nullptr, [](std::size_t) -> void* { throw Error("no memory", ExitCode::out_of_memory); },
       [&](std::size_t) -> void* { return --left, nullptr; }};
-  EXPECT_THROW(cuda::draw(call, problem.input(), problem.settings(), {}), Error);
+  EXPECT_THROW(cuda::splat_operator().draw(call, problem.input(), problem.settings(), {}), Error);
 }
 
 }  // namespace

@@ -183,11 +183,13 @@ class Pictures(TestCase):
             expected = {"image": (2, 9, 12, 3), "alpha": (2, 9, 12), "depth": (2, 9, 12), "inverse_depth": (2, 9, 12),
                         "features": (2, 9, 12, 2), "visible": (2, 8), "radii": (2, 8), "means2d": (2, 8, 2),
                         "depths": (2, 8), "conics": (2, 8, 3)}
-            self.assertEqual({name: array.shape for name, array in rendering._asdict().items()}, expected)
+            self.assertIsNone(rendering.overflowed)
+            self.assertEqual({name: array.shape for name, array in rendering._asdict().items() if array is not None}, expected)
             np.testing.assert_array_equal(rendering.visible, rendering.radii > 0)
             self.assertLess(rendering.radii.min(), 5)  # small ones are visible, too
             types = {"visible": np.dtype(bool), "radii": np.dtype(np.int32)}
-            for name, array in rendering._asdict().items():
+            for name in expected:
+                array = getattr(rendering, name)
                 self.assertEqual(array.dtype, types.get(name, dtype), name)
             self.assertEqual({gradient.dtype for gradient in pull(alpha=np.ones((2, 9, 12))).values()}, {np.dtype(dtype)})
         one = gemsplat.rasterize(**without(arguments(), outputs="alpha"))
@@ -203,7 +205,8 @@ class Pictures(TestCase):
         for view in range(2):
             alone, pull_alone = gemsplat.vjp(**{name: value[view] if name in per_view else value for name, value in given.items()})
             for name, array in alone._asdict().items():
-                np.testing.assert_array_equal(array, getattr(together, name)[view], name)
+                if array is not None:
+                    np.testing.assert_array_equal(array, getattr(together, name)[view], name)
             for name, gradient in pull_alone(**{name: weight[view] for name, weight in weights.items()}).items():
                 sums.setdefault(name, []).append(gradient)
         for name, gradient in pull(**weights).items():
@@ -220,6 +223,19 @@ class Pictures(TestCase):
         np.testing.assert_array_equal(found.image, expected.image)
         np.testing.assert_array_equal(gemsplat.rasterize(**given, cameras=cameras[1]).image, expected.image[1])
         self.assertEqual(set(gemsplat.vjp(**given, cameras=cameras)[1]()) & {"viewmats", "Ks"}, set())
+
+    def test_absolute_shares_are_those_of_each_pixel(self):
+        given = {**arguments(), "screen": np.zeros((COUNT, 2)), "absolute_screen": np.zeros((COUNT, 2))}
+        _, pull = gemsplat.vjp(**given)
+        weights = np.random.default_rng(5).normal(size=(HEIGHT, WIDTH, 3))
+        expected = 0
+        for y in range(HEIGHT):
+            for x in range(WIDTH):
+                of_pixel = np.zeros_like(weights)
+                of_pixel[y, x] = weights[y, x]
+                expected = expected + np.abs(pull(image=of_pixel)["screen"])
+        np.testing.assert_allclose(pull(image=weights)["absolute_screen"], expected, rtol=1e-9, atol=1e-12)
+        self.assertTrue((expected > np.abs(pull(image=weights)["screen"])).any())
 
     def test_what_is_known_of_a_gaussian_is_that_of_its_ellipse(self):
         given = {"rotations": [[1, 0, 0, 0]] * 3, "scales": [[0.2, 0.1, 0.1]] * 3, "opacities": [1, 1, 0.001],

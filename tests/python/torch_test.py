@@ -44,7 +44,7 @@ def draw(arrays, outputs=("image", "alpha"), width=WIDTH, height=HEIGHT, **setti
 def loss_of(rendering):
     """A number that depends on every pixel in a way of its own, made of whichever pictures there are."""
     total = 0
-    for picture in (rendering.image, rendering.alpha, rendering.depth, rendering.inverse_depth):
+    for picture in (rendering.image, rendering.alpha, rendering.depth, rendering.inverse_depth, rendering.features):
         if picture is not None:
             weights = torch.sin(torch.arange(picture.numel(), device=picture.device, dtype=picture.dtype))
             total = total + (picture * weights.view(picture.shape)).sum()
@@ -107,6 +107,8 @@ class OnTheGpuTest(TestCase):
         "covariances": {"rotations": None, "log_scales": None,
                         "covariances": np.tile([0.02, 0.004, -0.003, 0.05, 0.002, 0.03], (100, 1))},
         "colors": {"sh": None, "colors": np.linspace(-0.2, 1, 300).reshape(100, 3)},
+        "features": {"sh": None, "colors": np.linspace(0, 1, 300).reshape(100, 3),
+                     "features": np.linspace(-1, 1, 500).reshape(100, 5)},
         "sh0 and sh_rest": {"sh": None, "sh0": np.linspace(-1, 1, 300).reshape(100, 3),
                             "sh_rest": np.linspace(-1, 1, 2400).reshape(100, 8, 3) / 4},
         "several views": {"viewmats": np.array([VIEW, VIEW]),
@@ -156,6 +158,52 @@ class OnTheGpuTest(TestCase):
         exec(programs[0][1], names)
         exec(next(text for kind, text in programs if kind == "py"), names)
         self.assertEqual(names["tensors"]["means"].grad.shape, (100, 3))
+
+    def test_absolute_shares_are_those_of_the_cpu(self):
+        zeros = {"absolute_screen": np.zeros((100, 2))}
+        _, by_cpu = gradients(arguments(100, dtype=torch.float64, **zeros))
+        _, by_gpu = gradients(arguments(100, "cuda", **zeros))
+        self.assert_near(by_gpu["absolute_screen"], by_cpu["absolute_screen"], 3e-4, "absolute_screen")
+        self.assertGreater(float(by_cpu["absolute_screen"].sum()), float(by_cpu["screen"].abs().sum()))
+
+    def test_room_for_instances_saves_the_wait(self):
+        arrays = arguments(100, "cuda")
+        expected, slopes = gradients(arrays)
+        self.assertIsNone(expected.overflowed)
+        drawn, with_room = gradients(arrays, max_instances=5000)
+        self.assertTrue(torch.equal(drawn.image, expected.image))
+        self.assertFalse(bool(drawn.overflowed))
+        for name, slope in slopes.items():
+            self.assert_near(with_room[name], slope, 1e-5, name)
+        for room in (1, 20):
+            drawn, with_room = gradients(arrays, max_instances=room)
+            self.assertTrue(bool(drawn.overflowed))
+            self.assertEqual(float(with_room["means"].abs().max()), 0)
+
+    def test_a_cuda_graph_repeats_a_step(self):
+        arrays = arguments(100, "cuda")
+        tensors = list(arrays.values())
+
+        def step():
+            return torch.autograd.grad(loss_of(draw(arrays, max_instances=5000)), tensors)
+
+        stream = torch.cuda.Stream()
+        stream.wait_stream(torch.cuda.current_stream())
+        with torch.cuda.stream(stream):
+            for _ in range(3):
+                step()
+        torch.cuda.current_stream().wait_stream(stream)
+        graph = torch.cuda.CUDAGraph()
+        with torch.cuda.graph(graph):
+            recorded = step()
+        for seed in range(2, 30):
+            others = arguments(100, "cuda", seed=seed)
+            with torch.no_grad():
+                for name, tensor in arrays.items():
+                    tensor.copy_(others[name])
+            graph.replay()
+            for name, slope, expected in zip(arrays, recorded, gradients(others)[1].values()):
+                self.assert_near(slope, expected.cpu(), 1e-4, name)
 
     def test_lower_degrees_leave_the_higher_coefficients_alone(self):
         arrays = arguments(100, "cuda")

@@ -38,8 +38,9 @@ SHAPES = {
     "features": ("N D", "C N D"),
     "background": ("3", "C 3"),
     "screen": ("N 2", "C N 2"),
+    "absolute_screen": ("N 2", "C N 2"),
 }
-_ONE_EACH_VIEW = ("viewmats", "Ks", "screen")  # with the axis C wherever there is one
+_ONE_EACH_VIEW = ("viewmats", "Ks", "screen", "absolute_screen")  # with the axis C wherever there is one
 _LENGTHS = {"C": range(1, 2**31), "D": range(1, 2**31), "K": (1, 4, 9, 16), "R": (0, 3, 8, 15)}
 
 
@@ -68,6 +69,7 @@ class Arguments:
     antialiased: bool
     blend_rule: str  # of BLEND_RULES
     smooth: bool
+    max_instances: Optional[int]  # None: as many as there are
 
 
 def check(given: Mapping[str, Any]) -> Arguments:
@@ -233,7 +235,19 @@ def _settings(given):
     usual = BLUR_ANTIALIASED if antialiased else BLUR
     blur = _number("blur", usual if given["blur"] is None else given["blur"])
     return {"near": near, "far": far, "blur": blur, "antialiased": antialiased, "blend_rule": rule,
-            "smooth": bool(given["smooth"])}
+            "smooth": bool(given["smooth"]), "max_instances": _max_instances(given["max_instances"])}
+
+
+def _max_instances(value):
+    if value is None:
+        return None
+    try:
+        count = index(value)
+    except TypeError:
+        raise UsageError(f"max_instances must be a whole number, and not {value!r}") from None
+    if not 1 <= count < 2**31:
+        raise UsageError(f"max_instances must lie between 1 and 2^31 - 1, but is {count}")
+    return count
 
 
 def _number(name, value):

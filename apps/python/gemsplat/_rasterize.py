@@ -32,6 +32,8 @@ class Rendering(NamedTuple):
     longer axis of the ellipse, rounded up, pixels. means2d: (C, N, 2), pixels. depths: (C, N), world
     units. conics: (C, N, 3), xx xy yy of the inverse covariance in the picture, 1 / pixels^2. With
     smooth ellipses are of four standard deviations, and visible is all that can be projected.
+
+    overflowed: (C,) bool, only of a GPU with max_instances.
     """
 
     image: Any = None
@@ -44,6 +46,7 @@ class Rendering(NamedTuple):
     means2d: Any = None
     depths: Any = None
     conics: Any = None
+    overflowed: Any = None
 
 
 def rasterize(means: ArrayLike, rotations: Optional[ArrayLike] = None, *, scales: Optional[ArrayLike] = None,
@@ -54,9 +57,9 @@ def rasterize(means: ArrayLike, rotations: Optional[ArrayLike] = None, *, scales
               cameras: Union[None, Camera, Iterable[Camera]] = None, viewmats: Optional[ArrayLike] = None,
               Ks: Optional[ArrayLike] = None, width: Optional[int] = None, height: Optional[int] = None,
               background: Optional[ArrayLike] = None, screen: Optional[ArrayLike] = None,
-              sh_degree: Optional[int] = None, outputs: Union[str, Sequence[str]] = ("image",), near: float = 0.2,
+              absolute_screen: Optional[ArrayLike] = None, sh_degree: Optional[int] = None, outputs: Union[str, Sequence[str]] = ("image",), near: float = 0.2,
               far: float = 10000.0, blur: Optional[float] = None, antialiased: bool = False,
-              blend_rule: str = "faster_gs", smooth: bool = False) -> Rendering:
+              blend_rule: str = "faster_gs", smooth: bool = False, max_instances: Optional[int] = None) -> Rendering:
     """Draws N Gaussians in C views. vjp() and jvp() differentiate it by every array.
 
     NumPy arrays are drawn on the CPU by the exact renderer, each Gaussian at each pixel, in float64.
@@ -85,6 +88,8 @@ def rasterize(means: ArrayLike, rotations: Optional[ArrayLike] = None, *, scales
     width, height: of the pictures, pixels.
     background: (3,) or (C, 3), by default black. Features have none behind them.
     screen: (C, N, 2), added to the projected means, pixels: zeros, to get the gradient by these means.
+    absolute_screen: (C, N, 2), not read. In place of a gradient it gets the sum of the absolute values of
+    what each pixel adds to that by the projected means (Ye et al. 2024).
 
     How it is drawn:
 
@@ -95,6 +100,9 @@ def rasterize(means: ArrayLike, rotations: Optional[ArrayLike] = None, *, scales
     blend_rule: faster_gs; or classic, as in Kerbl et al. 2023, where alpha is at most 0.99.
     smooth: drops no fragment for being faint or hidden, and clamps no alpha, so that finite differences
     find no jumps.
+    max_instances: the most pairs of a Gaussian and a tile of 16 pixels that it meets, for which a GPU has
+    room. Nothing then waits for the GPU, and CUDA graphs can record the call. Where there are more,
+    overflowed is True, pictures lack Gaussians, and gradients are zero. By default they are counted.
 
     Rows that cannot be drawn, such as those with NaN, are not visible. Throws UsageError, which names
     the argument.

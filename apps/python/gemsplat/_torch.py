@@ -156,9 +156,11 @@ class _Draw(torch.autograd.Function):
                                        *(0 if picture is None else picture.data_ptr() for picture in pictures))
         ctx.save_for_backward(*dense)
         ctx.set_materialize_grads(False)
-        rows = _row_outputs(ctx.frame, ctx.kept, call)
-        ctx.mark_non_differentiable(*rows)
-        return *pictures, *rows
+        known = _row_outputs(ctx.frame, ctx.kept, call)
+        if call["max_instances"]:
+            known.append(ctx.kept.view(ctx.frame.overflowed, torch.int32, 1)[0] != 0)
+        ctx.mark_non_differentiable(*known)
+        return *pictures, *known
 
     @staticmethod
     @once_differentiable
@@ -184,6 +186,7 @@ class _Draw(torch.autograd.Function):
 
 _MATRICES = ("viewmats", "Ks", "background")
 _DEPTHS = ("depth", "inverse_depth")
+_COLORS = ("colors", "sh", "sh0", "sh_rest", "background", "features")  # absent from passes of features
 _DRAWN = ("image", "alpha", "depth")  # what the kernels write; the last one is either of _DEPTHS
 
 
@@ -212,34 +215,62 @@ def _row_outputs(frame, kept, call):
 def _on_gpu(arguments):
     if arguments.dtype != "float32":
         raise UsageError("a GPU draws tensors of float32; tensors of float64 are drawn on the CPU")
-    if not hasattr(_gemsplat, "GpuOperation"):
-        raise UsageError("this gemsplat was built without CUDA; give tensors on the CPU, or build it where nvcc is found")
-    for name, is_asked in (("smooth", arguments.smooth), ("features", arguments.channels > 0)):
-        if is_asked:
-            raise UsageError(f"{name} is for tensors on the CPU")
+    if arguments.smooth:
+        raise UsageError("smooth is for tensors on the CPU")
     if "depth" in arguments.pictures and "inverse_depth" in arguments.pictures:
         raise UsageError("a GPU draws depth or inverse_depth; call rasterize() for each of them")
     views = [_view(arguments, view) for view in range(arguments.views)]
     depth = "inverse_depth" if "inverse_depth" in arguments.pictures else "depth"
-    found = dict(zip(("image", "alpha", depth) + arguments.rows, zip(*views)))
+    names = arguments.rows + (("overflowed",) if arguments.max_instances else ())
+    found = dict(zip(("image", "alpha", depth) + names, zip(*views)))
     if "image" in arguments.pictures:
         found["image"] = [image.permute(1, 2, 0) for image in found["image"]]
+    if arguments.channels:
+        names += ("features",)
+        found["features"] = [_features(arguments, view) for view in range(arguments.views)]
     return Rendering(**{name: torch.stack(found[name]) if arguments.has_view_axis else found[name][0]
-                        for name in arguments.pictures + arguments.rows})
+                        for name in arguments.pictures + names})
+
+
+def _of_view(arguments, view):
+    """The tensors of a view by their names."""
+    if not arguments.has_view_axis:
+        return dict(arguments.arrays)
+    return {name: tensor[view] if is_per_view(name, tensor) else tensor for name, tensor in arguments.arrays.items()}
 
 
 def _view(arguments, view):
-    tensors = dict(arguments.arrays)
-    if arguments.has_view_axis:
-        tensors = {name: tensor[view] if is_per_view(name, tensor) else tensor for name, tensor in tensors.items()}
+    """The pictures of _DRAWN, those not asked for as None, and what is known besides."""
+    tensors = _of_view(arguments, view)
+    tensors.pop("features", None)
     if arguments.color is None:
         tensors["colors"] = tensors["means"].new_zeros((1, 3)).expand(arguments.count, 3)
+    depths = [name for name in _DEPTHS if name in arguments.pictures]
+    return _drawn(arguments, view, tensors, pictures=arguments.pictures, rows=arguments.rows, blends_depth=bool(depths),
+                  inverse_depth="inverse_depth" in depths)
+
+
+def _features(arguments, view):
+    """(H, W, D): the features of a view, three of them at a time as the colors of a pass of their own."""
+    tensors = _of_view(arguments, view)
+    shared = {name: tensor for name, tensor in tensors.items() if name not in _COLORS}
+    passes = []
+    for first in range(0, arguments.channels, 3):
+        colors = tensors["features"][:, first:first + 3]
+        colors = torch.nn.functional.pad(colors, (0, 3 - colors.shape[1]))
+        image, *_ = _drawn(arguments, view, {**shared, "colors": colors}, pictures=("image",), rows=(), blends_depth=False,
+                           inverse_depth=False)
+        passes.append(image)
+    return torch.cat(passes)[:arguments.channels].permute(1, 2, 0)
+
+
+def _drawn(arguments, view, tensors, **what):
+    """One call of the kernels for a view."""
     call = {name: getattr(arguments, name) for name in _SETTINGS}
-    stored = {"sh": lambda: tensors["sh"].shape[1], "sh0": lambda: 1 + (tensors["sh_rest"].shape[1] if "sh_rest" in tensors else 0)}
-    coefficients = stored[arguments.color]() if arguments.color in stored else 1
-    call.update(count=arguments.count, device=tensors["means"].device.index or 0, rows=arguments.rows,
-                pictures=arguments.pictures, blends_depth=any(name in arguments.pictures for name in _DEPTHS),
-                inverse_depth="inverse_depth" in arguments.pictures, has_unused_sh=coefficients > (arguments.sh_degree + 1)**2,
+    coefficients = (tensors["sh"].shape[1] if "sh" in tensors
+                    else 1 + tensors["sh_rest"].shape[1] if "sh_rest" in tensors else 1)
+    call.update(what, count=arguments.count, device=tensors["means"].device.index or 0,
+                max_instances=arguments.max_instances or 0, has_unused_sh=coefficients > (arguments.sh_degree + 1)**2,
                 deterministic=torch.are_deterministic_algorithms_enabled(),
                 for_backward=torch.is_grad_enabled() and any(tensor.requires_grad for tensor in tensors.values()))
     if arguments.cameras:

@@ -1,9 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
-// Drawing and its gradient as an operator on arrays that somebody else owns: PyTorch, JAX and CuPy
-// call it (docs/reference/differentiable.md). It keeps no state on the device. All memory comes from
-// the caller, and all work is done on the caller's stream. gs_render/exact is its twin on the CPU.
-//
-// This header has no CUDA types, so that any compiler can include it.
+// The contract of drawing and its gradient as an operator on arrays in device memory that somebody
+// else owns, such as PyTorch (docs/guide/differentiable.md). It keeps no state on the device. All
+// memory comes from the caller, and all work is done on the caller's stream. cuda/operator fulfills
+// it; gs_render/exact is its twin on the CPU.
 #pragma once
 
 #include <functional>
@@ -12,32 +11,30 @@
 #include "gs_core/camera.h"
 #include "gs_render/render_pass.h"
 
-namespace gs::cuda {
+namespace gs {
 
 /// Rows of `Number`s in device memory.
 template <class Number>
-struct Rows {
+struct OperatorRows {
   Number* data = nullptr;
   std::size_t stride = 0;  // numbers from one row to the next
 
-#ifdef __CUDACC__
-  __device__ Number* operator[](std::size_t i) const { return data + i * stride; }
-#endif
+  GS_HD Number* operator[](std::size_t i) const { return data + i * stride; }
 };
 
 /// One array for each parameter of N Gaussians. Of each pair or triple that is named with "or" the
 /// others are null. As gradients, arrays that nobody wants are null.
 template <class Number>
 struct OperatorArrays {
-  Rows<Number> means;        // (N, 3)  world units
-  Rows<Number> rotations;    // (N, 4)  w x y z of any length, with scales; or covariances
-  Rows<Number> scales;       // (N, 3)  standard deviations in world units, or their logs
-  Rows<Number> covariances;  // (N, 6)  upper triangle, world units^2
-  Rows<Number> opacities;    // (N)     0 to 1, or their logits
-  Rows<Number> colors;       // (N, 3)  used as they are; or sh0
-  Rows<Number> sh0;          // (N, 3)  coefficients, the color is at least 0
-  Rows<Number> sh_rest;      // (N, sh_rest_count(degree in use) or more, 3)
-  Rows<Number> screen;       // (N, 2)  pixels, added to the projected means; may be null
+  OperatorRows<Number> means;        // (N, 3)  world units
+  OperatorRows<Number> rotations;    // (N, 4)  w x y z of any length, with scales; or covariances
+  OperatorRows<Number> scales;       // (N, 3)  standard deviations in world units, or their logs
+  OperatorRows<Number> covariances;  // (N, 6)  upper triangle, world units^2
+  OperatorRows<Number> opacities;    // (N)     0 to 1, or their logits
+  OperatorRows<Number> colors;       // (N, 3)  used as they are; or sh0
+  OperatorRows<Number> sh0;          // (N, 3)  coefficients, the color is at least 0
+  OperatorRows<Number> sh_rest;      // (N, sh_rest_count(degree in use) or more, 3)
+  OperatorRows<Number> screen;       // (N, 2)  pixels, added to the projected means; may be null
 };
 
 /// What is drawn, and from where.
@@ -45,6 +42,8 @@ struct OperatorInput {
   std::size_t count = 0;  // N
   OperatorArrays<const float> arrays;
   bool has_log_scales = false, has_logit_opacities = false;
+  // Room for so many instances, so that nothing waits for their number; 0: they are counted.
+  std::uint32_t room = 0;
   bool has_inverse_depth =
       false;      // the depth of a picture sums weights over depths, not times them
   Camera camera;  // its size counts in any case
@@ -76,14 +75,14 @@ struct OperatorGradients {
 };
 
 /// Returns device memory of so many bytes, aligned to 256. What it throws ends the call.
-using Allocate = std::function<void*(std::size_t bytes)>;
+using AllocateOnDevice = std::function<void*(std::size_t bytes)>;
 
 /// The stream of a call, and where its memory comes from. `kept` outlives the frame, `scratch` is
 /// free once the call has returned: what comes later on the stream may overwrite it.
 struct OperatorCall {
   int device = 0;
   void* stream = nullptr;  // cudaStream_t
-  Allocate kept, scratch;
+  AllocateOnDevice kept, scratch;
 };
 
 /// What is kept of a picture that was drawn, for its gradient. Nothing changes it, so that gradients
@@ -95,18 +94,28 @@ class OperatorFrame {
   virtual const Splat* splats() const = 0;               // (N)  undefined where not visible
   virtual const float* depths() const = 0;               // (N)  likewise
   virtual const std::uint32_t* tile_counts() const = 0;  // (N)  tiles hit; 0: not visible
-  virtual std::uint32_t instances() const = 0;           // of Gaussians in tiles
+  // (1)  not 0 where there were more instances than room: the picture lacks some, and gradients are
+  // zero. Null without a room.
+  virtual const std::uint32_t* overflowed() const = 0;
+  /// Of Gaussians in tiles; the room, where one is given.
+  virtual std::uint32_t instances() const = 0;
 };
 
-/// Draws Gaussians to `to`. Waits once, for the number of instances. Throws Error where the GPU fails.
-/// settings.background_on_device may replace the background.
-std::unique_ptr<OperatorFrame> draw(const OperatorCall& call, const OperatorInput& input,
-                                    const RenderSettings& settings, const OperatorPicture& to);
+/// The operator of one kind of device.
+class SplatOperator {
+ public:
+  virtual ~SplatOperator() = default;
+  /// Draws Gaussians to `to`. Waits once, for the number of instances, where no room is given. Throws
+  /// Error where the GPU fails. settings.background_on_device may replace the background.
+  virtual std::unique_ptr<OperatorFrame> draw(const OperatorCall& call, const OperatorInput& input,
+                                              const RenderSettings& settings,
+                                              const OperatorPicture& to) const = 0;
+  /// Pulls a gradient back to everything that draw() has read, whose arguments it takes again. Does
+  /// not wait.
+  virtual void pull_back(const OperatorCall& call, const OperatorFrame& frame,
+                         const OperatorInput& input, const RenderSettings& settings,
+                         const OperatorPictureGradient& dL,
+                         const OperatorGradients& gradients) const = 0;
+};
 
-/// Pulls a gradient back to everything that draw() has read, whose arguments it takes again. Does not
-/// wait.
-void pull_back(const OperatorCall& call, const OperatorFrame& frame, const OperatorInput& input,
-               const RenderSettings& settings, const OperatorPictureGradient& dL,
-               const OperatorGradients& gradients);
-
-}  // namespace gs::cuda
+}  // namespace gs
