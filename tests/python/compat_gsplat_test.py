@@ -7,7 +7,7 @@ import numpy as np
 
 import gemsplat.compat
 from compat_support import (BACKGROUND, DEVICES, HEIGHT, K, VIEW, WIDTH, chosen, covariances, draw_by_gsplat, expected,
-                            gaussians, loss_of, near, torch, without_waiting)
+                            gaussians, loss_of, near, near_in_all, torch, without_waiting)
 from support import TestCase
 
 if torch is not None:
@@ -39,14 +39,14 @@ class GsplatTest(TestCase):
                         slope = torch.autograd.grad(loss_of(colors[0], alphas[0]), ours)
                         right = torch.autograd.grad(loss_of(picture, drawn.alpha[..., None]), theirs, retain_graph=True)
                         for one, other in zip(slope, right):
-                            near(one.cpu().double(), other, tolerance * 10)
+                            near_in_all(one, other, tolerance)
 
     def test_poses_and_intrinsics_have_gradients(self):
         arrays = chosen(gaussians(), *self.NAMES)
         matrices = {name: torch.tensor([matrix], dtype=torch.float64, requires_grad=True)
                     for name, matrix in (("viewmats", VIEW), ("Ks", K))}
         colors, _, _ = draw_by_gsplat(arrays, **matrices)
-        image = expected({**arrays}, viewmats=matrices["viewmats"][0], Ks=matrices["Ks"][0], background=torch.zeros(3).double()).image
+        image = expected(arrays, viewmats=matrices["viewmats"][0], Ks=matrices["Ks"][0], background=torch.zeros(3).double()).image
         wanted = torch.autograd.grad(loss_of(image), list(matrices.values()))
         for one, other in zip(torch.autograd.grad(loss_of(colors), list(matrices.values())), wanted):
             near(one, other, 1e-9)

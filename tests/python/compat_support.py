@@ -39,6 +39,12 @@ def near(value, expected, tolerance=1e-12):
     torch.testing.assert_close(value, expected, rtol=tolerance, atol=tolerance)
 
 
+def near_in_all(value, expected, tolerance):
+    """Of arrays whose numbers are sums that cancel: the difference is small beside the whole array."""
+    difference = torch.linalg.vector_norm(value.double().cpu() - expected.double().cpu())
+    assert difference <= tolerance * torch.linalg.vector_norm(expected.double()), (float(difference), tolerance)
+
+
 def gaussians(count=20, device="cpu", dtype=None, seed=1):
     """Leaves by the names of rasterize()."""
     random = np.random.default_rng(seed)
