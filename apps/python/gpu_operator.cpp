@@ -117,7 +117,7 @@ void pull_back(const Operation& operation, const OperatorFrame& frame, std::uint
   settings.absolute_gradient = gradients.absolute_screen != nullptr;
   const OperatorCall call{operation.device, pointer<void>(stream), nullptr, allocator(scratch)};
   const py::gil_scoped_release release;
-  cuda::pull_back(
+  gpu_operator().pull_back(
       call, frame, operation.input, settings,
       {pointer<const float>(image), pointer<const float>(alpha), pointer<const float>(depth)},
       gradients);

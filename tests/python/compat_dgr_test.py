@@ -7,8 +7,8 @@ import unittest
 import numpy as np
 
 import gemsplat.compat
-from compat_support import (DEVICES, HEIGHT, K, VIEW, WIDTH, chosen, covariances, expected, gaussians, loss_of, near,
-                            settings, slopes, torch, without_waiting)
+from compat_support import (DEVICES, FOCALS, HEIGHT, K, VIEW, WIDTH, chosen, covariances, expected, gaussians, loss_of, near,
+                            near_in_all, settings, slopes, torch, without_waiting)
 from support import TestCase
 
 if torch is not None:
@@ -38,7 +38,7 @@ class DiffGaussianRasterizationTest(TestCase):
                     near(color.permute(1, 2, 0), image, tolerance)
                     wanted = slopes(loss_of(image), arrays)
                     for name, slope in slopes(loss_of(color.permute(1, 2, 0)), arrays).items():
-                        near(slope, wanted[name], tolerance)
+                        near_in_all(slope, wanted[name], tolerance)
 
     def test_every_form_of_the_inputs_draws_the_same(self):
         arrays = gaussians()
@@ -120,6 +120,13 @@ class DiffGaussianRasterizationTest(TestCase):
         moved = [[K[0][0], 0, WIDTH / 2 * 1.2], [0, K[1][1], HEIGHT / 2 * 0.9], K[2]]
         near(color.permute(1, 2, 0), expected(arrays, matrix=moved).image, 1e-3)
 
+    def test_alpha_is_at_most_99_percent(self):
+        arrays = gaussians(1)
+        arrays.update(means=torch.zeros(1, 3).double(), scales=torch.full((1, 3), 0.6).double(), opacities=torch.ones(1, 1).double())
+        color, _ = self.draw(arrays, shs=None, colors_precomp=torch.ones(1, 3).double(),
+                             given=settings(arrays["means"], bg=torch.zeros(3)))
+        self.assertAlmostEqual(float(color.max()), 0.99, places=6)
+
     def test_radii_are_three_deviations_whatever_the_opacity(self):
         arrays = gaussians()
         rows = expected(chosen(arrays, *self.NAMES), ("means2d", "conics", "visible"))
@@ -136,11 +143,15 @@ class DiffGaussianRasterizationTest(TestCase):
         center = -torch.tensor(VIEW).double()[:3, :3].T @ torch.tensor(VIEW).double()[:3, 3]
         away = torch.tensor(VIEW).double()[2, :3]
         side = torch.tensor(VIEW).double()[0, :3]
-        arrays["means"] = torch.stack((center + 3 * away, center - away, center + 0.1 * away, center + 3 * away + 30 * side))
+        at = lambda pixel: center + 3 * away + 3 * (pixel - WIDTH / 2) / FOCALS[0] * side
+        arrays["means"] = torch.stack((center + 3 * away, center - away, center + 0.1 * away, at(4 * WIDTH), at(WIDTH + 6),
+                                       at(WIDTH + 12)))
+        arrays = {name: tensor[:1].expand(6, *tensor.shape[1:]) if name != "means" else tensor for name, tensor in arrays.items()}
+        arrays["scales"] = torch.full((6, 3), 1e-3, dtype=torch.float64)
         _, radii = self.draw(arrays)
-        self.assertEqual((radii > 0).tolist(), [True, False, False, False])
+        self.assertEqual((radii > 0).tolist(), [True, False, False, False, True, False])  # the last tile ends 8 pixels outside
         marked = dgr.GaussianRasterizer(settings(arrays["means"])).markVisible(arrays["means"])
-        self.assertEqual(marked.tolist(), [True, False, False, True])
+        self.assertEqual(marked.tolist(), [True, False, False, True, True, True])
 
     def test_of_no_gaussians_there_is_black(self):
         color, radii = self.draw(gaussians(0))

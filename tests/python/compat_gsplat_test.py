@@ -7,7 +7,7 @@ import numpy as np
 
 import gemsplat.compat
 from compat_support import (BACKGROUND, DEVICES, HEIGHT, K, VIEW, WIDTH, chosen, covariances, draw_by_gsplat, expected,
-                            gaussians, loss_of, near, torch, without_waiting)
+                            gaussians, loss_of, near, near_in_all, torch, without_waiting)
 from support import TestCase
 
 if torch is not None:
@@ -39,14 +39,14 @@ class GsplatTest(TestCase):
                         slope = torch.autograd.grad(loss_of(colors[0], alphas[0]), ours)
                         right = torch.autograd.grad(loss_of(picture, drawn.alpha[..., None]), theirs, retain_graph=True)
                         for one, other in zip(slope, right):
-                            near(one.cpu().double(), other, tolerance * 10)
+                            near_in_all(one, other, tolerance)
 
     def test_poses_and_intrinsics_have_gradients(self):
         arrays = chosen(gaussians(), *self.NAMES)
         matrices = {name: torch.tensor([matrix], dtype=torch.float64, requires_grad=True)
                     for name, matrix in (("viewmats", VIEW), ("Ks", K))}
         colors, _, _ = draw_by_gsplat(arrays, **matrices)
-        image = expected({**arrays}, viewmats=matrices["viewmats"][0], Ks=matrices["Ks"][0], background=torch.zeros(3).double()).image
+        image = expected(arrays, viewmats=matrices["viewmats"][0], Ks=matrices["Ks"][0], background=torch.zeros(3).double()).image
         wanted = torch.autograd.grad(loss_of(image), list(matrices.values()))
         for one, other in zip(torch.autograd.grad(loss_of(colors), list(matrices.values())), wanted):
             near(one, other, 1e-9)
@@ -91,18 +91,54 @@ class GsplatTest(TestCase):
         self.assertEqual((tuple(colors.shape), tuple(alphas.shape)), ((2, 1, HEIGHT, WIDTH, 3), (2, 1, HEIGHT, WIDTH, 1)))
         self.assertEqual(tuple(meta["radii"].shape), (2, 1, 20, 2))
         near(colors[1], draw_by_gsplat(other)[0])
+        two = {name: matrices.expand(2, 2, *matrices.shape[2:]) for name, matrices in like.items()}
+        packed, meta = (draw_by_gsplat(both, **two, packed=packed)[2] for packed in (True, False))
+        for name in ("isect_ids", "isect_offsets"):
+            self.assertTrue(torch.equal(packed[name], meta[name]))
+        colors, _, _ = draw_by_gsplat({**both, "colors": one["sh"]}, **like, sh_degree=3)  # coefficients in common
+        near(colors[1], draw_by_gsplat({**other, "colors": one["sh"]}, sh_degree=3)[0])
+
+    def test_antialiasing_and_planes_are_those_of_rasterize(self):
+        arrays = chosen(gaussians(), *self.NAMES)
+        arrays["scales"] = arrays["scales"].detach() / 10
+        colors, _, meta = draw_by_gsplat(arrays, rasterize_mode="antialiased", near_plane=2.8, far_plane=3.4)
+        given = {"antialiased": True, "near": 2.8, "far": 3.4, "background": torch.zeros(3).double()}
+        near(colors[0], expected(arrays, **given).image)
+        is_seen = (meta["radii"][0] > 0).all(-1)
+        self.assertEqual(set(((2.8 < meta["depths"][0]) & (meta["depths"][0] < 3.4))[is_seen].tolist()), {True})
+        lowered = {**arrays, "opacities": meta["opacities"][0][:, None]}
+        near(colors[0], expected(lowered, near=2.8, far=3.4, background=torch.zeros(3).double()).image, 1e-6)
+        colors, _, _ = draw_by_gsplat(arrays, viewmats=torch.tensor(np.array(VIEW) + np.diag([0, 0, 3e4], 1))[None])
+        self.assertGreater(float(colors.max()), 0)  # beyond what training draws
+
+    def test_alpha_is_at_most_99_percent(self):
+        arrays = gaussians(1)
+        arrays.update(means=torch.zeros(1, 3).double(), scales=torch.full((1, 3), 0.6).double(), opacities=torch.ones(1, 1).double())
+        self.assertAlmostEqual(float(draw_by_gsplat(arrays)[1].max()), 0.99, places=6)
+
+    def test_boxes_end_where_alpha_does(self):
+        arrays = gaussians()
+        rows = expected(chosen(arrays, *self.NAMES), ("conics", "visible"))
+        _, _, meta = draw_by_gsplat(arrays)
+        for row in torch.nonzero(rows.visible)[:, 0]:
+            xx, xy, yy = rows.conics[row].tolist()
+            variances = np.linalg.inv([[xx, xy], [xy, yy]]).diagonal()
+            reach = np.sqrt(2 * np.log(255 * float(arrays["opacities"][row])) * variances)
+            self.assertEqual(meta["radii"][0, row].tolist(), np.ceil(reach - 1e-6).tolist())
 
     def test_the_dict_has_what_rasterize_tells(self):
         arrays = chosen(gaussians(), *self.NAMES)
+        arrays["means"], arrays["scales"] = 2.5 * arrays["means"].detach(), 4 * arrays["scales"].detach()  # beyond the border
         rows = expected(arrays, ("visible", "means2d", "depths", "conics"))
         _, _, meta = draw_by_gsplat(arrays)
         is_seen = (meta["radii"] > 0).all(-1)[0]
-        self.assertTrue(torch.equal(is_seen, rows.visible))
+        self.assertTrue(bool((is_seen | ~rows.visible).all()))
+        is_seen &= rows.visible  # a box may meet the picture where its ellipse does not
         near(meta["means2d"][0][is_seen], rows.means2d[is_seen])
         near(meta["depths"][0][is_seen], rows.depths[is_seen])
         near(meta["conics"][0][is_seen], rows.conics[is_seen], 1e-6)  # rasterize() takes the blur as a float of 32 bits
         _, _, packed = draw_by_gsplat(arrays, packed=True)
-        ids = is_seen.nonzero()[:, 0]
+        ids = (meta["radii"][0] > 0).all(-1).nonzero()[:, 0]
         self.assertTrue(torch.equal(packed["gaussian_ids"], ids))
         for name in ("means2d", "depths", "conics", "radii", "opacities"):
             near(packed[name], meta[name][0][ids])
@@ -193,7 +229,7 @@ class GsplatTest(TestCase):
                        {"radial_coeffs": torch.zeros(1, 6)}):
             with self.subTest(others), self.assertRaisesRegex(NotImplementedError, list(others)[0]):
                 draw_by_gsplat(arrays, **others)
-        draw_by_gsplat(arrays, with_ut=False, global_z_order=True, radial_coeffs=None)
+        draw_by_gsplat(arrays, with_ut=False, global_z_order=True, radial_coeffs=None, tile_size=None)
         self.assert_refused(r"viewmats must have the shape \(1, 4, 4\)", draw_by_gsplat, arrays, viewmats=torch.eye(3)[None])
         self.assert_refused(r"colors must have 16 coefficients or more for sh_degree=3, but have 9", draw_by_gsplat,
                             arrays, colors=arrays["sh"][:, :9], sh_degree=3)

@@ -21,25 +21,22 @@ if torch is not None:
 
 @unittest.skipUnless(torch, "PyTorch is not installed")
 class OtherModulesTest(TestCase):
-    def test_pictures_that_take_passes_of_their_own_are_the_same(self):
+    def test_features_that_are_drawn_as_images_are_the_same(self):
         arrays = chosen(gaussians(), "means", "rotations", "scales", "opacities", "colors")
         arrays["features"] = torch.randn(20, 4, dtype=torch.float64, generator=torch.Generator().manual_seed(3), requires_grad=True)
-        arrays["viewmats"] = torch.tensor(VIEW, dtype=torch.float64, requires_grad=True)
-        others = {"Ks": torch.tensor(K, dtype=torch.float64), "width": WIDTH, "height": HEIGHT, "near": 0.2, "blend_rule": "classic",
-                  "background": torch.tensor(BACKGROUND, dtype=torch.float64)}
-        names = ("image", "alpha", "depth", "inverse_depth")
-        found = [_passes.draw(names, **arrays, **others)]
-        is_drawn_beside = _passes._is_drawn_beside
-        self.addCleanup(setattr, _passes, "_is_drawn_beside", is_drawn_beside)
-        _passes._is_drawn_beside = lambda name, means: name in ("image", "alpha")
-        found.append(_passes.draw(names, **arrays, **others))
-        self.assertEqual(set(found[0]), set(found[1]))
-        for name, picture in found[0].items():
-            near(found[1][name], picture, 1e-9)
-            wanted = torch.autograd.grad(loss_of(picture), list(arrays.values()), retain_graph=True, allow_unused=True)
-            slope = torch.autograd.grad(loss_of(found[1][name]), list(arrays.values()), retain_graph=True, allow_unused=True)
-            for one, other in zip(slope, wanted):
-                near(torch.zeros(1) if one is None else one, torch.zeros(1) if one is None else other, 1e-8)
+        like = arrays["means"].new_tensor
+        given = {**arrays, "viewmats": like(VIEW), "Ks": like(K), "width": WIDTH, "height": HEIGHT, "blend_rule": "classic",
+                 "background": like(BACKGROUND)}
+        expected = _passes.draw(("image", "alpha"), **given)
+        self.addCleanup(setattr, _passes, "_needs_passes", _passes._needs_passes)
+        _passes._needs_passes = lambda features: True
+        found = _passes.draw(("image", "alpha"), **given)
+        for name in ("image", "alpha", "features"):
+            near(found[name], expected[name], 1e-9)
+        wanted = torch.autograd.grad(loss_of(expected["features"]), list(arrays.values()), allow_unused=True)
+        for one, other in zip(torch.autograd.grad(loss_of(found["features"]), list(arrays.values()), allow_unused=True), wanted):
+            near(torch.zeros(20, 3) if one is None else one, torch.zeros(20, 3) if one is None else other, 1e-8)
+        near(_passes.draw((), **given)["features"], expected["features"], 1e-9)
 
     def test_harmonics_of_the_fourth_degree_are_orthonormal(self):
         directions = torch.randn(200_000, 3, dtype=torch.float64, generator=torch.Generator().manual_seed(1))
@@ -118,7 +115,7 @@ print(__name__, sys.argv[1:], helper.VALUE, tuple(color.shape), bool((screen.gra
 PACKAGE = {
     "__init__.py": "from .rendering import rasterization\n__version__ = '1.5.3'\nclass DefaultStrategy: pass\n",
     "rendering.py": "def rasterization(means, quats, scales, opacities, colors, viewmats, Ks, width, height,\n"
-                    "                  camera_model='pinhole', **others):\n    return camera_model, sorted(others)\n",
+                    "                  camera_model='pinhole', shutter='global', **others):\n    return camera_model, sorted(others)\n",
 }
 
 
@@ -141,7 +138,9 @@ class InstallTest(TestCase):
         from simple_knn._C import distCUDA2
         self.assertEqual([GaussianRasterizer, function, rasterization, distCUDA2],
                          [dgr.GaussianRasterizer, fused_ssim.fused_ssim, gsplat.rasterization, simple_knn.distCUDA2])
+        gemsplat.compat.install("diff_gaussian_rasterization", variant="aa")
         gemsplat.compat.uninstall()
+        self.assertIsNone(dgr.variant)
         self.assertIs(sys.modules.pop("fused_ssim"), sys)
         self.assertEqual({name: sys.modules.get(name) for name in before}, before)
 
@@ -167,7 +166,7 @@ class InstallTest(TestCase):
         self.assertIs(gsplat.DefaultStrategy, package.DefaultStrategy)
         passed = draw_by_gsplat(gaussians(), camera_model="fisheye", with_ut=True)
         self.assertEqual(passed, ("fisheye", ["near_plane", "packed", "with_ut"]))
-        self.assertEqual(draw_by_gsplat(gaussians())[0].shape, (1, HEIGHT, WIDTH, 3))
+        self.assertEqual(draw_by_gsplat(gaussians(), shutter="global")[0].shape, (1, HEIGHT, WIDTH, 3))
         self.assertIn("gsplat.rasterization: 1 call passed to the installed package: camera_model='fisheye'", gemsplat.compat.report())
         gemsplat.compat.uninstall()
         self.assertEqual(package.rasterization.__module__, "gsplat.rendering")

@@ -16,7 +16,6 @@ from ._gemsplat import UsageError
 from ._rasterize import Rendering
 
 _SETTINGS = ("width", "height", "sh_degree", "near", "far", "blur", "antialiased", "blend_rule")
-GPU_PICTURES = ("image", "alpha", "depth", "inverse_depth")  # that a GPU draws in one pass, but for both depths
 _SPLAT_NUMBERS = 12  # mean2d 2, conic 3, opacity, cutoff, color 3, and 2 more
 
 

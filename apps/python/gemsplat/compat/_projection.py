@@ -113,5 +113,5 @@ def box_radii(footprints, opacities, near, far, width, height, clip):
     """
     reach = torch.sqrt(2 * torch.log(opacities.clamp_min(_LEAST_ALPHA) / _LEAST_ALPHA)).clamp_max(3.33)
     radii = torch.ceil(reach[..., None] * torch.sqrt(footprints.variances))
-    is_visible = footprints.between(near, far) & (opacities >= _LEAST_ALPHA) & (radii > clip).any(-1)
+    is_visible = footprints.between(near, far) & (radii > clip).any(-1)
     return _whole(radii, (is_visible & footprints.touch(radii, width, height))[..., None])

@@ -27,8 +27,8 @@ _ARRAYS = ("means", "quats", "scales", "covars", "opacities", "colors", "viewmat
 _TILE = 16  # pixels
 _WITHOUT_EFFECT = ("global_z_order",)
 _OF_GSPLAT = ("DefaultStrategy", "MCMCStrategy", "Strategy", "SelectiveAdam", "PngCompression", "rasterization_2dgs",
-              "fully_fused_projection", "rasterize_to_pixels", "isect_tiles", "isect_offset_encode", "quat_scale_to_covar_preci",
-              "compute_relocation", "proj", "world_to_cam", "accumulate", "export_splats")
+              "fully_fused_projection", "rasterize_to_pixels", "isect_tiles", "isect_offset_encode", "spherical_harmonics",
+              "quat_scale_to_covar_preci", "compute_relocation", "proj", "world_to_cam", "accumulate", "export_splats")
 
 api: Optional[str] = None  # of APIS, as install() was asked for; None: that of the installed gsplat
 rendering = sys.modules[__name__]
@@ -72,6 +72,8 @@ def rasterization(means, quats, scales, opacities, colors, viewmats, Ks, width, 
         return _pass_on(reason, given, others)
     _report.count("gsplat.rasterization")
     batch, views = means.shape[:-2], viewmats.shape[-3]
+    if sh_degree is not None and colors is not None and batch and colors.dim() == 3:
+        given["colors"] = colors.expand(*batch, *colors.shape)  # gsplat 1.6 has them in common
     _check_shapes(given, batch, means.shape[-2], views)
     flat = {name: None if given[name] is None else given[name].reshape(math.prod(batch), *given[name].shape[len(batch):])
             for name in _ARRAYS}
@@ -96,13 +98,6 @@ def rasterization(means, quats, scales, opacities, colors, viewmats, Ks, width, 
         pairs.append(_picture(arrays, None if screen is None else screen[b, c], render_mode, settings))
     pictures, alphas = (torch.stack(each).view(*batch, views, *each[0].shape) for each in zip(*pairs))
     return pictures, alphas, meta
-
-
-def spherical_harmonics(degrees_to_use, dirs, coeffs, masks=None):
-    """Sums of coefficients (..., K, 3) in directions (..., 3) of any length; zeros where masks (...) is False.   (..., 3)"""
-    _report.count("gsplat.spherical_harmonics")
-    values = _harmonics.evaluate(degrees_to_use, dirs, coeffs)
-    return values if masks is None else torch.where(masks[..., None], values, values.new_zeros(()))
 
 
 def patch():
@@ -130,7 +125,7 @@ def __getattr__(name):
         return getattr(package, name)
     if name in _OF_GSPLAT:
         raise ImportError(f"{name} is gsplat's own, and gsplat is not installed; "
-                          "gemsplat.compat has rasterization and spherical_harmonics")
+                          "gemsplat.compat has rasterization alone")
     raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
 
 
@@ -155,12 +150,16 @@ def _api():
 def _reason_to_pass(given, others):
     """What of a call gemsplat does not draw, as it was given; None: it draws all."""
     drawn = {"camera_model": ("pinhole",), "render_mode": _MODES, "rasterize_mode": ("classic", "antialiased"),
-             "tile_size": (_TILE,), "distributed": (False,), "absgrad": (False,)}
+             "tile_size": (_TILE, None), "distributed": (False,), "absgrad": (False,)}
     for name, values in drawn.items():
         if given[name] not in values:
             return f"{name}={given[name]!r}"
-    asked = [name for name, value in others.items() if name not in _WITHOUT_EFFECT and value is not None and value is not False]
-    return asked[0] if asked else None
+    known = inspect.signature(_originals[0][1]).parameters if _originals else {}
+    for name, value in others.items():
+        is_default = value is None or value is False or (name in known and value is known[name].default)
+        if not is_default and name not in _WITHOUT_EFFECT:
+            return name
+    return None
 
 
 def _pass_on(reason, given, others):
@@ -267,9 +266,9 @@ def _picture(arrays, screen, render_mode, settings):
     outputs = ["alpha", *(["image"] if "colors" in arrays or "sh" in arrays else []), *(["depth"] if "D" in render_mode else [])]
     found = draw(outputs, **arrays, screen=screen, **settings)
     alpha, channels = found["alpha"][..., None], []
-    if "features" in found:
+    if "features" in arrays:
         channels.append(found["features"] if background is None else found["features"] + (1 - alpha) * background)
-    elif "image" in found:
+    elif "image" in outputs:
         channels.append(found["image"])
     if "D" in render_mode:
         depth = found["depth"][..., None]
