@@ -582,8 +582,10 @@ TEST_F(Ply, TruncationInsideListsIsAnError) {
     EXPECT_THAT(error_reading(bytes.substr(0, length)),
                 StartsWith("cannot read " + file().string()));
   }
-  ply.body[3] = '\xff';  // a negative length
-  EXPECT_THAT(error_reading(ply.bytes()), HasSubstr("impossible length"));
+  for (const char last : {'\xff', '\x7f'}) {  // of the length: it is negative, or beyond the file
+    ply.body[3] = last;
+    EXPECT_THAT(error_reading(ply.bytes()), HasSubstr("impossible length"));
+  }
 }
 
 TEST_F(Ply, PromisesAreCheckedAgainstTheSizeOfTheFile) {
