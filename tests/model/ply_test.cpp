@@ -622,6 +622,9 @@ TEST_F(Ply, FRestThatFitsNoDegreeIsAnError) {
               HasSubstr("8 f_rest_ properties belong to no SH degree"));
   names.push_back("f_rest_9");
   EXPECT_THAT(error_reading(ply_of(random_model(2, 1), names)), HasSubstr("lacks f_rest_4;"));
+  names.push_back("f_rest_4");
+  EXPECT_THAT(error_reading(ply_of(random_model(2, 1), names)),
+              HasSubstr("10 f_rest_ properties belong to no SH degree"));
 }
 
 TEST_F(Ply, DegreeFourSaysWhatToDo) {
