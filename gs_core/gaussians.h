@@ -4,6 +4,8 @@
 // bytes.
 #pragma once
 
+#include <cstdint>
+#include <optional>
 #include <string>
 #include <type_traits>
 #include <vector>
@@ -17,6 +19,12 @@ inline constexpr int kShRestCount = 15;  // coefficients per channel beyond degr
 
 /// Coefficients of one SH degree and all below it, without degree 0.
 constexpr int sh_rest_count(int degree) { return (degree + 1) * (degree + 1) - 1; }
+/// The degree with so many, as sh_rest_count() says; nothing where no degree up to kMaxShDegree has.
+constexpr std::optional<int> sh_degree_with(std::int64_t rest_count) {
+  for (int degree = 0; degree <= kMaxShDegree; ++degree)
+    if (sh_rest_count(degree) == rest_count) return degree;
+  return std::nullopt;
+}
 
 /// The SH coefficients of one Gaussian from degree 1 on, in the order of math/sh.h.
 struct ShRest {

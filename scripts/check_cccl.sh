@@ -16,8 +16,7 @@ wanted=(2.3 2.4 2.5 2.6 2.7 2.8 3.0 3.1 3.2 3.3 3.4)
 
 nvcc=${CUDACXX:-$(command -v nvcc || echo /usr/local/cuda/bin/nvcc)}
 if ! command -v "$nvcc" >/dev/null; then
-  echo "skipped: nvcc was not found; put it on the PATH or name it with CUDACXX=FILE"
-  exit
+  skip "nvcc was not found; put it on the PATH or name it with CUDACXX=FILE"
 fi
 work=$(mktemp -d)
 trap 'rm -rf "$work"' EXIT

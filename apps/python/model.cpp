@@ -41,8 +41,7 @@ ModelPointer make_model(const FloatArray& means, const FloatArray& rotations,
       throw UsageError(fmt::format("rotations holds a quaternion of length 0 in row {}", i));
     if (row) std::memcpy(gaussians.sh_rest.data() + i, sh_rest.data(py::ssize_t(i), 0, 0), row);
   }
-  int& degree = model->model.sh_degree = 0;
-  while (sh_rest_count(degree) != sh_rest.shape(1)) ++degree;
+  model->model.sh_degree = sh_degree_with(sh_rest.shape(1)).value();
   model->model.antialiased = model->config.render.antialias = antialiased;
   model->config.model.sh_degree = model->model.sh_degree;
   model->model.world_offset = {world_offset[0], world_offset[1], world_offset[2]};

@@ -130,9 +130,15 @@ double expected_gaussians(const Config& config, std::size_t points, std::size_t 
   return cap > 0 ? std::min(gaussians, cap) : gaussians;
 }
 
+double expected_gaussians_from_model(const Config& config, std::size_t start) {
+  if (start == 0) return 0;
+  return std::max(double(start), expected_gaussians(config, start, start));
+}
+
 Forecast forecast(const Config& config, const SceneSize& scene, const ForecastDevice& device) {
   const double budget = room_for_photos(config, false);
-  const double gaussians = expected_gaussians(config, scene.points);
+  const double gaussians = scene.start > 0 ? expected_gaussians_from_model(config, scene.start)
+                                           : expected_gaussians(config, scene.points);
   const double photos_in_ram = std::min(scene.photo_bytes, budget);
   const TrainingSize size = size_on_gpu(config, scene, gaussians);
   const double on_gpu = training_bytes(size);

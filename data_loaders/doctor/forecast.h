@@ -16,6 +16,7 @@ struct SceneSize {
   double loaded_bytes = 0;        // of these, in memory already
   double megapixels = 0;          // of a photo, in the mean
   std::size_t points = 0;         // of the model; 0: training starts from random ones
+  std::size_t start = 0;          // Gaussians of a model that training starts from instead; 0: none
   double train_share = 1;         // of the photos, those that are trained on
   double depth_maps = 0;          // photos that have one
   double largest_megapixels = 0;  // of a photo; 0: as in the mean
@@ -44,6 +45,9 @@ struct Forecast {
 /// full    after 30,000 steps: 25 start, but at most a million and at least 2 start
 /// Runs too short for a refinement end with `start`.
 double expected_gaussians(const Config& config, std::size_t points, std::size_t most = kMostPoints);
+/// The same for a run that starts from a model with so many Gaussians: it keeps all of them, also
+/// above the cap.
+double expected_gaussians_from_model(const Config& config, std::size_t start);
 
 /// Whether to divide a scene into blocks (docs/method/blocks.md).
 struct BlockAdvice {

@@ -97,6 +97,8 @@ void count_points(const SceneOutline& scene, const Census& census,
       ++block.points;
       block.points_outside += !census.is_inside(b, p);
     }
+    block.start = block.points;
+    block.start_outside = block.points_outside;
   }
 }
 

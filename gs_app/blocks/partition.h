@@ -26,6 +26,9 @@ struct Block {
   std::size_t train_photos = 0, test_photos = 0;
   std::size_t points = 0;          // that its photos show
   std::size_t points_outside = 0;  // of these, outside of the region
+  // Gaussians that its run starts with: one for each point, or those of a coarse model
+  std::size_t start = 0;
+  std::size_t start_outside = 0;  // of these, outside of the region
 
   bool holds(const Vec3d& place) const;  // whether it is in the region
 };

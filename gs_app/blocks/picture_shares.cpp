@@ -52,12 +52,24 @@ PictureShares::PictureShares(OpenedModel opened, const Config& config, const Sce
       gaussians_(copy_to(backend.memory(), in_scene(std::move(opened.model), scene.world_offset))),
       meter_(backend.renderer(), gaussians_.span(), view_settings(opened, config)) {}
 
+void PictureShares::find_inside(const std::vector<Block>& blocks) {
+  if (!is_inside_.empty()) return;
+  for (const Block& block : blocks) {
+    is_inside_.emplace_back();
+    for (const Vec3d& place : places_) is_inside_.back().push_back(block.holds(place));
+  }
+}
+
+void PictureShares::start_from_model(std::vector<Block>& blocks) {
+  find_inside(blocks);
+  for (std::size_t b = 0; b < blocks.size(); ++b) {
+    blocks[b].start = places_.size();
+    blocks[b].start_outside = std::size_t(std::ranges::count(is_inside_[b], false));
+  }
+}
+
 std::vector<double> PictureShares::operator()(std::size_t view, const std::vector<Block>& blocks) {
-  if (is_inside_.empty())
-    for (const Block& block : blocks) {
-      is_inside_.emplace_back();
-      for (const Vec3d& place : places_) is_inside_.back().push_back(block.holds(place));
-    }
+  find_inside(blocks);
   const std::vector<float>& contributions = meter_.measure(cameras_[view]);
   std::vector<double> shares(blocks.size(), 0);
   double all = 0;

@@ -23,7 +23,12 @@ class PictureShares {
   /// overlap. All 0 where nothing is drawn.
   std::vector<double> operator()(std::size_t view, const std::vector<Block>& blocks);
 
+  /// Says of each block that its run starts with the model.
+  void start_from_model(std::vector<Block>& blocks);
+
  private:
+  void find_inside(const std::vector<Block>& blocks);
+
   std::vector<Vec3d> places_;    // (rows)   of the means, in the photos' frame
   std::vector<Camera> cameras_;  // (views)
   Gaussians gaussians_;          // in the backend's memory

@@ -78,7 +78,7 @@ Config settings_of_block(Config shared, const Partition& partition, const Block&
   if (limit > 0) {
     const double inside = double(block.points - block.points_outside);
     limit = std::llround(double(limit) * inside / double(partition.points)) +
-            std::int64_t(block.points_outside);
+            std::int64_t(block.start_outside);
   }
   shared.density.region = text_of_region(block.region);
   return shared;

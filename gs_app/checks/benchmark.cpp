@@ -155,7 +155,8 @@ TrainingFigures time_training(Backend& backend, TrainingModel& model,
   const std::size_t batch = std::size_t(config.train.batch);
   const Update update{{}, batch_rule(config.train.batch)};  // all rates are zero
   std::vector<TrainingPhoto> photos(batch);
-  std::size_t next = 0;
+  std::size_t next = 0, done = 0;
+  const std::size_t total = std::size_t(plan.warmup) + 2 * std::size_t(plan.steps);
   const auto milliseconds_of = [&](int steps) {
     backend.synchronize(model);
     const double begin = milliseconds_now();
@@ -166,6 +167,7 @@ TrainingFigures time_training(Backend& backend, TrainingModel& model,
                            {config.loss.lambda_dssim},
                            update,
                            {.gather_statistics = true}});
+      plan.after_run(++done, total);
     }
     backend.synchronize(model);
     return milliseconds_now() - begin;
@@ -200,11 +202,15 @@ RenderingFigures time_rendering(Backend& backend, TrainingModel& model,
   viewing.for_backward = false;
   const std::unique_ptr<PackedScene> scene =
       backend.renderer().pack(model.gaussians.span(), viewing);
+  std::size_t done = 0;
+  const std::size_t total = views.size() * (2 * std::size_t(plan.frames) + 1);
   const auto milliseconds_of_frame = [&](const Camera& camera) {
     const double begin = milliseconds_now();
     backend.renderer().draw(*scene, camera, viewing, pass);
     backend.synchronize(model);
-    return milliseconds_now() - begin;
+    const double milliseconds = milliseconds_now() - begin;
+    plan.after_run(++done, total);
+    return milliseconds;
   };
   const auto median_frame = [&](const Camera& camera) {
     std::vector<double> frames(std::size_t(plan.frames));

@@ -3,6 +3,7 @@
 // folder here.
 #pragma once
 
+#include <functional>
 #include <optional>
 #include <string>
 #include <vector>
@@ -14,11 +15,13 @@
 
 namespace gs {
 
-/// The number of runs of each measurement.
+/// The number of runs of each measurement. A run is a training step or a frame.
 struct BenchmarkPlan {
   int steps = 200, warmup = 50;      // timed training steps, and untimed ones before them
   int frames = 5;                    // timed frames of each view, after one that is not timed
   std::vector<double> scales = {1};  // picture sizes for rendering, as multiples of the views' size
+  // is called after each run, timed or not
+  std::function<void(std::size_t done, std::size_t total)> after_run = [](auto...) {};
 };
 
 /// The time of one stage (the median of its runs), its share, and its memory bandwidth.

@@ -130,8 +130,7 @@ BenchmarkSubject subject_of(const BenchJob& job) {
   return is_generated ? generated_subject(job) : trained_subject(job);
 }
 
-BenchmarkReport measure(const BenchmarkSubject& subject, const BenchJob& job) {
-  const BenchmarkPlan& plan = job.plan;
+BenchmarkReport measure(const BenchmarkSubject& subject, BenchmarkPlan plan, JobEvents& events) {
   const std::unique_ptr<Backend> backend = make_training_backend(subject.config.train);
   BenchmarkReport report;
   report.device = backend->name();
@@ -139,12 +138,18 @@ BenchmarkReport measure(const BenchmarkSubject& subject, const BenchJob& job) {
     TrainingModel model =
         benchmark_model(*backend, subject.gaussians, subject.config.optimizer.moments);
     report.workload = mean_workload(*backend, model, subject.train_views, subject.settings);
+    plan.after_run = [&](std::size_t done, std::size_t total) {
+      events.progress("training", "step", done, total);
+    };
     log_info("timing training: {} warm-up steps, then {} steps twice", plan.warmup, plan.steps);
     report.training = time_training(*backend, model, subject.train_views, subject.settings,
                                     subject.config, plan, report.workload);
     report.peak_gpu_bytes = peak_gpu_bytes(*backend);
     report.forecast_gpu_bytes = forecast_gpu_bytes(model, subject.train_views, subject.settings,
                                                    subject.config, report.workload);
+    plan.after_run = [&](std::size_t done, std::size_t total) {
+      events.progress("rendering", "frame", done, total);
+    };
     for (const double scale : plan.scales) {
       log_info("timing rendering: {} views, {} frames each, at scale {:g}",
                subject.rendered_views().size(), 2 * plan.frames + 1, scale);
@@ -168,13 +173,13 @@ NextCommand next_of(const BenchJob& job) {
           fmt::format("gemsplat bench {} --against {}", subject, shell_word(job.output))};
 }
 
-Outcome run(const BenchJob& job, JobEvents&) {
+Outcome run(const BenchJob& job, JobEvents& events) {
   std::optional<OutputLock> lock;
   if (!job.output.empty()) lock.emplace(OutputLock::of_file(job.output));
   const std::vector<OtherReport> others = read_reports({job.against.begin(), job.against.end()});
   const BenchmarkSubject subject = subject_of(job);
   check_scales(subject.rendered_views(), job.plan.scales);
-  const BenchmarkReport report = measure(subject, job);
+  const BenchmarkReport report = measure(subject, job.plan, events);
   const std::string json = report_json(subject, job.plan, report);
   if (!job.output.empty()) {
     keep_older_aside(job.output);

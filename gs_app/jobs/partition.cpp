@@ -54,10 +54,12 @@ void visit_options(PartitionJob& job, OptionList& option) {
 // Gaussians at the end of a block's run: those outside of its region do not grow.
 double expected_in_block(const Config& shared, const Partition& partition, const Block& block) {
   Config config = settings_of_block(shared, partition, block);
-  const double outside = double(block.points_outside);
   if (config.density.max_gaussians > 0)
-    config.density.max_gaussians -= std::int64_t(block.points_outside);
-  return expected_gaussians(config, block.points - block.points_outside) + outside;
+    config.density.max_gaussians -= std::int64_t(block.start_outside);
+  const std::size_t inside = block.start - block.start_outside;
+  return double(block.start_outside) + (config.model.start_from.empty()
+                                            ? expected_gaussians(config, inside)
+                                            : expected_gaussians_from_model(config, inside));
 }
 
 // "~130,000" for 126,512: with two digits.
@@ -99,7 +101,9 @@ Partition partition_of(const PartitionJob& job, const Config& config) {
   if (config.model.start_from.empty()) return make_partition(scene, job.options);
   const std::unique_ptr<Backend> backend = make_backend(config.train.device);
   PictureShares shares(open_model(config.model.start_from, {}), config, scene, *backend);
-  return make_partition(scene, job.options, std::ref(shares));
+  Partition partition = make_partition(scene, job.options, std::ref(shares));
+  shares.start_from_model(partition.blocks);
+  return partition;
 }
 
 // Throws UsageError for a folder that holds anything, unless it may be moved aside.

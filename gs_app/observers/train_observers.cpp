@@ -5,9 +5,11 @@
 #include <spdlog/fmt/fmt.h>
 
 #include <algorithm>
+#include <cmath>
 #include <cstdio>
 #include <sstream>
 
+#include "data_loaders/doctor/forecast.h"
 #include "gs_app/run/csv.h"
 #include "gs_app/run/results.h"
 #include "gs_app/run/text.h"
@@ -29,11 +31,32 @@ bool contains(const std::vector<int>& steps, int step) {
 
 bool is_last(int step, Trainer& trainer) { return step == trainer.schedule().steps(); }
 
+// What the photos of the steps after this one have of pixels, over that of this step.
+double growth_of_photos(Trainer& trainer, int step) {
+  const Schedule& schedule = trainer.schedule();
+  const auto share = [&](int at) {
+    const int factor = schedule.photo_reduction(at, trainer.scene().train_views.front().camera);
+    return 1 / (double(factor) * double(factor));
+  };
+  double sum = 0;
+  for (int later = step + 1; later <= schedule.steps(); ++later) sum += share(later);
+  return sum / double(schedule.steps() - step) / share(step);
+}
+
+// What the Gaussians of later steps make of the time of a step. It grows with their square root
+// (docs/lab/2026-11-cpu.md), and they grow by the same factor in each refinement.
+double growth_by_gaussians(Trainer& trainer) {
+  if (trainer.config().density.until_step <= 0) return 1;
+  const std::size_t now = trainer.gaussian_count();
+  const double most = std::sqrt(expected_gaussians_from_model(trainer.config(), now) /
+                                double(std::max(now, std::size_t(1))));
+  return most > 1 ? (most - 1) / std::log(most) : 1;
+}
+
 // Why later steps take longer than the first ones; nothing where they do not.
-std::string why_longer(const Config& config) {
-  const bool ramps = !config.train.resolution_ramp.empty(), grows = config.density.until_step > 0;
+std::string why_longer(bool ramps, bool grows) {
   if (!ramps && !grows) return "";
-  return fmt::format(" or more, as {}{}{}", ramps ? "photos become larger" : "",
+  return fmt::format(", as {}{}{}", ramps ? "photos become larger" : "",
                      ramps && grows ? " and " : "", grows ? "Gaussians are added" : "");
 }
 
@@ -55,16 +78,16 @@ void ProgressObserver::after_step(int step, Trainer& trainer) {
   bar_.draw(step, detail, "step");
 }
 
-// Only the steps themselves are timed, so the figure is a lower bound where later ones take longer.
 void DurationObserver::after_step(int step, Trainer& trainer) {
   const int left = trainer.schedule().steps() - step;
   if (step != first_step_ + kTimedSteps || left < kTimedSteps) return;
   const double seconds = trainer.train_seconds() - first_seconds_;
   progress_.clear();
-  const double seconds_left = seconds / kTimedSteps * left;
-  log_info("{} steps took {:.1f} s here: the other {} take {}{}{}", kTimedSteps, seconds,
+  const double photos = growth_of_photos(trainer, step), gaussians = growth_by_gaussians(trainer);
+  const double seconds_left = seconds / kTimedSteps * left * photos * gaussians;
+  log_info("{} steps took {:.1f} s here: the other {} take about {}{}{}", kTimedSteps, seconds,
            with_commas(std::uint64_t(left)), duration_text(seconds_left),
-           why_longer(trainer.config()), shorter_run(trainer.config(), seconds_left));
+           why_longer(photos > 1, gaussians > 1), shorter_run(trainer.config(), seconds_left));
 }
 
 void SaveObserver::after_step(int step, Trainer& trainer) {

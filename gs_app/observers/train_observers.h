@@ -30,7 +30,7 @@ class ProgressObserver final : public Observer {
   ProgressBar bar_;
 };
 
-/// Says once, after the first 50 steps, how long the rest of the run takes on this machine.
+/// Says once, after the first 50 steps, about how long the rest of the run takes on this machine.
 class DurationObserver final : public Observer {
  public:
   DurationObserver(ProgressObserver& progress, Trainer& trainer)

@@ -114,8 +114,9 @@ ForecastDevice forecast_device(Backend& backend) {
   return {&backend.memory() != &host_memory(), backend.memory().free_bytes()};
 }
 
-void log_forecast(const Config& config, const Scene& scene, Backend& backend) {
+void log_forecast(const Config& config, const Scene& scene, Backend& backend, std::size_t start) {
   SceneSize size;
+  size.start = start;
   size.points = scene.points.size();
   for (const std::vector<View>* views : {&scene.train_views, &scene.test_views})
     for (const View& view : *views) {

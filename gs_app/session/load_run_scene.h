@@ -35,8 +35,9 @@ Scene load_run_scene(Config& config, SessionHooks& hooks);
 /// by a short run where there are none (measure_light.h).
 void choose_photometric_model(Config& config, const Scene& scene);
 
-/// Logs what the run is expected to take of the machine.
-void log_forecast(const Config& config, const Scene& scene, Backend& backend);
+/// Logs what the run is expected to take of the machine. `start`: Gaussians of a model that it starts
+/// from; 0: it starts from the points.
+void log_forecast(const Config& config, const Scene& scene, Backend& backend, std::size_t start);
 
 /// The device of a backend, as forecast() needs to know it.
 ForecastDevice forecast_device(Backend& backend);

@@ -113,7 +113,7 @@ void TrainSession::get_scene() {
   if (lpips_)
     lpips_->check_sizes(scene_->test_views.empty() ? scene_->train_views : scene_->test_views);
   if (!resumed_) config_ = resolved_config(config_, *scene_);
-  log_forecast(config_, *scene_, *backend_);
+  if (config_.model.start_from.empty()) log_forecast(config_, *scene_, *backend_, 0);
   record_scene();
   if (!resumed_) return;
   check_same_scene(*resumed_, record_, scene_->source);
@@ -149,6 +149,7 @@ void TrainSession::make_new_trainer() {
     return;
   }
   TrainingState state = state_from_model(config_, *scene_);
+  log_forecast(config_, *scene_, *backend_, state.model.count());
   start_ = state.progress;
   trainer_.emplace(*scene_, config_, *backend_, std::move(state));
   if (config_.density.max_gaussians == kAutoCount)
@@ -177,6 +178,8 @@ void TrainSession::save_resumed_state() {
 void TrainSession::save_start() { checkpoints_->save(*start_, trainer_->model()); }
 
 void TrainSession::make_resumed_trainer() {
+  if (!config_.model.start_from.empty())  // what it has grown to by now
+    log_forecast(config_, *scene_, *backend_, resumed_->checkpoint.state.model.count());
   if (resumed_->finishes_extension)
     log_info("the extension that was begun is finished first: {} extra steps in all",
              config_.train.extra_steps);

@@ -167,6 +167,12 @@ TEST(PictureShares, AreThoseOfTheGaussiansThatMakeUpThePicture) {
     EXPECT_NEAR(found[1], 2.0 / 3, 0.03);
     EXPECT_NEAR(found[2], 1, 1e-6);
     EXPECT_EQ(shares(39, blocks)[2], 0);  // its camera sees neither
+
+    shares.start_from_model(blocks);
+    for (std::size_t b = 0; b < 3; ++b) {
+      EXPECT_EQ(blocks[b].start, 2u);
+      EXPECT_EQ(blocks[b].start_outside, b == 2 ? 0u : 1u);
+    }
   }
 }
 
@@ -176,6 +182,9 @@ TEST(Partition, ALimitOfGaussiansIsSharedByPoints) {
   config.density.max_gaussians = 10'000;
   const Config block = settings_of_block(config, partition, partition.blocks[0]);
   EXPECT_EQ(block.density.max_gaussians, 5000 + 3 * kPointsOfHouse);
+  Block of_model = partition.blocks[0];
+  of_model.start_outside = 2000;
+  EXPECT_EQ(settings_of_block(config, partition, of_model).density.max_gaussians, 5000 + 2000);
   EXPECT_EQ(parse_region(block.density.region)->size(), 1u);
   config.density.max_gaussians = kAutoCount;
   EXPECT_EQ(settings_of_block(config, partition, partition.blocks[0]).density.max_gaussians,

@@ -18,11 +18,14 @@ using ::testing::Not;
 TEST_F(Program, BenchTimesAGeneratedScene) {
   const Outcome outcome =
       run("bench --gaussians 500 --width 64 --height 48 --views 3 --steps 3 --warmup 1 --frames 2 "
-          "--scales 1,2 --device cpu -o " +
+          "--scales 1,2 --device cpu --progress json -o " +
           text("bench.json"));
   ASSERT_EQ(outcome.code, 0) << outcome.err;
   EXPECT_THAT(outcome.out, AllOf(HasSubstr("training: "), HasSubstr("rendering: "),
                                  HasSubstr("blend backward")));
+  EXPECT_THAT(outcome.err,
+              AllOf(HasSubstr(R"("part":"training","unit":"step","done":7,"total":7)"),
+                    HasSubstr(R"("part":"rendering","unit":"frame","done":15,"total":15)")));
   const SortedJson figures = json("bench.json");
   EXPECT_EQ(figures.at("device"), "cpu");
   EXPECT_TRUE(figures.contains("version"));

@@ -230,15 +230,24 @@ TEST_F(Program, TrainingSaysHowLongItTakesHereAndThatItEvaluates) {
   const Outcome outcome = train("out", "--iterations 200");
   ASSERT_EQ(outcome.code, 0) << outcome.err;
   EXPECT_THAT(outcome.err,
-              AllOf(HasSubstr("50 steps took "), HasSubstr(" s here: the other 150 take "),
+              AllOf(HasSubstr("50 steps took "), HasSubstr(" s here: the other 150 take about "),
                     HasSubstr("now it is evaluated")));
   EXPECT_THAT(train("brief").err, Not(HasSubstr("steps took")));
 }
 
 TEST_F(Program, OnlyARunThatGrowsSaysThatGaussiansAreAdded) {
-  EXPECT_THAT(train("out", "--iterations 120").err, HasSubstr("Gaussians are added"));
+  EXPECT_THAT(train("out", "--iterations 400").err, HasSubstr("Gaussians are added"));
   const Outcome outcome = train("on", "--from " + text("out") + " -c finetune --iterations 120");
   EXPECT_THAT(outcome.err, AllOf(HasSubstr("50 steps took "), Not(HasSubstr("are added"))));
+}
+
+TEST_F(Program, TheForecastOfARunFromAModelComesWhenItsGaussiansAreCounted) {
+  ASSERT_EQ(train("out").code, 0);
+  const std::string err = train("on", "--from " + text("out")).err;
+  const std::size_t forecast = err.find("forecast: ");
+  ASSERT_NE(forecast, err.npos) << err;
+  EXPECT_EQ(err.find("forecast: ", forecast + 1), err.npos) << err;
+  EXPECT_LT(err.find("training starts from the "), forecast) << err;
 }
 
 TEST_F(Program, ADynamicRunOfPhotosWithoutTimesIsWarnedOf) {

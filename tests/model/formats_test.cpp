@@ -323,6 +323,21 @@ TEST_F(Formats, SpzVersion4WithAnEmptyStreamIsReadToo) {
   EXPECT_TRUE(same_bits(read_model(file("b.spz")).gaussians, read_model(file("a.spz")).gaussians));
 }
 
+TEST_F(Formats, StreamsOfSpzVersion4BeyondTheFileAreDamage) {
+  write_model(file("a.spz"), moderate_model(3, 0), {4});
+  const std::string bytes = read_bytes(file("a.spz"));
+  // The number of streams, then the highest byte of the table's offset, of the first stream's length
+  // and of the last one's
+  for (const std::size_t at : {15, 19, 39, 103}) {
+    std::string damaged = bytes;
+    damaged[at] = '\x7f';
+    write_bytes(file("b.spz"), damaged);
+    EXPECT_THAT(error_of([&] { read_model(file("b.spz")); }),
+                HasSubstr("its table of streams does not match the file"))
+        << at;
+  }
+}
+
 TEST_F(Formats, SogKeepsShThatFewKindsOfGaussiansShare) {
   GaussianModel model = moderate_model(2000, 3);
   for (std::size_t i = 0; i < 2000; ++i)
@@ -423,6 +438,18 @@ TEST_F(Formats, TheChecksumOfZipIsItsOwn) {
   EXPECT_EQ(crc32_of("123456789"), 0xCBF43926u);  // the check value of CRC-32
   const auto archive = zip_of({{"a", "text"}, {"b.webp", ""}});
   EXPECT_EQ(zip_entries("", archive).at("a"), "text");
+}
+
+TEST_F(Formats, EntriesOfAZipThatShareTheirBytesAreRefused) {
+  const std::string archive = zip_of({{"a", std::string(1000, 'a')}});
+  constexpr std::size_t kEndBytes = 22, kEntriesAt = 10;  // of the last record
+  const std::size_t directory = 30 + 1 + 1000, end = archive.size() - kEndBytes;
+  std::string bomb = archive.substr(0, end);
+  bomb += archive.substr(directory, end - directory);  // the same entry once more
+  bomb += archive.substr(end);
+  EXPECT_EQ(zip_entries("a.sog", bomb).size(), 1u);
+  bomb[bomb.size() - kEndBytes + kEntriesAt] = 2;
+  EXPECT_THAT(error_of([&] { zip_entries("a.sog", bomb); }), HasSubstr("not a complete zip"));
 }
 
 TEST_F(Formats, FilesOfAnotherKindAreRefusedWithAReason) {

@@ -582,8 +582,10 @@ TEST_F(Ply, TruncationInsideListsIsAnError) {
     EXPECT_THAT(error_reading(bytes.substr(0, length)),
                 StartsWith("cannot read " + file().string()));
   }
-  ply.body[3] = '\xff';  // a negative length
-  EXPECT_THAT(error_reading(ply.bytes()), HasSubstr("impossible length"));
+  for (const char last : {'\xff', '\x7f'}) {  // of the length: it is negative, or beyond the file
+    ply.body[3] = last;
+    EXPECT_THAT(error_reading(ply.bytes()), HasSubstr("impossible length"));
+  }
 }
 
 TEST_F(Ply, PromisesAreCheckedAgainstTheSizeOfTheFile) {
@@ -620,6 +622,9 @@ TEST_F(Ply, FRestThatFitsNoDegreeIsAnError) {
               HasSubstr("8 f_rest_ properties belong to no SH degree"));
   names.push_back("f_rest_9");
   EXPECT_THAT(error_reading(ply_of(random_model(2, 1), names)), HasSubstr("lacks f_rest_4;"));
+  names.push_back("f_rest_4");
+  EXPECT_THAT(error_reading(ply_of(random_model(2, 1), names)),
+              HasSubstr("10 f_rest_ properties belong to no SH degree"));
 }
 
 TEST_F(Ply, DegreeFourSaysWhatToDo) {

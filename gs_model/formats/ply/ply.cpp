@@ -138,9 +138,8 @@ int sh_degree_of(const PlyElement& element, const std::filesystem::path& path) {
   int count = 0;
   for (const PlyProperty& property : element.properties)
     count += property.name.starts_with("f_rest_");
-  for (int degree = 0; degree <= kMaxShDegree; ++degree) {
-    if (count == 3 * sh_rest_count(degree)) return degree;
-  }
+  const std::optional<int> degree = sh_degree_with(count / 3);
+  if (degree && count % 3 == 0) return *degree;
   if (count == 3 * sh_rest_count(4)) {
     cannot_read(path,
                 "SH degree 4 is not supported (it has 72 f_rest_ properties); train or "

@@ -33,6 +33,19 @@ TEST(Forecast, GrowsWithThePointsOfTheSceneUpToTheCap) {
   EXPECT_LT(expected_gaussians(config, 100), 50000);
 }
 
+TEST(Forecast, CountsAllGaussiansOfAModelToStartFrom) {
+  Config config = adaptive_config();
+  EXPECT_EQ(expected_gaussians_from_model(config, 1'500'000), 3'000'000);
+  EXPECT_EQ(expected_gaussians_from_model(config, 20'000'000), 40'000'000);  // above kMostPoints
+  EXPECT_EQ(expected_gaussians_from_model(config, 0), 0);
+  config.density.max_gaussians = 50'000;
+  EXPECT_EQ(expected_gaussians_from_model(config, 9000), 50'000);
+  EXPECT_EQ(expected_gaussians_from_model(config, 90'000), 90'000);
+  SceneSize scene = {0, 0, 1.0, 1000};
+  scene.start = 90'000;
+  EXPECT_THAT(forecast(config, scene, {}).text, HasSubstr("about 90,000 Gaussians"));
+}
+
 TEST(Forecast, NamesGpuFiguresForAGpuOnly) {
   const Config config = adaptive_config();
   const SceneSize scene = {1e8, 0, 1.0, 30000};

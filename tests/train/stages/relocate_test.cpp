@@ -89,6 +89,18 @@ TEST(Relocate, DrawsInProportionToOpacity) {
   EXPECT_NEAR(copies[2], 4000, 230);
 }
 
+// Rows 1 and 2 have the smallest weight, and the others none: each draw is on a boundary of rows.
+TEST(Relocate, ADrawOnTheBoundaryOfTwoRowsTakesTheLaterOne) {
+  std::vector<float> opacities{1e-9f, 0x1p-24f, 0x1p-24f};
+  opacities.resize(1003, 1e-9f);
+  TrainingModel model = model_with(opacities);
+  EXPECT_EQ(relocate_rows(model, {0.0f, 0}).moved, 1001u);
+  std::map<int, int> copies;
+  for (const int origin : origins(model)) ++copies[origin];
+  EXPECT_EQ(copies[1] + copies[2], 1003);
+  EXPECT_NEAR(copies[1], 501, 64);  // four standard errors
+}
+
 TEST(Relocate, CopiesRowsInTheRegionAlone) {
   std::vector<float> opacities{0.9f, 0.9f, 0.1f, 0.9f, 0.1f};
   opacities.resize(2005, kDead);
