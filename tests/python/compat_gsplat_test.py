@@ -154,6 +154,17 @@ class GsplatTest(TestCase):
                 loss_of(colors).backward()
                 near(meta["means2d"].grad, wanted[meta["gaussian_ids"]] if packed else wanted[None], 1e-9)
 
+    def test_absgrad_sums_the_absolute_values_of_pixels(self):
+        arrays = chosen(gaussians(), *self.NAMES)
+        zeros = torch.zeros(len(arrays["means"]), 2, dtype=torch.float64, requires_grad=True)
+        wanted, = torch.autograd.grad(loss_of(expected(arrays, absolute_screen=zeros, background=torch.zeros(3).double()).image), zeros)
+        for packed in (False, True):
+            colors, _, meta = draw_by_gsplat(arrays, packed=packed, absgrad=True)
+            loss_of(colors).backward()
+            sums = meta["means2d"].absgrad
+            near(sums if packed else sums[0], wanted[meta["gaussian_ids"]] if packed else wanted, 1e-9)
+            self.assertTrue((sums >= meta["means2d"].grad.abs() - 1e-12).all())
+
     def test_sparse_gradients_have_the_rows_that_are_seen(self):
         arrays = gaussians()
         with torch.no_grad():
@@ -225,7 +236,7 @@ class GsplatTest(TestCase):
 
     def test_what_is_not_drawn_is_named(self):
         arrays = gaussians()
-        for others in ({"camera_model": "fisheye"}, {"absgrad": True}, {"render_mode": "RGB+N"}, {"with_ut": True}, {"tile_size": 8},
+        for others in ({"camera_model": "fisheye"}, {"render_mode": "RGB+N"}, {"with_ut": True}, {"tile_size": 8},
                        {"radial_coeffs": torch.zeros(1, 6)}):
             with self.subTest(others), self.assertRaisesRegex(NotImplementedError, list(others)[0]):
                 draw_by_gsplat(arrays, **others)

@@ -16,28 +16,11 @@ from compat_support import BACKGROUND, HEIGHT, K, VIEW, WIDTH, chosen, draw_by_g
 from support import TestCase
 
 if torch is not None:
-    from gemsplat.compat import _harmonics, _passes, diff_gaussian_rasterization as dgr, fused_ssim, gsplat, simple_knn
+    from gemsplat.compat import _harmonics, diff_gaussian_rasterization as dgr, fused_ssim, gsplat, simple_knn
 
 
 @unittest.skipUnless(torch, "PyTorch is not installed")
 class OtherModulesTest(TestCase):
-    def test_features_that_are_drawn_as_images_are_the_same(self):
-        arrays = chosen(gaussians(), "means", "rotations", "scales", "opacities", "colors")
-        arrays["features"] = torch.randn(20, 4, dtype=torch.float64, generator=torch.Generator().manual_seed(3), requires_grad=True)
-        like = arrays["means"].new_tensor
-        given = {**arrays, "viewmats": like(VIEW), "Ks": like(K), "width": WIDTH, "height": HEIGHT, "blend_rule": "classic",
-                 "background": like(BACKGROUND)}
-        expected = _passes.draw(("image", "alpha"), **given)
-        self.addCleanup(setattr, _passes, "_needs_passes", _passes._needs_passes)
-        _passes._needs_passes = lambda features: True
-        found = _passes.draw(("image", "alpha"), **given)
-        for name in ("image", "alpha", "features"):
-            near(found[name], expected[name], 1e-9)
-        wanted = torch.autograd.grad(loss_of(expected["features"]), list(arrays.values()), allow_unused=True)
-        for one, other in zip(torch.autograd.grad(loss_of(found["features"]), list(arrays.values()), allow_unused=True), wanted):
-            near(torch.zeros(20, 3) if one is None else one, torch.zeros(20, 3) if one is None else other, 1e-8)
-        near(_passes.draw((), **given)["features"], expected["features"], 1e-9)
-
     def test_harmonics_of_the_fourth_degree_are_orthonormal(self):
         directions = torch.randn(200_000, 3, dtype=torch.float64, generator=torch.Generator().manual_seed(1))
         values = _harmonics.basis(4, torch.nn.functional.normalize(directions, dim=-1))

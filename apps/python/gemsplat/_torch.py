@@ -218,7 +218,8 @@ def _on_gpu(arguments):
         raise UsageError("smooth is for tensors on the CPU")
     if "depth" in arguments.pictures and "inverse_depth" in arguments.pictures:
         raise UsageError("a GPU draws depth or inverse_depth; call rasterize() for each of them")
-    views = [_view(arguments, view) for view in range(arguments.views)]
+    is_drawn = arguments.pictures or arguments.rows or arguments.max_instances
+    views = [_view(arguments, view) for view in range(arguments.views)] if is_drawn else []
     depth = "inverse_depth" if "inverse_depth" in arguments.pictures else "depth"
     names = arguments.rows + (("overflowed",) if arguments.max_instances else ())
     found = dict(zip(("image", "alpha", depth) + names, zip(*views)))

@@ -10,10 +10,10 @@ from typing import NamedTuple, Optional
 
 import torch
 
-from .. import UsageError
+from .. import UsageError, rasterize
 from . import _report
-from ._passes import ScreenTap, draw
 from ._projection import project, square_radii
+from ._screen import ScreenTap
 
 VARIANTS = {"2023": (), "aa": ("inverse_depth",), "accel": ("inverse_depth",), "depth_alpha": ("depth", "alpha")}
 NEAR, FAR, BLUR = 0.2, 1e10, 0.3  # world units, and pixels^2
@@ -89,12 +89,12 @@ def rasterize_gaussians(means3D, means2D, sh, colors_precomp, opacities, scales,
     if settings.debug:
         _check(settings, viewmat, K)
     has_tap = means2D is not None and means2D.requires_grad and torch.is_grad_enabled()
-    pictures = draw(("image", *names), means=means3D, opacities=opacities, **shape, **colors, viewmats=viewmat, Ks=K,
+    pictures = rasterize(means3D, outputs=("image", *names), opacities=opacities, **shape, **colors, viewmats=viewmat, Ks=K,
                     width=width, height=height, background=settings.bg.detach().to(means3D),
                     screen=ScreenTap.apply(means2D, (width / 2, height / 2)) if has_tap else None, near=NEAR, far=FAR,
                     blur=BLUR, antialiased=bool(settings.antialiasing), blend_rule="classic")
-    return (pictures["image"].permute(2, 0, 1), _radii(means3D, shape, viewmat, K, settings),
-            *(pictures[name][None] for name in names))
+    return (pictures.image.permute(2, 0, 1), _radii(means3D, shape, viewmat, K, settings),
+            *(getattr(pictures, name)[None] for name in names))
 
 
 def _given(tensor):

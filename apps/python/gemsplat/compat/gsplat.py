@@ -15,11 +15,11 @@ from typing import Optional
 
 import torch
 
-from .. import UsageError
+from .. import UsageError, rasterize
 from . import _harmonics, _report
 from ._meta import Meta
-from ._passes import ScreenTap, draw
 from ._projection import Footprints, box_radii, project, square_radii
+from ._screen import AbsoluteTap, ScreenTap
 
 APIS = ("1.4", "1.5", "1.6")
 _MODES = ("RGB", "D", "ED", "RGB+D", "RGB+ED")
@@ -59,6 +59,7 @@ def rasterization(means, quats, scales, opacities, colors, viewmats, Ks, width, 
     colors: (..., N, D) or (..., C, N, D); with sh_degree (..., N, K, 3) or (..., C, N, K, 3).
     viewmats (..., C, 4, 4) from world to camera, Ks (..., C, 3, 3), backgrounds (..., C, D).
     render_mode: RGB, D (sums of weights times depths), ED (their mean), RGB+D or RGB+ED, whose depth is the last channel.
+    absgrad: backward() sets the attribute absgrad of the dict's means2d, sums of absolute values of pixels.
     packed: the dict has the Gaussians of all pictures one behind the other, for which the host waits for the GPU.
     sparse_grad: with packed and without batch axes, means, quats and scales get sparse gradients of the Gaussians that are seen.
 
@@ -81,7 +82,7 @@ def rasterization(means, quats, scales, opacities, colors, viewmats, Ks, width, 
     radii = _radii(footprints, opacities_drawn, near_plane, far_plane, width, height, radius_clip)
     is_seen = radii > 0 if radii.dim() == 3 else (radii > 0).all(-1)
     is_differentiated = torch.is_grad_enabled() and any(tensor is not None and tensor.requires_grad for tensor in flat.values())
-    meta, screen = _meta_of(footprints, opacities_drawn, radii, is_seen, batch, packed, is_differentiated)
+    meta, taps = _meta_of(footprints, opacities_drawn, radii, is_seen, batch, packed, is_differentiated, absgrad)
     meta.update(width=width, height=height, tile_size=_TILE, tile_width=math.ceil(width / _TILE),
                 tile_height=math.ceil(height / _TILE), n_batches=len(flat["means"]), n_cameras=views)
     if sparse_grad and packed and not batch:
@@ -95,7 +96,8 @@ def rasterization(means, quats, scales, opacities, colors, viewmats, Ks, width, 
         arrays = _view_of(flat, b, c, sh_degree, "RGB" in render_mode)
         if radius_clip > 0:
             arrays["opacities"] = torch.where(is_seen[b, c], arrays["opacities"], arrays["opacities"].new_zeros(()))
-        pairs.append(_picture(arrays, None if screen is None else screen[b, c], render_mode, settings))
+        arrays.update({name: tap[b, c] for name, tap in taps.items()})
+        pairs.append(_picture(arrays, render_mode, settings))
     pictures, alphas = (torch.stack(each).view(*batch, views, *each[0].shape) for each in zip(*pairs))
     return pictures, alphas, meta
 
@@ -150,7 +152,7 @@ def _api():
 def _reason_to_pass(given, others):
     """What of a call gemsplat does not draw, as it was given; None: it draws all."""
     drawn = {"camera_model": ("pinhole",), "render_mode": _MODES, "rasterize_mode": ("classic", "antialiased"),
-             "tile_size": (_TILE, None), "distributed": (False,), "absgrad": (False,)}
+             "tile_size": (_TILE, None), "distributed": (False,)}
     for name, values in drawn.items():
         if given[name] not in values:
             return f"{name}={given[name]!r}"
@@ -217,8 +219,8 @@ def _radii(footprints, opacities, near, far, width, height, clip):
     return torch.where(radii > clip, radii, torch.zeros_like(radii))
 
 
-def _meta_of(footprints, opacities, radii, is_seen, batch, packed, is_differentiated):
-    """The dict, and what to add to the means in the pictures (B, C, N, 2), so that its means2d gets their gradient."""
+def _meta_of(footprints, opacities, radii, is_seen, batch, packed, is_differentiated, absgrad):
+    """The dict, and the screens of rasterize() by name (B, C, N, 2), by which its means2d gets gradients."""
     with torch.no_grad():
         rows = {"radii": radii, "means2d": footprints.means2d, "depths": footprints.depths, "conics": footprints.conics}
         rows = {name: torch.where(is_seen.view(*is_seen.shape, *(1,) * (value.dim() - 3)), value, value.new_zeros(()))
@@ -228,11 +230,12 @@ def _meta_of(footprints, opacities, radii, is_seen, batch, packed, is_differenti
         shown = {name: value[ids] if packed else value.reshape(*batch, *value.shape[1:]) for name, value in rows.items()}
     meta = Meta((*batch, is_seen.shape[1]), batch_ids=ids[0], camera_ids=ids[1], gaussian_ids=ids[2], **shown)
     if not is_differentiated:
-        return meta, None
-    tap = ScreenTap.apply(meta["means2d"].requires_grad_(), (1, 1))
+        return meta, {}
+    means2d = meta["means2d"].requires_grad_()
+    taps = {"screen": ScreenTap.apply(means2d, (1, 1)), **({"absolute_screen": AbsoluteTap.apply(means2d)} if absgrad else {})}
     if packed:
-        tap = tap.new_zeros((*is_seen.shape, 2)).index_put(ids, tap)
-    return meta, tap.reshape(*is_seen.shape, 2)
+        taps = {name: tap.new_zeros((*is_seen.shape, 2)).index_put(ids, tap) for name, tap in taps.items()}
+    return meta, {name: tap.reshape(*is_seen.shape, 2) for name, tap in taps.items()}
 
 
 def _view_of(flat, b, c, degree, has_colors):
@@ -257,14 +260,14 @@ def _view_of(flat, b, c, degree, has_colors):
     return arrays
 
 
-def _picture(arrays, screen, render_mode, settings):
+def _picture(arrays, render_mode, settings):
     """(H, W, X) and alpha (H, W, 1). Colors of other than three channels are features, which have no background of their own."""
     background = arrays.get("background")
     if "colors" in arrays and arrays["colors"].shape[-1] != 3:
         arrays["features"] = arrays.pop("colors")
         arrays.pop("background", None)
     outputs = ["alpha", *(["image"] if "colors" in arrays or "sh" in arrays else []), *(["depth"] if "D" in render_mode else [])]
-    found = draw(outputs, **arrays, screen=screen, **settings)
+    found = rasterize(outputs=outputs, **arrays, **settings)._asdict()
     alpha, channels = found["alpha"][..., None], []
     if "features" in arrays:
         channels.append(found["features"] if background is None else found["features"] + (1 - alpha) * background)
