@@ -2,12 +2,12 @@
 # SPDX-License-Identifier: Apache-2.0
 # Checks C++ sources, and the headers of ours that they include, with clang-tidy 14 and .clang-tidy.
 #   scripts/tidy.sh [FILE...]    these files, or every one that the build compiles; fails if anything is found
-# It needs build/default/compile_commands.json, which `cmake --preset default` writes, and what the build generates;
-# BUILD=FOLDER names another build. CUDA files are left out: clang-tidy does not know all of nvcc's flags.
+# It configures build/tidy, where each file would be compiled alone and no header before.
+# CUDA files are left out: clang-tidy does not know all of nvcc's flags.
 set -euo pipefail
 called_from=$PWD
 cd "$(dirname "$0")/.."
-build=${BUILD:-build/default}
+build=build/tidy
 commands=$build/compile_commands.json
 
 die() { printf 'error: %s\n' "$*" >&2; exit 1; }
@@ -38,12 +38,8 @@ check_one() {
 }
 export -f check_one
 
-[[ -f $commands ]] || die "$commands is missing; run \`cmake --preset default\` first, or name a build with BUILD=FOLDER"
 tool=$(find_clang_tidy)
-# clang-tidy cannot read the headers that g++ has precompiled, so it reads the commands without them.
-own=$(mktemp -d)
-trap 'rm -rf "$own"' EXIT
-sed 's| -Winvalid-pch -include [^ ]*cmake_pch.hxx||' "$commands" >"$own/compile_commands.json"
+cmake --preset default -B "$build" -DGS_UNITY=OFF -DGS_PRECOMPILE_HEADERS=OFF --log-level=ERROR >/dev/null
 mapfile -t known < <(compiled_sources)
 if [[ $# -eq 0 ]]; then
   files=("${known[@]}")
@@ -52,11 +48,11 @@ else
   for file; do
     path=$(realpath -m --relative-to=. "$called_from/$file")
     if [[ $file == /* ]]; then path=$(realpath -m --relative-to=. "$file"); fi
-    printf '%s\n' "${known[@]}" | grep -qxF -- "$path" ||
+    [[ " ${known[*]} " == *" $path "* ]] ||
       die "$file is not compiled by $build; name a .cpp file of it (headers are checked with the files that include them)"
     files+=("$path")
   done
 fi
-printf '%s\0' "${files[@]}" | xargs -0 -P "$(nproc)" -n 1 bash -c 'check_one "$@"' bash "$tool" "$own" ||
+printf '%s\0' "${files[@]}" | xargs -0 -P "$(nproc)" -n 1 bash -c 'check_one "$@"' bash "$tool" "$build" ||
   die "the findings above are to be mended; for one that is right as it stands: // NOLINT(check-name): reason"
 echo "clang-tidy: nothing found in ${#files[@]} files"

@@ -84,7 +84,7 @@ std::string missing_argument(const CLI::App& app) {
 
 // Whether a shell has made many arguments of `photos/*.jpg`.
 bool is_one_of_many_photos(const CLI::App& app, const std::string& argument) {
-  const std::string verb = app.get_name();
+  const std::string& verb = app.get_name();
   return (verb == "reconstruct" || verb == "train") && is_picture(argument) &&
          std::filesystem::exists(argument);
 }
