@@ -107,6 +107,8 @@ def chosen(arrays, *names):
 def draw_by_gsplat(arrays, **others):
     like = arrays["means"]
     given = {"means": like, "quats": arrays["rotations"], "scales": arrays["scales"], "opacities": arrays["opacities"].squeeze(-1),
-             "colors": arrays.get("colors", arrays.get("sh")), "viewmats": like.new_tensor(VIEW)[None], "Ks": like.new_tensor(K)[None],
-             "width": WIDTH, "height": HEIGHT, "near_plane": 0.2, "packed": False}
+             "colors": arrays.get("colors", arrays.get("sh")), "width": WIDTH, "height": HEIGHT, "near_plane": 0.2, "packed": False}
+    for name, matrix in (("viewmats", VIEW), ("Ks", K)):
+        if name not in others:
+            given[name] = like.new_tensor([matrix])
     return gsplat.rasterization(**{**given, **others})

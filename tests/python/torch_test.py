@@ -174,7 +174,7 @@ class OnTheGpuTest(TestCase):
         self.assertTrue(torch.equal(drawn.image, expected.image))
         self.assertFalse(bool(drawn.overflowed))
         for name, slope in slopes.items():
-            self.assert_near(with_room[name], slope, 1e-5, name)
+            self.assert_near(with_room[name], slope.cpu(), 1e-5, name)
         for room in (1, 20):
             drawn, with_room = gradients(arrays, max_instances=room)
             self.assertTrue(bool(drawn.overflowed))
