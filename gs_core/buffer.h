@@ -132,10 +132,15 @@ class Buffer : public ByteBuffer {
   }
 };
 
-/// The numbers of an array one after another, whatever its rows are: float, Vec3f or Quatf.
+/// The numbers of a row: 1 of float, 3 of Vec3f, 4 of Quatf.
+template <class T>
+inline constexpr std::size_t kNumbersOf =
+    sizeof(T) / sizeof(float);  // NOLINT(bugprone-sizeof-expression): T may be float
+
+/// The numbers of an array one after another, whatever its rows are.
 template <class T>
 Span<float> numbers_of(const Buffer<T>& rows) {
-  return {reinterpret_cast<float*>(rows.data()), rows.size() * (sizeof(T) / sizeof(float))};
+  return {reinterpret_cast<float*>(rows.data()), rows.size() * kNumbersOf<T>};
 }
 
 }  // namespace gs

@@ -14,13 +14,13 @@ namespace gs {
 /// The moments of a row of T. Stored is FloatMoments or HalfMoments.
 template <class Stored, class T>
 struct MomentRow {
-  Stored number[sizeof(T) / sizeof(float)];
+  Stored number[kNumbersOf<T>];
 };
 
 /// The moments one after another, whatever the rows are.
 template <class Stored, class T>
 Span<Stored> moments_in(const Buffer<MomentRow<Stored, T>>& rows) {
-  return {reinterpret_cast<Stored*>(rows.data()), rows.size() * (sizeof(T) / sizeof(float))};
+  return {reinterpret_cast<Stored*>(rows.data()), rows.size() * kNumbersOf<T>};
 }
 
 template <class Stored>

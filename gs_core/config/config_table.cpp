@@ -142,7 +142,8 @@ std::string explain(const Config& config, const SettingOrigins& origins,
   std::string text;
   std::size_t index = 0;
   visit_fields(config, [&](const auto& field) {
-    const std::string usual = defaults[index++], range = range_text(field);
+    const std::string& usual = defaults[index++];
+    const std::string range = range_text(field);
     if (!key.empty() && key != field.key && key != section_of(field.key)) return;
     text += fmt::format("{} = {}\n  from     {}\n  meaning  {}\n", field.key,
                         toml_text(field.value), origin_of(origins, field.key), field.meaning);

@@ -44,7 +44,7 @@ void for_each_pose_array(F&& f, First&& first, Rest&&... rest) {
 inline PoseState copy_to(Memory& memory, const PoseState& from) {
   PoseState state(memory);
   copy_table(from, state);
-  static_cast<PoseFrames&>(state) = from;
+  static_cast<PoseFrames&>(state) = static_cast<const PoseFrames&>(from);
   return state;
 }
 

@@ -26,8 +26,7 @@ void append_columns(std::vector<PlyColumn>& columns, const Buffer<T>& buffer,
   static_assert(sizeof(T) % sizeof(float) == 0);
   std::size_t offset = 0;
   for (const char* name : names) {
-    columns.push_back(
-        {name, reinterpret_cast<float*>(buffer.data()), offset++, sizeof(T) / sizeof(float)});
+    columns.push_back({name, reinterpret_cast<float*>(buffer.data()), offset++, kNumbersOf<T>});
   }
 }
 
