@@ -44,9 +44,9 @@ struct OperatorInput {
   bool has_log_scales = false, has_logit_opacities = false;
   // Room for so many instances, so that nothing waits for their number; 0: they are counted.
   std::uint32_t room = 0;
-  bool has_inverse_depth =
-      false;      // the depth of a picture sums weights over depths, not times them
-  Camera camera;  // its size counts in any case
+  // A picture's depth sums weights over depths, and not times depths.
+  bool has_inverse_depth = false;
+  Camera camera;                   // its size counts in any case
   const float* viewmat = nullptr;  // (4, 4)  cam_from_world in place of the camera's
   const float* K = nullptr;        // (3, 3)  fx, fy, cx, cy in place of the camera's
 };
@@ -86,7 +86,8 @@ struct OperatorCall {
 };
 
 /// What is kept of a picture that was drawn, for its gradient. Nothing changes it, so that gradients
-/// can be asked for again and again, also where the caller has changed the picture. All pointers are to device memory.
+/// can be asked for again and again, also where the caller has changed the picture. All pointers are
+/// to device memory.
 class OperatorFrame {
  public:
   virtual ~OperatorFrame() = default;

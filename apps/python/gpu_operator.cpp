@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The operator of the GPU for gemsplat/_gpu.py, which has checked its arrays. Arrays come as pointers
+// The operator of the GPU for gemsplat/_torch.py, which has checked its arrays. Arrays come as pointers
 // to device memory, and so does the memory that a call needs.
 #include <pybind11/functional.h>
 

@@ -8,6 +8,7 @@
 namespace gs::cuda {
 
 __device__ inline Vec3f vector_at(const float* row) { return {row[0], row[1], row[2]}; }
+__device__ inline void store(float* row, const Vec2f& v) { row[0] = v.x, row[1] = v.y; }
 __device__ inline void store(float* row, const Vec3f& v) {
   row[0] = v.x, row[1] = v.y, row[2] = v.z;
 }

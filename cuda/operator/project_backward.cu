@@ -74,10 +74,8 @@ struct RowGradient {
       row[3] = sigma.yy, row[4] = 2 * sigma.yz, row[5] = sigma.zz;
     }
     if (to.arrays.opacities.data) *to.arrays.opacities[i] = opacity;
-    if (to.arrays.screen.data) to.arrays.screen[i][0] = screen.x, to.arrays.screen[i][1] = screen.y;
-    if (to.absolute_screen)
-      to.absolute_screen[2 * i] = absolute_screen.x,
-                             to.absolute_screen[2 * i + 1] = absolute_screen.y;
+    if (to.arrays.screen.data) store(to.arrays.screen[i], screen);
+    if (to.absolute_screen) store(to.absolute_screen + 2 * i, absolute_screen);
   }
 };
 

@@ -226,6 +226,14 @@ class OnTheGpuTest(TestCase):
             for one, other in zip(first, others):
                 self.assertTrue(torch.equal(one, other))
 
+    def test_saved_tensors_may_be_moved(self):
+        arrays = arguments(100, "cuda")
+        _, expected = gradients(arrays)
+        with torch.autograd.graph.save_on_cpu():
+            loss = loss_of(draw(arrays))
+        for name, slope in zip(arrays, torch.autograd.grad(loss, list(arrays.values()))):
+            self.assert_near(slope, expected[name].cpu(), 1e-5, name)
+
     def test_pictures_may_be_changed_in_place(self):
         arrays = arguments(100, "cuda")
         _, expected = gradients(arrays)

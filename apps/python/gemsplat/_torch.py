@@ -146,13 +146,13 @@ class _Draw(torch.autograd.Function):
                  for name, tensor in zip(names, tensors)]
         device = tensors[0].device
         ctx.kept = _Pieces(device)
-        ctx.operation = _gemsplat.GpuOperation(_addresses(dict(zip(names, dense))), call["count"], call)
+        operation = _gemsplat.GpuOperation(_addresses(dict(zip(names, dense))), call["count"], call)
         pixels = call["height"], call["width"]
         pictures = [torch.empty((3, *pixels) if name == "image" else pixels, dtype=torch.float32, device=device)
                     if name in call["pictures"] or name == "depth" and call["blends_depth"] else None
                     for name in _DRAWN]
-        ctx.frame = ctx.operation.draw(torch.cuda.current_stream(device).cuda_stream, ctx.kept, _Pieces(device),
-                                       *(0 if picture is None else picture.data_ptr() for picture in pictures))
+        ctx.frame = operation.draw(torch.cuda.current_stream(device).cuda_stream, ctx.kept, _Pieces(device),
+                                   *(0 if picture is None else picture.data_ptr() for picture in pictures))
         ctx.save_for_backward(*dense)
         ctx.set_materialize_grads(False)
         known = _row_outputs(ctx.frame, ctx.kept, call)
@@ -169,13 +169,14 @@ class _Draw(torch.autograd.Function):
         wanted = [name for name, is_needed in zip(ctx.names, ctx.needs_input_grad[2:]) if is_needed]
         if all(by is None for by in by_pictures):
             return (None,) * (2 + len(ctx.names))
-        has_unused = "sh" in dense or "sh_rest" in dense
-        make = torch.zeros if has_unused and ctx.call["has_unused_sh"] else torch.empty
-        gradients = {name: (make if name in ("sh", "sh_rest") else torch.empty)(
+        partial = ("sh", "sh_rest") if ctx.call["has_unused_sh"] else ()  # of which kernels write the degrees in use
+        gradients = {name: (torch.zeros if name in partial else torch.empty)(
             dense[name].shape, dtype=torch.float32, device=dense[name].device) for name in wanted if name != "background"}
         device = ctx.kept.device
-        ctx.operation.pull_back(ctx.frame, torch.cuda.current_stream(device).cuda_stream, _Pieces(device),
-                                *(0 if by is None else by.data_ptr() for by in by_pictures), _addresses(gradients))
+        # Made anew, because hooks of saved tensors may have moved them.
+        operation = _gemsplat.GpuOperation(_addresses(dense), ctx.call["count"], ctx.call)
+        operation.pull_back(ctx.frame, torch.cuda.current_stream(device).cuda_stream, _Pieces(device),
+                            *(0 if by is None else by.data_ptr() for by in by_pictures), _addresses(gradients))
         if "background" in wanted:
             by_image = by_pictures[0]
             gradients["background"] = torch.zeros_like(dense["background"]) if by_image is None else (
