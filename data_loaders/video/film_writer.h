@@ -41,8 +41,8 @@ class FilmWriter {
 
  private:
   std::filesystem::path path_, temporary_;
-  int width_, height_;
-  std::int64_t frames_ = 0;
+  [[maybe_unused]] int width_, height_;  // in builds without OpenCV
+  [[maybe_unused]] std::int64_t frames_ = 0;
   std::string codec_;
   std::unique_ptr<FilmEncoder> encoder_;
 };

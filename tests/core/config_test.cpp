@@ -437,9 +437,10 @@ TEST(Setting, RefusesWhatItCannotUse) {
                          {"train.device=cuda:N", {"cuda:N"}},
                          {"train.device=cuda:", {"cuda:N"}}};
   Config config;
-  for (const auto& [text, parts] : all)
-    for (const std::string& part : parts)
-      EXPECT_THAT(message_of([&] { apply_setting(config, text); }), HasSubstr(part)) << text;
+  for (const auto& [text, parts] : all) {
+    const std::string message = message_of([&, &text = text] { apply_setting(config, text); });
+    for (const std::string& part : parts) EXPECT_THAT(message, HasSubstr(part)) << text;
+  }
 }
 
 TEST(Validate, ChecksFieldsAgainstEachOther) {
