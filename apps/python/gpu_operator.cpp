@@ -139,8 +139,7 @@ void bind_gpu_operator(py::module_& module) {
       .def_property_readonly("tile_counts",
                              [=](const OperatorFrame& f) { return address(f.tile_counts()); })
       .def_property_readonly("overflowed",
-                             [=](const OperatorFrame& f) { return address(f.overflowed()); })
-      .def_property_readonly("instances", &OperatorFrame::instances);
+                             [=](const OperatorFrame& f) { return address(f.overflowed()); });
 }
 
 }  // namespace gs::python

@@ -15,13 +15,19 @@ _POSE_TOLERANCE = 1e-3  # single precision and rounded text
 _new_model, _new_camera, _new_scene = Model.__init__, Camera.__init__, Scene.__init__
 
 
-def _array_of(name, value, shape):
+def real_array(name, value):
+    """A NumPy array of floats or integers. Throws UsageError, which names the argument."""
     try:
         array = np.asarray(value)
     except ValueError:  # rows of several lengths
         raise UsageError(f"{name} is not an array") from None
     if array.dtype.kind not in "fiu":
         raise UsageError(f"{name} must hold real numbers, but is of dtype {array.dtype}")
+    return array
+
+
+def _array_of(name, value, shape):
+    array = real_array(name, value)
     if array.ndim != len(shape) or any(want not in (None, has) for want, has in zip(shape, array.shape)):
         wanted = str(shape).replace("None", "N")
         raise UsageError(f"{name} must have the shape {wanted}, but has {array.shape}")

@@ -10,6 +10,7 @@ from __future__ import annotations
 import numpy as np
 
 from ._arguments import is_per_view, matrices_of
+from ._classes import real_array
 from ._gemsplat import UsageError, exact_gradients, exact_picture, exact_slopes
 from ._rasterize import Rendering
 
@@ -19,15 +20,7 @@ _RENDERER_NAMES = {"scales": "log_scales", "logit_opacities": "opacities"}
 
 def arrays_of(given):
     """Arrays, lists and numbers by name as arrays of the dtype of means; integers become float64."""
-    arrays = {}
-    for name, value in given.items():
-        try:
-            array = np.asarray(value)
-        except ValueError:  # rows of several lengths
-            raise UsageError(f"{name} is not an array") from None
-        if array.dtype.kind not in "fiu":
-            raise UsageError(f"{name} must hold real numbers, but is of dtype {array.dtype}")
-        arrays[name] = array
+    arrays = {name: real_array(name, value) for name, value in given.items()}
     dtype = np.float32 if arrays["means"].dtype == np.float32 else np.float64
     return {name: array.astype(dtype, copy=False) for name, array in arrays.items()}
 

@@ -16,7 +16,7 @@ from ._gemsplat import UsageError
 from ._rasterize import Rendering
 
 _SETTINGS = ("width", "height", "sh_degree", "near", "far", "blur", "antialiased", "blend_rule")
-_SPLAT_NUMBERS = 12  # mean2d 2, conic 3, opacity, cutoff, color 3, and 2 more
+_SPLAT_NUMBERS = 12  # mean2d 2, conic 3, opacity, cutoff, color 3, variance_y, depth
 
 
 def arrays_of(given):
