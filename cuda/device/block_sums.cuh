@@ -2,7 +2,7 @@
 // Sums over the threads of a block in an order that is always the same.
 #pragma once
 
-#include <cuda_runtime.h>
+#include "cuda/device/warp.cuh"
 
 namespace gs::cuda {
 
@@ -22,6 +22,22 @@ __device__ void sum_by_remainder(double (&sums)[kCount], double (&shared)[kCount
   }
   __syncthreads();
   for (int k = 0; k < kCount; ++k) sums[k] = shared[k][threadIdx.x];
+}
+
+/// All threads of a block of kWarps warps: adds up their numbers. Thread k < kCount writes sum k to
+/// `to`; `of_warps` is shared memory.
+template <int kCount, int kWarps, class Number>
+__device__ void sum_of_block(const Number (&numbers)[kCount], double (&of_warps)[kWarps][kCount],
+                             double* to) {
+  for (int k = 0; k < kCount; ++k) {
+    const double of_warp = warp_sum(double(numbers[k]));
+    if (lane_of_thread() == 0) of_warps[threadIdx.x / kWarp][k] = of_warp;
+  }
+  __syncthreads();
+  if (int(threadIdx.x) >= kCount) return;
+  double sum = 0;
+  for (int warp = 0; warp < kWarps; ++warp) sum += of_warps[warp][threadIdx.x];
+  to[threadIdx.x] = sum;
 }
 
 }  // namespace gs::cuda

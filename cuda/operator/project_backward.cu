@@ -3,6 +3,7 @@
 // forms in which it was given, and of the camera. A thread pulls the gradient of one Gaussian back.
 // The whole warp writes the rows of SH coefficients, in whole lines. Sums over all Gaussians, those
 // of the camera, are of double precision, in an order of their own.
+#include "cuda/device/block_sums.cuh"
 #include "cuda/operator/given_rows.cuh"
 #include "cuda/operator/sh_layout.cuh"
 #include "cuda/operator/stages.cuh"
@@ -147,21 +148,6 @@ __device__ Vec3f pull_back_sh(const OperatorInput& in, const Targets& to, int de
   return unit_direction_vjp(eye, mean, sh_basis_vjp(kMaxShDegree, direction, dL_dbasis));
 }
 
-// All threads of a block: adds up their shares. Thread k < kCameraNumbers writes sum k to `to`.
-template <class Number>
-__device__ void add_up(const Number (&shares)[kCameraNumbers], double* to) {
-  __shared__ double of_warps[kWarps][kCameraNumbers];
-  for (int k = 0; k < kCameraNumbers; ++k) {
-    const double of_warp = warp_sum(double(shares[k]));
-    if (lane_of_thread() == 0) of_warps[threadIdx.x / kWarp][k] = of_warp;
-  }
-  __syncthreads();
-  if (int(threadIdx.x) >= kCameraNumbers) return;
-  double sum = 0;
-  for (int warp = 0; warp < kWarps; ++warp) sum += of_warps[warp][threadIdx.x];
-  to[threadIdx.x] = sum;
-}
-
 // `of_blocks`: (blocks, kCameraNumbers), where the gradient of the camera is wanted.
 template <ShLayout layout, bool with_camera>
 __global__ void __launch_bounds__(kThreads, kBlocks)
@@ -212,19 +198,21 @@ __global__ void __launch_bounds__(kThreads, kBlocks)
       if (with_camera && is_visible) by_camera.add(camera_entries_by_color_vjp(camera, by_color));
     }
   if (i < in.count) row.write_to(to, i);
-  if constexpr (with_camera)
-    add_up(reinterpret_cast<const float(&)[kCameraNumbers]>(by_camera),
-           of_blocks + kCameraNumbers * blockIdx.x);
+  if constexpr (with_camera) {
+    __shared__ double of_warps[kWarps][kCameraNumbers];
+    sum_of_block(reinterpret_cast<const float(&)[kCameraNumbers]>(by_camera), of_warps,
+                 of_blocks + kCameraNumbers * blockIdx.x);
+  }
 }
 
 // Thread t takes the blocks t, t + kThreads, ...
 __global__ void __launch_bounds__(kThreads)
     add_blocks_kernel(const double* of_blocks, std::size_t blocks, float* viewmat, float* K) {
-  __shared__ double n[kCameraNumbers];
+  __shared__ double n[kCameraNumbers], of_warps[kWarps][kCameraNumbers];
   double shares[kCameraNumbers] = {};
   for (std::size_t block = threadIdx.x; block < blocks; block += kThreads)
     for (int k = 0; k < kCameraNumbers; ++k) shares[k] += of_blocks[kCameraNumbers * block + k];
-  add_up(shares, n);
+  sum_of_block(shares, of_warps, n);
   __syncthreads();
   if (threadIdx.x != 0) return;
   if (viewmat) {

@@ -3,7 +3,7 @@
 // added up. Twin of gs_render/stages/camera_gradient.cpp. A thread takes one Gaussian, a block adds
 // up its threads' shares, and a single block those of all blocks, which it pulls back to the motion
 // of the photo's row. Each sum has an order of its own, so that the same bits come out each time.
-#include "cuda/device/warp.cuh"
+#include "cuda/device/block_sums.cuh"
 #include "cuda/stages.cuh"
 #include "gs_core/math/pose/camera_gradient.h"
 #include "gs_train/poses/pose_state.h"
@@ -14,19 +14,6 @@ namespace {
 constexpr int kThreads = 256;  // of both kernels; a multiple of a warp
 constexpr int kWarps = kThreads / kWarp;
 constexpr int kSums = int(kPoseNumbers);
-
-/// All threads of a block: adds up their sums. Thread k < kSums writes sum k to `to`.
-__device__ void add_up(const double (&sums)[kSums], double (&of_warps)[kWarps][kSums], double* to) {
-  for (int k = 0; k < kSums; ++k) {
-    const double of_warp = warp_sum(sums[k]);
-    if (lane_of_thread() == 0) of_warps[threadIdx.x / kWarp][k] = of_warp;
-  }
-  __syncthreads();
-  if (int(threadIdx.x) >= kSums) return;
-  double sum = 0;
-  for (int warp = 0; warp < kWarps; ++warp) sum += of_warps[warp][threadIdx.x];
-  to[threadIdx.x] = sum;
-}
 
 // What the kernel reads of stages 1 and 6.
 struct SplatGradients {
@@ -50,7 +37,7 @@ __global__ void __launch_bounds__(kThreads)
     const CameraGradient<float> dL = camera_vjp(gaussians, i, camera, settings, dL_dsplat);
     for (int k = 0; k < 3; ++k) sums[k] = double(dL.turn[k]), sums[3 + k] = double(dL.center[k]);
   }
-  add_up(sums, of_warps, of_blocks + kSums * (to / kThreads));
+  sum_of_block(sums, of_warps, of_blocks + kSums * (to / kThreads));
 }
 
 // Thread t takes the blocks t, t + kThreads, ...
@@ -60,7 +47,7 @@ __global__ void __launch_bounds__(kThreads)
   double sums[kSums] = {0, 0, 0, 0, 0, 0};
   for (std::size_t block = threadIdx.x; block < blocks; block += kThreads)
     for (int k = 0; k < kSums; ++k) sums[k] += of_blocks[kSums * block + k];
-  add_up(sums, of_warps, n);
+  sum_of_block(sums, of_warps, n);
   __syncthreads();
   if (threadIdx.x != 0) return;
   const RigidMotion<double> by_motion = moved_vjp(
