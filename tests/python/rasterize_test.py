@@ -77,23 +77,28 @@ def inner(a, b):
     return sum(np.sum(a[name] * b[name]) for name in a)
 
 
+def drawn_cases():
+    """For each of cases() by each of RULES: the rule, arguments, Rendering, dL by its pictures, and dL by every array."""
+    for case in cases():
+        for rule in RULES:
+            given = {**case, **rule}
+            rendering, pull = gemsplat.vjp(**given)
+            weights = weights_of(rendering)
+            yield rule, given, rendering, weights, pull(**weights)
+
+
 class Derivatives(TestCase):
     def test_every_gradient_is_that_of_finite_differences(self):
         seen = set()
-        for case in cases():
-            for rule in RULES:
-                given = {**case, **rule}
-                rendering, pull = gemsplat.vjp(**given)
-                weights = weights_of(rendering)
-                gradients = pull(**weights)
-                self.assertEqual(set(gradients), {name for name, value in given.items() if isinstance(value, np.ndarray)})
-                for name, gradient in gradients.items():
-                    with self.subTest(name=name, **rule):
-                        self.assertEqual((gradient.shape, gradient.dtype), (given[name].shape, np.float64))
-                        expected = self.slopes(given, name, weights)
-                        self.assertGreater(np.abs(expected).max(), 1e-3)
-                        np.testing.assert_allclose(gradient, expected, rtol=0, atol=TOLERANCE * np.abs(expected).max())
-                seen |= set(gradients)
+        for rule, given, rendering, weights, gradients in drawn_cases():
+            self.assertEqual(set(gradients), {name for name, value in given.items() if isinstance(value, np.ndarray)})
+            for name, gradient in gradients.items():
+                with self.subTest(name=name, **rule):
+                    self.assertEqual((gradient.shape, gradient.dtype), (given[name].shape, np.float64))
+                    expected = self.slopes(given, name, weights)
+                    self.assertGreater(np.abs(expected).max(), 1e-3)
+                    np.testing.assert_allclose(gradient, expected, rtol=0, atol=TOLERANCE * np.abs(expected).max())
+            seen |= set(gradients)
         self.assertEqual(seen, {"means", "rotations", "scales", "log_scales", "covariances", "opacities", "logit_opacities",
                                 "colors", "sh0", "sh_rest", "sh", "features", "viewmats", "Ks", "background", "screen"})
 
@@ -108,20 +113,15 @@ class Derivatives(TestCase):
         return slopes
 
     def test_forward_and_reverse_mode_agree(self):
-        for case in cases():
-            for rule in RULES:
-                given = {**case, **rule}
-                rendering, pull = gemsplat.vjp(**given)
-                weights = weights_of(rendering)
-                gradients = pull(**weights)
-                random = np.random.default_rng(4)
-                tangents = {name: random.normal(size=gradient.shape) for name, gradient in gradients.items()}
-                again, change = gemsplat.jvp(given, tangents)
-                for name, picture in pictures_of(rendering).items():
-                    np.testing.assert_array_equal(getattr(again, name), picture)
-                expected = inner(tangents, gradients)
-                self.assertAlmostEqual(inner(weights, pictures_of(change)), expected, delta=1e-11 * abs(expected))
-                self.assertIsNone(change.radii)
+        for rule, given, rendering, weights, gradients in drawn_cases():
+            random = np.random.default_rng(4)
+            tangents = {name: random.normal(size=gradient.shape) for name, gradient in gradients.items()}
+            again, change = gemsplat.jvp(given, tangents)
+            for name, picture in pictures_of(rendering).items():
+                np.testing.assert_array_equal(getattr(again, name), picture)
+            expected = inner(tangents, gradients)
+            self.assertAlmostEqual(inner(weights, pictures_of(change)), expected, delta=1e-11 * abs(expected))
+            self.assertIsNone(change.radii)
 
     def test_tangents_that_are_absent_are_zeros(self):
         given = next(cases())
