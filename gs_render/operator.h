@@ -9,6 +9,7 @@
 #include <memory>
 
 #include "gs_core/camera.h"
+#include "gs_render/footprint.h"
 #include "gs_render/render_pass.h"
 
 namespace gs {
@@ -74,6 +75,24 @@ struct OperatorGradients {
   float* K = nullptr;                // (3, 3)  four entries, the others are zero
 };
 
+/// Where footprints are written, in device memory; what is null is not wanted. Gaussians that are not
+/// visible have zeros.
+struct OperatorFootprints {
+  float* means2d = nullptr;        // (N, 2)  pixels
+  float* depths = nullptr;         // (N)     world units
+  float* conics = nullptr;         // (N, 3)  1 / pixels^2
+  float* compensations = nullptr;  // (N)     of antialiasing
+  int* radii = nullptr;            // (N, 2)  pixels
+};
+
+/// L = l1 mean|X - Y| + ssim mean SSIM(X, Y) of pictures X and Y in device memory (Wang et al. 2004).
+struct OperatorComparison {
+  const float *image, *reference;  // X, Y  (planes, H, W)  0 to 1
+  int planes, height, width;
+  int margin;  // pixels at each border in which SSIM does not count; zeros lie around the pictures
+  float l1, ssim;
+};
+
 /// Returns device memory of so many bytes, aligned to 256. What it throws ends the call.
 using AllocateOnDevice = std::function<void*(std::size_t bytes)>;
 
@@ -117,6 +136,13 @@ class SplatOperator {
                          const OperatorInput& input, const RenderSettings& settings,
                          const OperatorPictureGradient& dL,
                          const OperatorGradients& gradients) const = 0;
+  /// Says where the Gaussians are, by the rules of another rasterizer. Does not wait.
+  virtual void footprints(const OperatorCall& call, const OperatorInput& input,
+                          const SplatSettings& settings, const FootprintRule& rule,
+                          const OperatorFootprints& to) const = 0;
+  /// Writes L to `value` and, where it is not null, dL/dX to dL_dimage, (planes, H, W). Does not wait.
+  virtual void compare(const OperatorCall& call, const OperatorComparison& given, float* value,
+                       float* dL_dimage) const = 0;
 };
 
 }  // namespace gs

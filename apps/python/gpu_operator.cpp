@@ -2,6 +2,7 @@
 // The operator of the GPU for gemsplat/_torch.py, which has checked its arrays. Arrays come as pointers
 // to device memory, and so does the memory that a call needs.
 #include <pybind11/functional.h>
+#include <pybind11/stl.h>
 
 #include "apps/python/module.h"
 #include "data_loaders/cameras/camera_file.h"
@@ -123,14 +124,39 @@ void pull_back(const Operation& operation, const OperatorFrame& frame, std::uint
       gradients);
 }
 
+/// Writes to the addresses of means2d, depths, conics, compensations and radii.
+void find_footprints(const Operation& operation, std::uintptr_t stream, const std::string& shape,
+                     float clip, int tile, const std::array<std::uintptr_t, 5>& to) {
+  const OperatorCall call{operation.device, pointer<void>(stream), nullptr, nullptr};
+  const py::gil_scoped_release release;
+  gpu_operator().footprints(call, operation.input, operation.settings,
+                            footprint_rule(shape, clip, tile),
+                            {pointer<float>(to[0]), pointer<float>(to[1]), pointer<float>(to[2]),
+                             pointer<float>(to[3]), pointer<int>(to[4])});
+}
+
+/// See OperatorComparison; sides is (planes, H, W), weights (l1, ssim).
+void compare(int device, std::uintptr_t stream, const py::function& scratch, std::uintptr_t image,
+             std::uintptr_t reference, const std::array<int, 3>& sides, int margin,
+             const std::array<float, 2>& weights, std::uintptr_t value, std::uintptr_t dL_dimage) {
+  const OperatorCall call{device, pointer<void>(stream), nullptr, allocator(scratch)};
+  const py::gil_scoped_release release;
+  gpu_operator().compare(call,
+                         {pointer<const float>(image), pointer<const float>(reference), sides[0],
+                          sides[1], sides[2], margin, weights[0], weights[1]},
+                         pointer<float>(value), pointer<float>(dL_dimage));
+}
+
 }  // namespace
 
 void bind_gpu_operator(py::module_& module) {
   const auto address = [](const auto* at) { return reinterpret_cast<std::uintptr_t>(at); };
+  module.def("gpu_compare", compare);
   py::class_<Operation>(module, "GpuOperation")
       .def(py::init(&make_operation))
       .def("draw", draw)
-      .def("pull_back", pull_back);
+      .def("pull_back", pull_back)
+      .def("footprints", find_footprints);
   py::class_<OperatorFrame>(module, "GpuFrame")
       .def_property_readonly("transmittance",
                              [=](const OperatorFrame& f) { return address(f.transmittance()); })

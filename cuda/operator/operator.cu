@@ -180,6 +180,22 @@ class CudaOperator final : public SplatOperator {
     blend_backward(context, settings, dL_dpicture, workspace, pass);
     project_backward(context, input, settings, workspace, pass, frame.overflowed(), gradients);
   }
+
+  void footprints(const OperatorCall& call, const OperatorInput& input,
+                  const SplatSettings& settings, const FootprintRule& rule,
+                  const OperatorFootprints& to) const override {
+    const OnDevice here(call.device);
+    Context context(call.device, static_cast<cudaStream_t>(call.stream));
+    cuda::footprints(context, input, settings, rule, to);
+  }
+
+  void compare(const OperatorCall& call, const OperatorComparison& given, float* value,
+               float* dL_dimage) const override {
+    const OnDevice here(call.device);
+    Context context(call.device, static_cast<cudaStream_t>(call.stream));
+    CallerMemory scratch(context, call.scratch);
+    compare_pictures(context, scratch, given, value, dL_dimage);
+  }
 };
 
 }  // namespace

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// The stages that the operator has for itself: the first one and the last one. Those between them
-// are in cuda/stages.cuh.
+// What the operator has for itself: the first stage and the last one, between which are those of
+// cuda/stages.cuh, and the footprints by the rules of others.
 #pragma once
 
 #include "cuda/stages.cuh"
@@ -17,5 +17,9 @@ void project(Context& context, const OperatorInput& input, const RenderSettings&
 void project_backward(Context& context, const OperatorInput& input, const RenderSettings& settings,
                       Workspace& workspace, const RenderPass& pass, const std::uint32_t* overflowed,
                       const OperatorGradients& gradients);
+
+/// footprints.cu: where Gaussians are by the rules of another rasterizer.
+void footprints(Context& context, const OperatorInput& input, const SplatSettings& settings,
+                const FootprintRule& rule, const OperatorFootprints& to);
 
 }  // namespace gs::cuda

@@ -50,6 +50,25 @@ def rasterize(arguments):
     raise UsageError(f"means is on {device}; tensors are drawn on cuda and cpu")
 
 
+def footprints(arguments, *rule):
+    """Those of the first view, by name."""
+    means = arguments.arrays["means"]
+    if means.device.type == "cpu":
+        arrays = {name: tensor.detach().numpy() for name, tensor in arguments.arrays.items()}
+        found = _numpy.footprints(replace(arguments, arrays=arrays), *rule)
+        return {name: torch.from_numpy(array).to(torch.int32 if name == "radii" else means.dtype)
+                for name, array in found.items()}
+    count = arguments.count
+    found = {name: torch.empty((count, *row), dtype=torch.int32 if name == "radii" else torch.float32, device=means.device)
+             for name, row in {"means2d": (2,), "depths": (), "conics": (3,), "compensations": (), "radii": (2,)}.items()}
+    tensors = {name: tensor.contiguous() if name in _MATRICES else _addressable(tensor)
+               for name, tensor in _of_view(arguments, 0).items()}
+    operation = _gemsplat.GpuOperation(_addresses(tensors), count, _call(arguments, 0, tensors))
+    operation.footprints(torch.cuda.current_stream(means.device).cuda_stream, *rule,
+                         [tensor.data_ptr() for tensor in found.values()])
+    return found
+
+
 def vjp(arguments):
     raise UsageError("vjp() is for arrays without autograd; call rasterize() on tensors, and backward() on what follows")
 
@@ -267,13 +286,19 @@ def _features(arguments, view):
 
 def _drawn(arguments, view, tensors, **what):
     """One call of the kernels for a view."""
+    return _Draw.apply(_call(arguments, view, tensors, **what), tuple(tensors), *tensors.values())
+
+
+def _call(arguments, view, tensors, **what):
+    """How GpuOperation is to draw a view. `what`: its pictures, rows, blends_depth and inverse_depth."""
     call = {name: getattr(arguments, name) for name in _SETTINGS}
     coefficients = (tensors["sh"].shape[1] if "sh" in tensors
                     else 1 + tensors["sh_rest"].shape[1] if "sh_rest" in tensors else 1)
+    call.update(pictures=(), rows=(), blends_depth=False, inverse_depth=False)
     call.update(what, count=arguments.count, device=tensors["means"].device.index or 0,
                 max_instances=arguments.max_instances or 0, has_unused_sh=coefficients > (arguments.sh_degree + 1)**2,
                 deterministic=torch.are_deterministic_algorithms_enabled(),
                 for_backward=torch.is_grad_enabled() and any(tensor.requires_grad for tensor in tensors.values()))
     if arguments.cameras:
         call["camera"] = arguments.cameras[view]
-    return _Draw.apply(call, tuple(tensors), *tensors.values())
+    return call
