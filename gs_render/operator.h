@@ -43,6 +43,8 @@ struct OperatorInput {
   std::size_t count = 0;  // N
   OperatorArrays<const float> arrays;
   bool has_log_scales = false, has_logit_opacities = false;
+  const float* features = nullptr;  // (N, channels)  blended as they are; may be null
+  int channels = 0;                 // a multiple of four
   // Room for so many instances, so that nothing waits for their number; 0: they are counted.
   std::uint32_t room = 0;
   // A picture's depth sums weights over depths, and not times depths.
@@ -57,6 +59,7 @@ struct OperatorPicture {
   float* image = nullptr;  // (3, H, W)  with the background
   float* alpha = nullptr;  // (H, W)     1 - transmittance
   float* depth = nullptr;  // (H, W)     sum of weights times depths; needs settings.blends_depth
+  float* features = nullptr;  // (H, W, channels)  sum of weights times features
 };
 
 /// dL by a picture, in device memory.
@@ -64,6 +67,8 @@ struct OperatorPictureGradient {
   const float* image = nullptr;  // (3, H, W)
   const float* alpha = nullptr;  // (H, W)  null: zeros
   const float* depth = nullptr;  // (H, W)  null: zeros
+  // (H, W, channels)  null: zeros. Beside it, the features that were drawn.
+  const float *features = nullptr, *drawn_features = nullptr;
 };
 
 /// Where gradients are written, in device memory; what is null is not computed. Rows of Gaussians
@@ -73,6 +78,7 @@ struct OperatorGradients {
   float* absolute_screen = nullptr;  // (N, 2)  by the projected means, absolute values of pixels
   float* viewmat = nullptr;          // (4, 4)  twelve free entries, the last row is zero
   float* K = nullptr;                // (3, 3)  four entries, the others are zero
+  float* features = nullptr;         // (N, channels)
 };
 
 /// Where footprints are written, in device memory; what is null is not wanted. Gaussians that are not

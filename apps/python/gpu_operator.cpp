@@ -55,6 +55,8 @@ Operation make_operation(const Addresses& arrays, std::size_t count, const py::d
       input.K = address;
     else if (name == "background")
       settings.background_on_device = address;
+    else if (name == "features")
+      input.features = address, input.channels = int(at.second);
     else if (name != "absolute_screen")
       *rows_named(input.arrays, name) = {address, at.second};
   }
@@ -91,17 +93,19 @@ AllocateOnDevice allocator(const py::function& allocate) {
 std::unique_ptr<OperatorFrame> draw(const Operation& operation, std::uintptr_t stream,
                                     const py::function& kept, const py::function& scratch,
                                     std::uintptr_t image, std::uintptr_t alpha,
-                                    std::uintptr_t depth) {
+                                    std::uintptr_t depth, std::uintptr_t features) {
   const OperatorCall call{operation.device, pointer<void>(stream), allocator(kept),
                           allocator(scratch)};
   const py::gil_scoped_release release;
   return gpu_operator().draw(call, operation.input, operation.settings,
-                             {pointer<float>(image), pointer<float>(alpha), pointer<float>(depth)});
+                             {pointer<float>(image), pointer<float>(alpha), pointer<float>(depth),
+                              pointer<float>(features)});
 }
 
 void pull_back(const Operation& operation, const OperatorFrame& frame, std::uintptr_t stream,
                const py::function& scratch, std::uintptr_t image, std::uintptr_t alpha,
-               std::uintptr_t depth, const Addresses& to) {
+               std::uintptr_t depth, std::uintptr_t features, std::uintptr_t drawn_features,
+               const Addresses& to) {
   OperatorGradients gradients;
   for (const auto& [name, at] : to) {
     float* const address = pointer<float>(at.first);
@@ -111,6 +115,8 @@ void pull_back(const Operation& operation, const OperatorFrame& frame, std::uint
       gradients.K = address;
     else if (name == "absolute_screen")
       gradients.absolute_screen = address;
+    else if (name == "features")
+      gradients.features = address;
     else
       *rows_named(gradients.arrays, name) = {address, at.second};
   }
@@ -120,7 +126,8 @@ void pull_back(const Operation& operation, const OperatorFrame& frame, std::uint
   const py::gil_scoped_release release;
   gpu_operator().pull_back(
       call, frame, operation.input, settings,
-      {pointer<const float>(image), pointer<const float>(alpha), pointer<const float>(depth)},
+      {pointer<const float>(image), pointer<const float>(alpha), pointer<const float>(depth),
+       pointer<const float>(features), pointer<const float>(drawn_features)},
       gradients);
 }
 

@@ -143,7 +143,10 @@ class CudaOperator final : public SplatOperator {
     const InstanceLimit limit{std::max(frame->count, 1u), frame->halted.data()};
     create_instances(context, settings, workspace, pass, limit);
     sort_by_tile(context, settings, workspace, pass, limit.capacity);
-    blend(context, settings, pass);
+    RenderSettings blend_settings = settings;
+    if (to.features) blend_settings.for_backward = true;  // they need the last fragments
+    blend(context, blend_settings, pass);
+    if (to.features) blend_features(context, settings, pass, input, to.features);
     context.launch("copy of the picture", copy_picture_kernel, blocks_for(pixels, kThreads),
                    kThreads, pixels, pass.image.data(), pass.transmittance.data(),
                    pass.depth_image.data(), to);
@@ -173,11 +176,20 @@ class CudaOperator final : public SplatOperator {
       zeros(workspace.coarse_sums, rows);
     }
     Buffer<float> no_image(scratch);
-    if (!dL.image) zeros(no_image, 3 * pixels);
-    const PictureGradient dL_dpicture{{dL.image ? dL.image : no_image.data(), 3 * pixels},
-                                      {dL.alpha, dL.alpha ? pixels : 0},
-                                      {dL.depth, dL.depth ? pixels : 0}};
-    blend_backward(context, settings, dL_dpicture, workspace, pass);
+    if (dL.image || dL.alpha || dL.depth) {
+      if (!dL.image) zeros(no_image, 3 * pixels);
+      const PictureGradient dL_dpicture{{dL.image ? dL.image : no_image.data(), 3 * pixels},
+                                        {dL.alpha, dL.alpha ? pixels : 0},
+                                        {dL.depth, dL.depth ? pixels : 0}};
+      blend_backward(context, settings, dL_dpicture, workspace, pass);
+    }
+    if (gradients.features)
+      check(cudaMemsetAsync(gradients.features, 0, rows * input.channels * sizeof(float),
+                            context.stream()),
+            "gradient by features");
+    if (dL.features)
+      blend_features_backward(context, settings, pass, input, dL, frame.overflowed(), workspace,
+                              gradients.features);
     project_backward(context, input, settings, workspace, pass, frame.overflowed(), gradients);
   }
 

@@ -142,6 +142,12 @@ def _addressable(tensor):
     return tensor
 
 
+def _aligned(tensor):
+    """A tensor without gaps, from a multiple of 16 bytes on."""
+    tensor = tensor.contiguous()
+    return tensor if tensor.data_ptr() % 16 == 0 else tensor.clone()
+
+
 def _addresses(tensors):
     """(address, numbers from row to row) by the kernels' names."""
     addresses = {}
@@ -161,18 +167,19 @@ class _Draw(torch.autograd.Function):
     @staticmethod
     def forward(ctx, call, names, *tensors):
         ctx.call, ctx.names = call, names
-        dense = [tensor.contiguous() if name in _MATRICES else _addressable(tensor)
+        dense = [_aligned(tensor) if name == "features" else tensor.contiguous() if name in _MATRICES else _addressable(tensor)
                  for name, tensor in zip(names, tensors)]
         device = tensors[0].device
         ctx.kept = _Pieces(device)
         operation = _gemsplat.GpuOperation(_addresses(dict(zip(names, dense))), call["count"], call)
         pixels = call["height"], call["width"]
-        pictures = [torch.empty((3, *pixels) if name == "image" else pixels, dtype=torch.float32, device=device)
-                    if name in call["pictures"] or name == "depth" and call["blends_depth"] else None
-                    for name in _DRAWN]
+        shapes = {"image": (3, *pixels), "features": (*pixels, tensors[names.index("features")].shape[1] if call["features"] else 0)}
+        pictures = [torch.empty(shapes.get(name, pixels), dtype=torch.float32, device=device)
+                    if name in call["pictures"] or call["blends_depth"] and name == "depth" or call["features"] and name == "features"
+                    else None for name in _DRAWN]
         ctx.frame = operation.draw(torch.cuda.current_stream(device).cuda_stream, ctx.kept, _Pieces(device),
                                    *(0 if picture is None else picture.data_ptr() for picture in pictures))
-        ctx.save_for_backward(*dense)
+        ctx.save_for_backward(*dense, *pictures[3:])
         ctx.set_materialize_grads(False)
         known = _row_outputs(ctx.frame, ctx.kept, call)
         if call["max_instances"]:
@@ -183,8 +190,9 @@ class _Draw(torch.autograd.Function):
     @staticmethod
     @once_differentiable
     def backward(ctx, *by_outputs):
-        by_pictures = [None if by is None else by.contiguous() for by in by_outputs[:len(_DRAWN)]]
-        dense = dict(zip(ctx.names, ctx.saved_tensors))
+        by_pictures = [None if by is None else _aligned(by) for by in by_outputs[:len(_DRAWN)]]
+        *dense, features = ctx.saved_tensors
+        dense = dict(zip(ctx.names, dense))
         wanted = [name for name, is_needed in zip(ctx.names, ctx.needs_input_grad[2:]) if is_needed]
         if all(by is None for by in by_pictures):
             return (None,) * (2 + len(ctx.names))
@@ -195,7 +203,7 @@ class _Draw(torch.autograd.Function):
         # Made anew, because hooks of saved tensors may have moved them.
         operation = _gemsplat.GpuOperation(_addresses(dense), ctx.call["count"], ctx.call)
         operation.pull_back(ctx.frame, torch.cuda.current_stream(device).cuda_stream, _Pieces(device),
-                            *(0 if by is None else by.data_ptr() for by in by_pictures), _addresses(gradients))
+                            *(0 if by is None else by.data_ptr() for by in (*by_pictures, features)), _addresses(gradients))
         if "background" in wanted:
             by_image = by_pictures[0]
             gradients["background"] = torch.zeros_like(dense["background"]) if by_image is None else (
@@ -206,7 +214,8 @@ class _Draw(torch.autograd.Function):
 _MATRICES = ("viewmats", "Ks", "background")
 _DEPTHS = ("depth", "inverse_depth")
 _COLORS = ("colors", "sh", "sh0", "sh_rest", "background", "features")  # absent from passes of features
-_DRAWN = ("image", "alpha", "depth")  # what the kernels write; the last one is either of _DEPTHS
+_DRAWN = ("image", "alpha", "depth", "features")  # what the kernels write; depth is either of _DEPTHS
+_FEATURE_STEP = 4  # of the channels that the kernels take
 
 
 def _row_outputs(frame, kept, call):
@@ -238,16 +247,19 @@ def _on_gpu(arguments):
         raise UsageError("smooth is for tensors on the CPU")
     if "depth" in arguments.pictures and "inverse_depth" in arguments.pictures:
         raise UsageError("a GPU draws depth or inverse_depth; call rasterize() for each of them")
-    is_drawn = arguments.pictures or arguments.rows or arguments.max_instances
+    is_drawn = arguments.pictures or arguments.rows or arguments.max_instances or arguments.channels
     views = [_view(arguments, view) for view in range(arguments.views)] if is_drawn else []
     depth = "inverse_depth" if "inverse_depth" in arguments.pictures else "depth"
     names = arguments.rows + (("overflowed",) if arguments.max_instances else ())
-    found = dict(zip(("image", "alpha", depth) + names, zip(*views)))
+    found = dict(zip(("image", "alpha", depth, "features") + names, zip(*views)))
     if "image" in arguments.pictures:
         found["image"] = [image.permute(1, 2, 0) for image in found["image"]]
     if arguments.channels:
         names += ("features",)
-        found["features"] = [_features(arguments, view) for view in range(arguments.views)]
+        if torch.are_deterministic_algorithms_enabled():
+            found["features"] = [_features(arguments, view) for view in range(arguments.views)]
+        else:
+            found["features"] = [features[..., :arguments.channels] for features in found["features"]]
     return Rendering(**{name: torch.stack(found[name]) if arguments.has_view_axis else found[name][0]
                         for name in arguments.pictures + names})
 
@@ -262,24 +274,26 @@ def _of_view(arguments, view):
 def _view(arguments, view):
     """The pictures of _DRAWN, those not asked for as None, and what is known besides."""
     tensors = _of_view(arguments, view)
-    tensors.pop("features", None)
+    features = tensors.pop("features", None)
+    has_features = features is not None and not torch.are_deterministic_algorithms_enabled()
+    if has_features:
+        tensors["features"] = torch.nn.functional.pad(features, (0, -arguments.channels % _FEATURE_STEP))
     if arguments.color is None:
         tensors["colors"] = tensors["means"].new_zeros((1, 3)).expand(arguments.count, 3)
     depths = [name for name in _DEPTHS if name in arguments.pictures]
     return _drawn(arguments, view, tensors, pictures=arguments.pictures, rows=arguments.rows, blends_depth=bool(depths),
-                  inverse_depth="inverse_depth" in depths)
+                  inverse_depth="inverse_depth" in depths, features=has_features)
 
 
 def _features(arguments, view):
-    """(H, W, D): the features of a view, three of them at a time as the colors of a pass of their own."""
+    """(H, W, D): the features of a view, three of them at a time as the colors of a pass whose sums have a fixed order."""
     tensors = _of_view(arguments, view)
     shared = {name: tensor for name, tensor in tensors.items() if name not in _COLORS}
     passes = []
     for first in range(0, arguments.channels, 3):
         colors = tensors["features"][:, first:first + 3]
         colors = torch.nn.functional.pad(colors, (0, 3 - colors.shape[1]))
-        image, *_ = _drawn(arguments, view, {**shared, "colors": colors}, pictures=("image",), rows=(), blends_depth=False,
-                           inverse_depth=False)
+        image, *_ = _drawn(arguments, view, {**shared, "colors": colors}, pictures=("image",))
         passes.append(image)
     return torch.cat(passes)[:arguments.channels].permute(1, 2, 0)
 
@@ -290,11 +304,11 @@ def _drawn(arguments, view, tensors, **what):
 
 
 def _call(arguments, view, tensors, **what):
-    """How GpuOperation is to draw a view. `what`: its pictures, rows, blends_depth and inverse_depth."""
+    """How GpuOperation is to draw a view. `what`: its pictures, rows, blends_depth, inverse_depth and features."""
     call = {name: getattr(arguments, name) for name in _SETTINGS}
     coefficients = (tensors["sh"].shape[1] if "sh" in tensors
                     else 1 + tensors["sh_rest"].shape[1] if "sh_rest" in tensors else 1)
-    call.update(pictures=(), rows=(), blends_depth=False, inverse_depth=False)
+    call.update(pictures=(), rows=(), blends_depth=False, inverse_depth=False, features=False)
     call.update(what, count=arguments.count, device=tensors["means"].device.index or 0,
                 max_instances=arguments.max_instances or 0, has_unused_sh=coefficients > (arguments.sh_degree + 1)**2,
                 deterministic=torch.are_deterministic_algorithms_enabled(),
