@@ -114,9 +114,11 @@ struct Expected {
 class CudaOperator final : public SplatOperator {
  public:
   std::unique_ptr<OperatorFrame> draw(const OperatorCall& call, const OperatorInput& input,
-                                      const RenderSettings& settings,
+                                      const RenderSettings& given,
                                       const OperatorPicture& to) const override {
     const OnDevice here(call.device);
+    RenderSettings settings = given;
+    if (to.features) settings.for_backward = true;  // features need each pixel's last fragment
     auto frame = std::make_unique<Frame>(call);
     Context& context = frame->context;
     RenderPass& pass = frame->pass;
@@ -143,9 +145,7 @@ class CudaOperator final : public SplatOperator {
     const InstanceLimit limit{std::max(frame->count, 1u), frame->halted.data()};
     create_instances(context, settings, workspace, pass, limit);
     sort_by_tile(context, settings, workspace, pass, limit.capacity);
-    RenderSettings blend_settings = settings;
-    if (to.features) blend_settings.for_backward = true;  // they need the last fragments
-    blend(context, blend_settings, pass);
+    blend(context, settings, pass);
     if (to.features) blend_features(context, settings, pass, input, to.features);
     context.launch("copy of the picture", copy_picture_kernel, blocks_for(pixels, kThreads),
                    kThreads, pixels, pass.image.data(), pass.transmittance.data(),

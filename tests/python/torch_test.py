@@ -330,10 +330,12 @@ class OnTheGpuTest(TestCase):
         self.assertEqual(sizes[1], sizes[2])
 
     def test_pictures_without_gradients_are_the_same(self):
-        arrays = arguments(100, "cuda")
-        expected = draw(arrays).image
+        arrays = arguments(100, "cuda", **self.FORMS["many features"])
+        expected = draw(arrays)
         with torch.no_grad():
-            self.assert_near(draw(arrays).image, expected.detach().cpu(), 1e-6, "image")
+            drawn = draw(arrays)
+        for name in ("image", "features"):
+            self.assert_near(getattr(drawn, name), getattr(expected, name).detach().cpu(), 1e-6, name)
 
     def test_what_a_gpu_does_not_draw_is_named(self):
         with self.assertRaisesRegex(gemsplat.UsageError, "float64 are drawn on the CPU"):
