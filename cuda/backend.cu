@@ -162,8 +162,7 @@ class CudaBackend final : private Gpus, private StepLauncher, private Device, pu
     Gpu& gpu = first();
     const PoseState poses = copy_to(host_memory(), model.poses);
     for (const TrainingPhoto& photo : photos) {
-      RenderSettings settings = photo.settings;
-      settings.with_depths = false;
+      const RenderSettings& settings = photo.settings;
       const Camera camera = refined_camera(poses, photo.view->camera, photo.photo_row);
       gpu.renderer.forward(model.gaussians.span(), reduced(camera, photo.reduction), settings,
                            gpu.pass);
@@ -282,7 +281,7 @@ class CudaBackend final : private Gpus, private StepLauncher, private Device, pu
       const std::optional<PoseRow> row = row_of(photo);
       RenderSettings settings = photo.settings;
       settings.fragment_statistic = step.density.fragment_statistic();
-      settings.with_depths = step.loss_settings.depth_weight > 0 && photo.view->has_depth_map;
+      settings.blends_depth = step.loss_settings.depth_weight > 0 && photo.view->has_depth_map;
       const DevicePose* const pose = row ? poses_.refine(*row, i) : nullptr;
       Gpu& gpu = drawer_of(i);
       const OnDevice here(gpu.device());
@@ -321,9 +320,8 @@ class CudaBackend final : private Gpus, private StepLauncher, private Device, pu
                                     steps_.forecast().capacity_for(photo, model_->count()), report,
                                     number);
     gpu.loss->forward_backward(gpu.pass, *photo.view, loss_settings, gpu.dL_dimage);
-    blend_backward(gpu.context, settings, {gpu.dL_dimage.span(), {}, {}}, gpu.renderer.workspace(),
-                   gpu.pass);
-    if (settings.with_depths) add_depth_gradient(gpu, photo, loss_settings, settings);
+    blend_backward(gpu.context, settings, gradient_of_picture(gpu, photo, loss_settings, settings),
+                   gpu.renderer.workspace(), gpu.pass);
   }
 
   // Starts to copy the photo that a GPU draws after photo i of a step, so that it arrives meanwhile.
@@ -335,18 +333,18 @@ class CudaBackend final : private Gpus, private StepLauncher, private Device, pu
       gpu.photos.prefetch_next(*std::exchange(next_, nullptr));
   }
 
-  // Adds the gradient of a depth map to what blend_backward() has left. The loss has asked for the
-  // photo, and so for its mask.
-  static void add_depth_gradient(Gpu& gpu, const TrainingPhoto& photo,
-                                 const LossSettings& loss_settings,
-                                 const RenderSettings& settings) {
+  // What the loss has left, and the gradient of a depth map. The loss has asked for the photo, and so
+  // for its mask.
+  static PictureGradient gradient_of_picture(Gpu& gpu, const TrainingPhoto& photo,
+                                             const LossSettings& loss_settings,
+                                             const RenderSettings& settings) {
     const View& view = *photo.view;
-    const DepthMaps::Map& map = gpu.depth_maps.of(view);
-    if (map.values.empty()) return;
-    gpu.depth.add_gradient(
-        gpu.context, settings,
-        {map.values.data(), gpu.photos.last().mask, view.camera.width, photo.reduction, map.kind},
-        loss_settings.depth_weight, gpu.renderer.workspace(), gpu.pass);
+    const DepthMaps::Map* const map = settings.blends_depth ? &gpu.depth_maps.of(view) : nullptr;
+    if (!map || map->values.empty()) return {gpu.dL_dimage.span()};
+    return gpu.depth.compare(
+        gpu.context,
+        {map->values.data(), gpu.photos.last().mask, view.camera.width, photo.reduction, map->kind},
+        loss_settings.depth_weight, gpu.dL_dimage.span(), gpu.pass);
   }
 
   // Gives all processes what stage 6 has left of each photo: of all rows, so that no host has to know

@@ -108,7 +108,6 @@ struct PhotoRows {
   RenderSettings settings;
   const DevicePose* pose;  // takes the place of the camera's; null: the camera is as it is given
   Splat* splats;           // (N)
-  float* depths;           // (N)  null: none are wanted
   Rect* pixel_rects;       // (N)
   std::uint32_t* tile_counts;   // (N)
   std::uint32_t* depth_keys;    // (N)
@@ -121,7 +120,6 @@ struct PhotoRows {
   PhotoRows(const Camera& camera_, const RenderSettings& settings_, const DevicePose* pose_,
             const Workspace& workspace, const RenderPass& pass)
       : camera(camera_), settings(settings_), pose(pose_), splats(pass.splats.data()),
-        depths(settings.with_depths ? pass.depths.data() : nullptr),
         pixel_rects(pass.pixel_rects.data()), tile_counts(pass.tile_counts.data()),
         depth_keys(workspace.depth_keys.data()), gradients(workspace.splat_gradients.data()),
         fragment_sums(workspace.fragment_sums.data()),
@@ -149,13 +147,6 @@ struct Background {
     return on_device ? Vec3f(on_device[0], on_device[1], on_device[2]) : color;
   }
 #endif
-};
-
-/// dL by a picture.
-struct PictureGradient {
-  Span<const float> image;  // (3, H, W)
-  Span<const float> alpha;  // (H, W)  by 1 - transmittance; empty: zeros
-  Span<const float> depth;  // (H, W)  by RenderPass::depth_image; empty: zeros
 };
 
 #ifdef __CUDACC__
@@ -271,11 +262,11 @@ void blend_backward(Context& context, const RenderSettings& settings, const Pict
                     Workspace& workspace, const RenderPass& pass);
 
 /// True where the sums over fragments of the score "force" find room in
-/// Workspace::splat_gradients, and stage 7 adds them to the statistics. A depth map adds to the same
-/// gradients, so its photos have sums of their own.
+/// Workspace::splat_gradients, and stage 7 adds them to the statistics. Photos with a depth map have
+/// sums of their own, so that there are fewer kernels.
 inline bool sums_among_gradients(const RenderSettings& settings) {
   return StepSums{settings.fragment_statistic == FragmentStatistic::force, settings.deterministic,
-                  settings.absolute_gradient, settings.with_depths}
+                  settings.absolute_gradient, settings.blends_depth}
       .forces_among_gradients();
 }
 /// From a photo's forces by the mean loss to those by its sum.

@@ -56,9 +56,9 @@ struct OperatorInput {
 
 /// Where a picture is written, in device memory; what is null is not wanted.
 struct OperatorPicture {
-  float* image = nullptr;  // (3, H, W)  with the background
-  float* alpha = nullptr;  // (H, W)     1 - transmittance
-  float* depth = nullptr;  // (H, W)     sum of weights times depths; needs settings.blends_depth
+  float* image = nullptr;     // (3, H, W)  with the background
+  float* alpha = nullptr;     // (H, W)     1 - transmittance
+  float* depth = nullptr;     // (H, W)     sum of weights times depths; needs settings.blends_depth
   float* features = nullptr;  // (H, W, channels)  sum of weights times features
 };
 
@@ -118,7 +118,6 @@ class OperatorFrame {
   virtual ~OperatorFrame() = default;
   virtual const float* transmittance() const = 0;        // (H, W)
   virtual const Splat* splats() const = 0;               // (N)  undefined where not visible
-  virtual const float* depths() const = 0;               // (N)  likewise
   virtual const std::uint32_t* tile_counts() const = 0;  // (N)  tiles hit; 0: not visible
   // (1)  not 0 where there were more instances than room: the picture lacks some, and gradients are
   // zero. Null without a room.

@@ -24,13 +24,11 @@ struct RenderSettings : SplatSettings {
   // backward's dL_dmean2d sums absolute values over pixels (Ye et al. 2024, AbsGS)
   bool absolute_gradient = false;
   FragmentStatistic fragment_statistic = FragmentStatistic::none;
+  bool blends_depth = false;  // also sum the depths of splats, into RenderPass::depth_image
   // How the CUDA backend blends; the scalar one ignores these.
   // where the GPU has them: exponents as matrix products, blend_gemm.cu
   bool use_tensor_cores = true;
   bool for_backward = true;  // false: what only the backward pass reads may be skipped
-  // false: the CUDA backend may leave RenderPass::depths empty, which only depth maps need
-  bool with_depths = true;
-  bool blends_depth = false;  // also sum the depths of splats, into RenderPass::depth_image
   // sums that do not depend on their order, so that a step has one result
   bool deterministic = false;
 };
@@ -64,6 +62,19 @@ struct BackendScratch {
   virtual ~BackendScratch() = default;
 };
 
+/// dL by a picture. That by the image alone may be given as its Span.
+struct PictureGradient {
+  Span<const float> image;  // (3, H, W)
+  Span<const float> alpha;  // (H, W)  by 1 - transmittance; empty: zeros
+  Span<const float> depth;  // (H, W)  by RenderPass::depth_image; empty: zeros
+
+  PictureGradient() = default;
+  PictureGradient(Span<float> image_) : image(image_) {}
+  PictureGradient(Span<const float> image_, Span<const float> alpha_ = {},
+                  Span<const float> depth_ = {})
+      : image(image_), alpha(alpha_), depth(depth_) {}
+};
+
 // clang-format off
 /// The output of every stage that backends have in common. Filled by forward, consumed by backward;
 /// reused from step to step, so that a steady run allocates nothing.
@@ -77,7 +88,6 @@ struct RenderPass {
 
   // 1 preprocess                       one row per Gaussian; of culled ones only tile_counts is defined
   Buffer<Splat> splats;                 // (N)
-  Buffer<float> depths;                 // (N)   world units along the viewing axis
   Buffer<Rect> pixel_rects;             // (N)   pixels of the bounding rectangle
   Buffer<std::uint32_t> tile_counts;    // (N)   tiles hit; 0 = culled
 
@@ -95,9 +105,9 @@ struct RenderPass {
   Buffer<std::uint32_t> last_instance;  // (H, W)    1 + position in its tile's list of the last blended; 0 = none
 
   explicit RenderPass(Memory& memory = host_memory())
-      : splats(memory), depths(memory), pixel_rects(memory), tile_counts(memory),
-        depth_order(memory), tile_splats(memory), tile_ranges(memory), image(memory),
-        transmittance(memory), depth_image(memory), last_instance(memory) {}
+      : splats(memory), pixel_rects(memory), tile_counts(memory), depth_order(memory),
+        tile_splats(memory), tile_ranges(memory), image(memory), transmittance(memory),
+        depth_image(memory), last_instance(memory) {}
 
   /// The scratch of one backend, made when it is first asked for.
   template <class Scratch>
@@ -116,10 +126,9 @@ struct RenderPass {
   }
 
   /// Sizes what stage 1 fills, for a view and so many Gaussians. `with_splats` false: the backend
-  /// keeps splats in a form of its own, and there are no depths; there are none either without
-  /// `with_depths`.
+  /// keeps splats in a form of its own.
   void begin(const Camera& camera, std::size_t gaussians, bool with_splats = true,
-             bool with_depths = true, int edge = kTileWidth) {
+             int edge = kTileWidth) {
     GS_CHECK(camera.width > 0 && camera.width <= kMaxPictureSide && camera.height > 0 &&
              camera.height <= kMaxPictureSide);
     width = camera.width;
@@ -128,7 +137,6 @@ struct RenderPass {
     tiles_x = (camera.width + edge - 1) / edge;
     tiles_y = (camera.height + edge - 1) / edge;
     splats.resize_discard(with_splats ? gaussians : 0);
-    depths.resize_discard(with_splats && with_depths ? gaussians : 0);
     pixel_rects.resize_discard(gaussians);
     tile_counts.resize_discard(gaussians);
   }

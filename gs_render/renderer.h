@@ -51,17 +51,15 @@ class Renderer {
   /// may then be rounded to the other one.
   virtual Image8 picture_of(const RenderPass& pass);
 
-  /// Pulls dL/d(image) back to the parameters. `pass` is the result of forward() with the same
+  /// Pulls dL/d(picture) back to the parameters. `pass` is the result of forward() with the same
   /// arguments.
   ///
-  /// dL_dimage   (3, H, W)
   /// gradients   N rows, written whole: zero where a Gaussian was not visible
   /// dL_dmean2d  (N) gradient by the image-plane mean, per pixel; zero where not visible. With
   ///             settings.absolute_gradient it sums the absolute values of the pixels' shares
   virtual void backward(const GaussiansSpan& gaussians, const Camera& camera,
-                        const RenderSettings& settings, RenderPass& pass,
-                        Span<const float> dL_dimage, const GaussiansSpan& gradients,
-                        Span<Vec2f> dL_dmean2d) = 0;
+                        const RenderSettings& settings, RenderPass& pass, const PictureGradient& dL,
+                        const GaussiansSpan& gradients, Span<Vec2f> dL_dmean2d) = 0;
 };
 
 /// The scalar renderer. It is the reference: every other renderer must compute the same.

@@ -33,18 +33,13 @@ struct ScalarScratch final : BackendScratch {
   Buffer<SplatGradient> instance_gradients;
   // (I)  by the mean, absolute values; only with absolute_gradient
   Buffer<Vec2f> absolute_gradients;
-  // (I)  what blend_depth_backward() has left for the blend backward of the colors; empty without
-  // depth maps. Its color is that of (z, 1, 0).
-  Buffer<SplatGradient> depth_gradients;
-  Buffer<Vec2f> depth_absolute_gradients;
   // (I)  each instance's share; only with a fragment_statistic, and after blend_values()
   Buffer<FragmentSums> fragment_sums;
 
   explicit ScalarScratch(Memory& memory)
       : first_instance(memory), instance_tiles(memory), instance_splats(memory),
         sort_scratch(memory), tile_instances(memory), instance_gradients(memory),
-        absolute_gradients(memory), depth_gradients(memory), depth_absolute_gradients(memory),
-        fragment_sums(memory) {}
+        absolute_gradients(memory), fragment_sums(memory) {}
 };
 
 /// 1  Activate, cull, project, color: one splat per Gaussian, and how many tiles it hits.
@@ -60,23 +55,8 @@ void sort_by_tile(RenderPass& pass);
 /// 4  Blend each tile's list front to back over the background.
 void blend(const RenderSettings& settings, RenderPass& pass);
 
-/// 4  Of photos with a depth map: blends (z, 1, 0) in place of each color, z the splat's depth,
-/// into `planes`, (3, H, W): sum w z, sum w, 0. The pass stays as blend() has left it.
-void blend_depth(const RenderSettings& settings, RenderPass& pass, Buffer<float>& planes);
-
-/// 6  The gradient of blend_depth(), whose `planes` these are. Comes between blend_depth() and
-/// blend_backward(), which adds the result to its own.
-///
-/// dL_dplanes  (3, H, W)
-void blend_depth_backward(const RenderSettings& settings, Span<const float> dL_dplanes,
-                          Buffer<float>& planes, RenderPass& pass);
-
-/// 6  The end of blend_backward(): adds what blend_depth_backward() has left, if anything, to the
-/// gradients of the instances.
-void add_depth_gradients(RenderPass& pass);
-
-/// 6  From dL/d(image), (3, H, W), to dL/d(splat) of every instance, front to back again.
-void blend_backward(const RenderSettings& settings, Span<const float> dL_dimage, RenderPass& pass);
+/// 6  From dL/d(picture) to dL/d(splat) of every instance, front to back again.
+void blend_backward(const RenderSettings& settings, const PictureGradient& dL, RenderPass& pass);
 
 /// After 4, in a score pass: sums values of the pixels, (H, W), over the fragments of each instance
 /// (FragmentSums); fragment_sums_of() has those of a Gaussian.

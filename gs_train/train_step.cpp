@@ -16,8 +16,9 @@ void train_step(StepStages& on, TrainingModel& model, const TrainingStep& step) 
     on.renderer->forward(gaussians, photo.camera, photo.settings, on.pass);     // 1-4
     for (const auto& term : on.terms) term->show(model, photo, on.pass);        // depth, gains
     on.loss->forward_backward(on.pass, *photo.view, photo.loss, on.dL_dimage);  // 5
-    on.renderer->backward(gaussians, photo.camera, photo.settings, on.pass,     // 6, 7
-                          on.dL_dimage.span(), on.gradients.span(), on.dL_dmean2d.span());
+    photo.dL.image = on.dL_dimage.span();
+    on.renderer->backward(gaussians, photo.camera, photo.settings, on.pass,  // 6, 7
+                          photo.dL, on.gradients.span(), on.dL_dmean2d.span());
     for (const auto& term : on.terms)  // gains, poses
       term->add_gradient(model, photo, on.pass, 1.0 / double(step.photos.size));
     on.add_photo(model, step);

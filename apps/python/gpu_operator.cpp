@@ -168,7 +168,6 @@ void bind_gpu_operator(py::module_& module) {
       .def_property_readonly("transmittance",
                              [=](const OperatorFrame& f) { return address(f.transmittance()); })
       .def_property_readonly("splats", [=](const OperatorFrame& f) { return address(f.splats()); })
-      .def_property_readonly("depths", [=](const OperatorFrame& f) { return address(f.depths()); })
       .def_property_readonly("tile_counts",
                              [=](const OperatorFrame& f) { return address(f.tile_counts()); })
       .def_property_readonly("overflowed",

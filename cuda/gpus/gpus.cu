@@ -79,7 +79,6 @@ void Gpu::release_step() {
   for (Buffer<std::uint32_t>* const lists :
        {&pass.tile_counts, &pass.depth_order, &pass.tile_splats})
     lists->release();
-  pass.depths.release();
   photo_buffers.release();  // its gradients are zero between steps
   pass.scratch<CudaScratch>().instance_buffer.release();
 }

@@ -15,9 +15,9 @@
 namespace gs::cuda {
 namespace {
 
-constexpr int kBlocks = 6;            // per multiprocessor, as many as registers and memory allow
-constexpr int kColorStride = kWarp + 8;                        // floats; columns are 8 banks apart
-constexpr int kSecondAt = 16;  // the place of FragmentSums::second among a splat's sums
+constexpr int kBlocks = 6;  // per multiprocessor, as many as registers and memory allow
+constexpr int kColorStride = kWarp + 8;  // floats; columns are 8 banks apart
+constexpr int kSecondAt = 16;            // the place of FragmentSums::second among a splat's sums
 
 using Walk = PartWalkOf<Splat, kTileWidth, true, std::uint16_t>;
 static_assert(kSegmentLength <= 65536);  // a walk of 16 bits
@@ -266,8 +266,7 @@ __global__ void __launch_bounds__(kBlendThreads, kBlocks)
   }
 }
 
-// Adds the fixed-point sums of visible Gaussians to the floats that preprocess_backward() reads,
-// which are zero but for photos with a depth map, and clears them.
+// Moves the fixed-point sums of visible Gaussians to the floats that preprocess_backward() reads.
 __global__ void __launch_bounds__(kBlendThreads)
     collect_sums_kernel(std::size_t count, const std::uint32_t* tile_counts, FineSums* all_fine,
                         CoarseSums* all_coarse, SplatGradientSum* gradients) {
@@ -275,12 +274,17 @@ __global__ void __launch_bounds__(kBlendThreads)
   if (i >= count || tile_counts[i] == 0) return;
   const FineSums fine = load_in_vectors(all_fine + i);
   const auto number = [&](int k) { return sum_of(fine, all_coarse + i, k); };
-  SplatGradientSum sum = load_in_vectors(gradients + i);
-  sum.mean2d += Vec2f(number(0), number(1));
-  sum.conic_xx += number(2), sum.conic_xy += number(3), sum.conic_yy += number(4);
-  sum.opacity += number(5);
-  sum.red += number(6), sum.green += number(7), sum.blue += number(8);
-  sum.absolute_x += number(9), sum.absolute_y += number(10), sum.depth += number(11);
+  const SplatGradientSum sum{{number(0), number(1)},
+                             number(2),
+                             number(3),
+                             number(4),
+                             number(5),
+                             number(6),
+                             number(7),
+                             number(8),
+                             number(9),
+                             number(10),
+                             number(11)};
   store_in_vectors(gradients + i, sum);
   store_in_vectors(all_fine + i, FineSums{});
   if (fine.has_coarse) all_coarse[i] = {};
@@ -339,8 +343,7 @@ void blend_backward(Context& context, const RenderSettings& settings, const Pict
   };
   const bool with_depth = !dL.depth.empty();
   // Forces that are not among the gradients are in sums of their own, beside absolute gradients.
-  const bool has_forces_apart = with_forces && settings.with_depths && !settings.deterministic;
-  with_constant(settings.absolute_gradient || has_forces_apart || (with_forces && with_depth),
+  with_constant(settings.absolute_gradient || (with_forces && settings.blends_depth),
                 [&](auto absolute) {
                   with_constant(with_depth, [&](auto depth) { launch_as_asked(absolute, depth); });
                 });

@@ -61,7 +61,8 @@ struct BackwardShared : WarpShared {
 };
 
 /// D += A B with both sides in two parts.
-__device__ void multiply_add_both_in_parts(float (&d)[4], const float (&a)[4], const float (&b)[2]) {
+__device__ void multiply_add_both_in_parts(float (&d)[4], const float (&a)[4],
+                                           const float (&b)[2]) {
   const float rest[2] = {b[0] - tf32_part(b[0]), b[1] - tf32_part(b[1])};
   multiply_add_16x8x8(d, a, rest);
   multiply_add_exactly(d, a, b);
@@ -214,9 +215,9 @@ __global__ void __launch_bounds__(kThreads)
 
 /// What the backward pass reads and where it adds.
 struct Gradients {
-  const float *F, *dL_dF;   // (H, W, channels)
-  SplatGradientSum* splats;  // (N)
-  float* features;           // (N, channels)  may be null
+  const float *F, *dL_dF;           // (H, W, channels)
+  SplatGradientSum* splats;         // (N)
+  float* features;                  // (N, channels)  may be null
   const std::uint32_t* overflowed;  // (1)  may be null; where it is raised, nothing is added
 };
 
@@ -266,9 +267,8 @@ __global__ void __launch_bounds__(kThreads)
     for (int part = 0; part < kChannels / 16; ++part) {
       const int first = 16 * part + kVector * t;
       const float4 zero{0, 0, 0, 0};
-      const float4 one = 2 * g < count
-                             ? features.of(list[2 * g].gaussian, work.first_channel + first)
-                             : zero;
+      const float4 one =
+          2 * g < count ? features.of(list[2 * g].gaussian, work.first_channel + first) : zero;
       const float4 two = 2 * g + 1 < count
                              ? features.of(list[2 * g + 1].gaussian, work.first_channel + first)
                              : zero;
@@ -313,8 +313,10 @@ __global__ void __launch_bounds__(kThreads)
     float moments[4] = {}, sums[kTiles][4] = {};
 #pragma unroll
     for (int n = 0; n < kProducts; ++n) {
-      const float4 f = *reinterpret_cast<const float4*>(shared.fragments + place_of_f(n) + 4 * lane);
-      const float4 w = *reinterpret_cast<const float4*>(shared.fragments + place_of_w(n) + 4 * lane);
+      const float4 f =
+          *reinterpret_cast<const float4*>(shared.fragments + place_of_f(n) + 4 * lane);
+      const float4 w =
+          *reinterpret_cast<const float4*>(shared.fragments + place_of_w(n) + 4 * lane);
       const float y = monomials.y_of_row(n);
       multiply_add_exactly(moments, {f.x, f.y, f.z, f.w}, {monomials.x[0] * y, monomials.x[1] * y});
       if (gradients.features)

@@ -20,7 +20,6 @@ struct Frame final : OperatorFrame {
         pass(memory), halted(memory) {}
   const float* transmittance() const override { return pass.transmittance.data(); }
   const Splat* splats() const override { return pass.splats.data(); }
-  const float* depths() const override { return pass.depths.data(); }
   const std::uint32_t* tile_counts() const override { return pass.tile_counts.data(); }
   const std::uint32_t* overflowed() const override { return halted.data(); }
   std::uint32_t instances() const override { return count; }

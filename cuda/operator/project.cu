@@ -18,7 +18,6 @@ struct WarpShared {
 
 struct Output {
   Splat* splats;
-  float* depths;
   ProjectedRows rows;
   int tiles_x, tiles_y;
 };
@@ -88,7 +87,6 @@ __global__ void __launch_bounds__(kPreprocessThreads, kBlocks)
   keep(out.rows, i, hits, projected.depth, pixels);
   if (in.has_inverse_depth) splat.depth = 1.0f / projected.depth;
   store_in_vectors(out.splats + i, splat);
-  out.depths[i] = projected.depth;
 }
 
 }  // namespace
@@ -100,8 +98,8 @@ void project(Context& context, const OperatorInput& input, const RenderSettings&
   pass.scratch<CudaScratch>().has_view_splats = false;
   pass.least_color = input.arrays.colors.data ? -std::numeric_limits<float>::infinity() : 0.0f;
   workspace.depth_keys.resize_discard(input.count);
-  const Output out{pass.splats.data(), pass.depths.data(),
-                   projected_rows(settings, workspace, pass), pass.tiles_x, pass.tiles_y};
+  const Output out{pass.splats.data(), projected_rows(settings, workspace, pass), pass.tiles_x,
+                   pass.tiles_y};
   const SplatSettings& splat_settings = settings;
   with_layout(layout_of(input.arrays, settings.sh_degree), [&](auto layout) {
     context.launch("project", project_kernel<layout()>, blocks_for(input.count, kPreprocessThreads),

@@ -1,9 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Stages 4 to 6 for photos with a depth map. Twin of gs_render/stages/blend_depth.cpp and
-// gs_train/stages/depth_loss.cpp.
-//
-// The blend kernels know nothing of depth: between two of their launches, the splats have (z, 1, 0)
-// for a color, and the gradients of the colors wait in a buffer of their own.
+// Stage 5 for photos with a depth map: the gradient of the depth loss by what stage 4 has blended.
+// Twin of gs_train/stages/depth_loss.cpp.
 #include "cuda/photo_terms/depth.cuh"
 
 #include "cuda/device/warp.cuh"
@@ -18,42 +15,10 @@ constexpr int kThreads = 256;  // of all kernels; a multiple of a warp
 constexpr int kWarps = kThreads / kWarp;
 constexpr int kSumBlocks = 256;  // of the sums of a photo: some per multiprocessor
 
-// The splats of a pass, and what is set aside.
-struct DepthRows {
-  std::size_t count;
-  const std::uint32_t* tile_counts;  // (N)
-  const float* depths;               // (N)
-  Splat* splats;                     // (N)
-  SplatGradientSum* sums;            // (N)
-  Vec3f *colors, *gradients;         // (N)
-};
-
-__global__ void __launch_bounds__(kThreads) take_depths_kernel(DepthRows rows) {
-  const std::size_t i = std::size_t(blockIdx.x) * kThreads + threadIdx.x;
-  if (i >= rows.count || rows.tile_counts[i] == 0) return;
-  SplatGradientSum& sum = rows.sums[i];
-  rows.colors[i] = rows.splats[i].color;
-  rows.gradients[i] = {sum.red, sum.green, sum.blue};
-  rows.splats[i].color = {rows.depths[i], 1.0f, 0.0f};
-  sum.red = sum.green = sum.blue = 0.0f;
-}
-
-// The gradient by the depth is that by the first "channel".
-__global__ void __launch_bounds__(kThreads) return_colors_kernel(DepthRows rows) {
-  const std::size_t i = std::size_t(blockIdx.x) * kThreads + threadIdx.x;
-  if (i >= rows.count || rows.tile_counts[i] == 0) return;
-  SplatGradientSum& sum = rows.sums[i];
-  sum.depth = sum.red;
-  sum.red = rows.gradients[i].x;
-  sum.green = rows.gradients[i].y;
-  sum.blue = rows.gradients[i].z;
-  rows.splats[i].color = rows.colors[i];
-}
-
 // The pixels of a step's photo.
 struct DepthPixels {
   DepthMapOnDevice map;
-  const float* planes;  // (3, H, W)
+  const float *depth, *transmittance;  // (H, W)  of the pass
   int width;
   std::uint32_t count;
 
@@ -61,6 +26,7 @@ struct DepthPixels {
     return reduced_depth(map.values, map.width, map.reduction, int(i % std::uint32_t(width)),
                          int(i / std::uint32_t(width)));
   }
+  __device__ float coverage(std::uint32_t i) const { return 1.0f - transmittance[i]; }
   __device__ float mask(std::uint32_t i) const {
     return map.mask ? float(map.mask[i]) * kPerByte : 1.0f;
   }
@@ -91,9 +57,9 @@ __global__ void __launch_bounds__(kThreads)
        i += gridDim.x * kThreads) {
     const float value = pixels.value(i), m = pixels.mask(i);
     if (is_known_depth(value) && m > 0)
-      add_to(sums, depth_sums_of_pixel(pixels.map.kind, double(value), double(m),
-                                       double(pixels.planes[i]),
-                                       double(pixels.planes[pixels.count + i]), before));
+      add_to(sums,
+             depth_sums_of_pixel(pixels.map.kind, double(value), double(m), double(pixels.depth[i]),
+                                 double(pixels.coverage(i)), before));
   }
   const DepthSums all = add_up(sums, of_warps);
   if (threadIdx.x == 0) to[blockIdx.x] = all;
@@ -112,23 +78,15 @@ __global__ void __launch_bounds__(kThreads)
 }
 
 __global__ void __launch_bounds__(kThreads)
-    compare_depth_kernel(DepthPixels pixels, const DepthTarget* target, float* dL_dplanes) {
+    compare_depth_kernel(DepthPixels pixels, const DepthTarget* target, float* dL_ddepth,
+                         float* dL_dalpha) {
   const std::uint32_t i = blockIdx.x * kThreads + threadIdx.x;
   if (i >= pixels.count) return;
   const DepthPixelGradient<float> gradient =
-      depth_pixel_vjp(pixels.map.kind, *target, pixels.value(i), pixels.mask(i), pixels.planes[i],
-                      pixels.planes[pixels.count + i]);
-  dL_dplanes[i] = gradient.Z;
-  dL_dplanes[pixels.count + i] = gradient.A;
-  dL_dplanes[2 * pixels.count + i] = 0.0f;
-}
-
-// Tensor cores round colors to 11 bits.
-RenderSettings depth_settings(RenderSettings settings) {
-  settings.background = Vec3f(0);
-  settings.fragment_statistic = FragmentStatistic::none;
-  settings.use_tensor_cores = false;
-  return settings;
+      depth_pixel_vjp(pixels.map.kind, *target, pixels.value(i), pixels.mask(i), pixels.depth[i],
+                      pixels.coverage(i));
+  dL_ddepth[i] = gradient.Z;
+  dL_dalpha[i] = gradient.A;
 }
 
 }  // namespace
@@ -142,52 +100,30 @@ const DepthMaps::Map& DepthMaps::of(const View& view) {
   return maps_.emplace(&view, std::move(map)).first->second;
 }
 
-void DepthStage::add_gradient(Context& context, const RenderSettings& settings,
-                              const DepthMapOnDevice& map, float weight, Workspace& workspace,
-                              RenderPass& pass) {
-  const std::size_t count = pass.tile_counts.size(), plane = pass.pixel_count();
-  const RenderSettings of_depth = depth_settings(settings);
-  colors_.resize_discard(count);
-  color_gradients_.resize_discard(count);
-  dL_dplanes_.resize_discard(3 * plane);
+PictureGradient DepthStage::compare(Context& context, const DepthMapOnDevice& map, float weight,
+                                    Span<const float> dL_dimage, const RenderPass& pass) {
+  const std::size_t pixel_count = pass.pixel_count();
+  dL_ddepth_.resize_discard(pixel_count);
+  dL_dalpha_.resize_discard(pixel_count);
   sums_.resize_discard(kSumBlocks);
   target_.resize_discard(1);
-  const DepthRows rows{count,
-                       pass.tile_counts.data(),
-                       pass.depths.data(),
-                       pass.splats.data(),
-                       workspace.splat_gradients.data(),
-                       colors_.data(),
-                       color_gradients_.data()};
-  {
-    const StageScope scope(context, "depth");
-    context.launch("depth colors", take_depths_kernel, blocks_for(count, kThreads), kThreads, rows);
-  }
-  pass.image.swap(planes_);
-  blend(context, of_depth, pass);
-  const DepthPixels pixels{map, pass.image.data(), pass.width, std::uint32_t(plane)};
-  {
-    const StageScope scope(context, "depth");
-    for (int round = 0; round < depth_fit_rounds(map.kind); ++round) {
-      const DepthTarget* const before = round > 0 ? target_.data() : nullptr;
-      context.launch("depth sums", sum_depths_kernel, kSumBlocks, kThreads, pixels, before,
-                     sums_.data());
-      context.launch("depth fit", find_target_kernel, 1, kThreads, sums_.data(), kSumBlocks,
-                     map.kind, double(weight), target_.data());
-    }
-    context.launch("depth loss", compare_depth_kernel, blocks_for(plane, kThreads), kThreads,
-                   pixels, target_.data(), dL_dplanes_.data());
-  }
-  blend_backward(context, of_depth, {dL_dplanes_.span(), {}, {}}, workspace, pass);
+  const DepthPixels pixels{map, pass.depth_image.data(), pass.transmittance.data(), pass.width,
+                           std::uint32_t(pixel_count)};
   const StageScope scope(context, "depth");
-  context.launch("depth gradients", return_colors_kernel, blocks_for(count, kThreads), kThreads,
-                 rows);
-  pass.image.swap(planes_);
+  for (int round = 0; round < depth_fit_rounds(map.kind); ++round) {
+    const DepthTarget* const before = round > 0 ? target_.data() : nullptr;
+    context.launch("depth sums", sum_depths_kernel, kSumBlocks, kThreads, pixels, before,
+                   sums_.data());
+    context.launch("depth fit", find_target_kernel, 1, kThreads, sums_.data(), kSumBlocks, map.kind,
+                   double(weight), target_.data());
+  }
+  context.launch("depth loss", compare_depth_kernel, blocks_for(pixel_count, kThreads), kThreads,
+                 pixels, target_.data(), dL_ddepth_.data(), dL_dalpha_.data());
+  return {dL_dimage, dL_dalpha_.span(), dL_ddepth_.span()};
 }
 
 void DepthStage::release() {
-  for (Buffer<Vec3f>* const rows : {&colors_, &color_gradients_}) rows->release();
-  for (Buffer<float>* const planes : {&planes_, &dL_dplanes_}) planes->release();
+  for (Buffer<float>* const pixels : {&dL_ddepth_, &dL_dalpha_}) pixels->release();
 }
 
 }  // namespace gs::cuda

@@ -1,6 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Photos with a depth map on the GPU: the maps, and the stage that adds the gradient of the depth
-// loss.
+// Photos with a depth map on the GPU: the maps, and the gradient of the depth loss.
 #pragma once
 
 #include <unordered_map>
@@ -12,8 +11,6 @@
 #include "gs_render/render_pass.h"
 
 namespace gs::cuda {
-
-struct Workspace;
 
 /// A photo's depth map as its step sees it.
 struct DepthMapOnDevice {
@@ -42,26 +39,22 @@ class DepthMaps {
   std::unordered_map<const View*, Map> maps_;
 };
 
-/// What the stage needs besides the workspace; reused from step to step.
+/// The depth loss of one photo after the other.
 class DepthStage {
  public:
   explicit DepthStage(Memory& memory)
-      : colors_(memory), color_gradients_(memory), planes_(memory), dL_dplanes_(memory),
-        sums_(memory), target_(memory) {}
+      : dL_ddepth_(memory), dL_dalpha_(memory), sums_(memory), target_(memory) {}
 
-  /// Twin of blend_depth(), compare_depth(), blend_depth_backward() and add_depth_gradients() of
-  /// the scalar backend. It comes after blend_backward() of the colors and adds to what that has
-  /// left in workspace.splat_gradients. The picture, transmittance and checkpoints of the pass are
-  /// those of the depth afterwards.
-  void add_gradient(Context& context, const RenderSettings& settings, const DepthMapOnDevice& map,
-                    float weight, Workspace& workspace, RenderPass& pass);
+  /// Twin of compare_depth() of the scalar backend. Returns dL_dimage, with the gradients by the
+  /// depth_image and by alpha beside it.
+  PictureGradient compare(Context& context, const DepthMapOnDevice& map, float weight,
+                          Span<const float> dL_dimage, const RenderPass& pass);
   void release();
 
  private:
-  Buffer<Vec3f> colors_, color_gradients_;  // (N) of the splats, while they have depths for colors
-  Buffer<float> planes_, dL_dplanes_;       // (3, H, W)
-  Buffer<DepthSums> sums_;                  // (blocks)
-  Buffer<DepthTarget> target_;              // (1)
+  Buffer<float> dL_ddepth_, dL_dalpha_;  // (H, W)
+  Buffer<DepthSums> sums_;               // (blocks)
+  Buffer<DepthTarget> target_;           // (1)
 };
 
 }  // namespace gs::cuda

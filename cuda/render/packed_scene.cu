@@ -213,8 +213,7 @@ void preprocess(Context& context, const CudaPackedScene& scene, const Camera& ca
   const StageScope scope(context, "preprocess");
   CudaScratch& scratch = pass.scratch<CudaScratch>();
   scratch.has_view_splats = true;
-  pass.begin(camera, scene.count(), false, true,
-             tile_edge_of(context, settings, camera, scene.count()));
+  pass.begin(camera, scene.count(), false, tile_edge_of(context, settings, camera, scene.count()));
   scratch.view_splats.resize_discard(scene.count());
   workspace.depth_keys.resize_discard(scene.count());
   const Input in{scene.count(),

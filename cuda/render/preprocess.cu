@@ -112,7 +112,6 @@ __device__ ProjectedGaussian<float> project(const Camera& camera, Gaussian& gaus
 // What the kernel writes, one row per Gaussian.
 struct Output {
   Splat* splats;
-  float* depths;  // null: none are wanted
   ProjectedRows rows;
 };
 
@@ -197,7 +196,6 @@ __global__ void __launch_bounds__(kPreprocessThreads, kBlocks)
   if (hits == 0) return cull(out.rows, to);
   keep(out.rows, to, hits, projected.depth, pixels);
   if (shard.gpus == 1) store_in_vectors(out.splats + to, splat);
-  if (out.depths) out.depths[to] = projected.depth;
 }
 
 // The photos of a batch.
@@ -275,7 +273,6 @@ __global__ void __launch_bounds__(kPreprocessThreads, degree == kMaxShDegree && 
     if (hits > 0) {
       keep(photo.out.rows, to, hits, projected.depth, pixels);
       if (shard.gpus == 1) store_in_vectors(photo.out.splats + to, splat);
-      if (photo.out.depths) photo.out.depths[to] = projected.depth;
     } else if (i < count) {
       cull(photo.out.rows, to);
     }
@@ -291,7 +288,6 @@ PhotoInput input_of(const PhotoRows& photo) {
           (photo.camera.width + kTileWidth - 1) / kTileWidth,
           (photo.camera.height + kTileHeight - 1) / kTileHeight,
           {photo.splats,
-           photo.depths,
            {photo.depth_keys, photo.pixel_rects, photo.tile_counts,
             depth_keys(settings.near_plane, settings.far_plane)}}};
 }
@@ -318,7 +314,7 @@ void preprocess(Context& context, const GaussiansSpan& gaussians, Span<const Pho
 
 void preprocess(Context& context, const GaussiansSpan& gaussians, const Camera& camera,
                 const RenderSettings& settings, Workspace& workspace, RenderPass& pass) {
-  pass.begin(camera, gaussians.mean.size, true, settings.with_depths);
+  pass.begin(camera, gaussians.mean.size);
   pass.scratch<CudaScratch>().has_view_splats = false;
   workspace.depth_keys.resize_discard(gaussians.mean.size);
   const PhotoRows photo(camera, settings, nullptr, workspace, pass);

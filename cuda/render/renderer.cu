@@ -166,12 +166,12 @@ void CudaRenderer::reserve_gradients(std::size_t count, const RenderSettings& se
 
 void CudaRenderer::backward(const GaussiansSpan& gaussians, const Camera& camera,
                             const RenderSettings& settings, RenderPass& pass,
-                            Span<const float> dL_dimage, const GaussiansSpan& gradients,
+                            const PictureGradient& dL, const GaussiansSpan& gradients,
                             Span<Vec2f> dL_dmean2d) {
   RenderSettings plain = settings;
   plain.fragment_statistic = FragmentStatistic::none;  // steps alone gather them: backend.cu
   reserve_gradients(gaussians.mean.size, plain);
-  blend_backward(context_, plain, {dL_dimage, {}, {}}, workspace_, pass);
+  blend_backward(context_, plain, dL, workspace_, pass);
   preprocess_backward(context_, gaussians, {camera, settings, nullptr, workspace_, pass}, gradients,
                       dL_dmean2d);
 }

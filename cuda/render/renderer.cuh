@@ -28,7 +28,7 @@ class CudaRenderer final : public Renderer {
             RenderPass& pass) override;
   Image8 picture_of(const RenderPass& pass) override;
   void backward(const GaussiansSpan& gaussians, const Camera& camera,
-                const RenderSettings& settings, RenderPass& pass, Span<const float> dL_dimage,
+                const RenderSettings& settings, RenderPass& pass, const PictureGradient& dL,
                 const GaussiansSpan& gradients, Span<Vec2f> dL_dmean2d) override;
 
   /// forward() after stage 1, whose results are in the workspace and the pass, for at most

@@ -25,7 +25,7 @@ class PhotoBuffers {
     while (others_.size() < i) others_.emplace_back(memory_);
     Workspace& workspace = renderer.workspace();
     if (i > 0) exchange(others_[i - 1], workspace, pass);
-    pass.begin(camera, count, true, settings.with_depths);
+    pass.begin(camera, count);
     workspace.depth_keys.resize_discard(count);
     renderer.reserve_gradients(count, settings);
     const PhotoRows rows(camera, settings, pose, workspace, pass);
@@ -37,7 +37,7 @@ class PhotoBuffers {
   void select(std::size_t i, const PhotoRows& photo, std::size_t count, CudaRenderer& renderer,
               RenderPass& pass) {
     if (i > 0) exchange(others_[i - 1], renderer.workspace(), pass);
-    pass.begin(photo.camera, count, true, photo.settings.with_depths);
+    pass.begin(photo.camera, count);
     pass.scratch<CudaScratch>().has_view_splats = false;
   }
   /// After a step that failed.
@@ -54,7 +54,6 @@ class PhotoBuffers {
  private:
   static void exchange(PhotoArrays& arrays, Workspace& workspace, RenderPass& pass) {
     arrays.splats.swap(pass.splats);
-    arrays.depths.swap(pass.depths);
     arrays.pixel_rects.swap(pass.pixel_rects);
     arrays.tile_counts.swap(pass.tile_counts);
     arrays.depth_keys.swap(workspace.depth_keys);

@@ -91,12 +91,6 @@ void add_to_mean(const Workload& view, std::size_t count, Workload& mean) {
   mean.sh_degree = view.sh_degree;
 }
 
-// Training steps here compare with no depth maps, and leave out the depths.
-Workload of_training(Workload workload) {
-  workload.has_depths = false;
-  return workload;
-}
-
 }  // namespace
 
 void check_scales(const std::vector<View>& views, const std::vector<double>& scales) {
@@ -178,7 +172,7 @@ TrainingFigures time_training(Backend& backend, TrainingModel& model,
   figures.ms_per_step = milliseconds_of(plan.steps) / plan.steps;
   backend.device().set_profiling(true);
   milliseconds_of(plan.steps);
-  figures.stages = figures_of(backend, of_training(workload));
+  figures.stages = figures_of(backend, workload);
   backend.device().set_profiling(false);
   return figures;
 }

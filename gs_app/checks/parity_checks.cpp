@@ -108,11 +108,10 @@ class ParityCheck {
     std::array<Numbers, 2> depth, mean, conic, opacity, color;
     const auto collect = [&](std::size_t side, const RenderPass& pass) {
       const std::vector<Splat> splats = pass.splats.download();
-      const std::vector<float> depths = pass.depths.download();
       for (std::size_t i = 0; i < splats.size(); ++i) {
         if (!cpu_counts[i] || !device_counts[i]) continue;
         const Splat& s = splats[i];
-        depth[side].push_back(depths[i]);
+        depth[side].push_back(s.depth);
         mean[side].insert(mean[side].end(), {s.mean2d.x, s.mean2d.y});
         conic[side].insert(conic[side].end(), {s.conic.xx, s.conic.xy, s.conic.yy});
         opacity[side].push_back(s.opacity);

@@ -42,16 +42,14 @@ struct Rule {
 
 constexpr Rule kRules[] = {
     // Reads shape and SH degree 0 of all and the other degrees of the visible; writes count and key
-    // of all, splat of the visible and, where it is wanted, their depth. A packed model has no
-    // depth, and all of its color is read only of the visible.
+    // of all, splat of the visible. Of a packed model all of the color is read only of the visible.
     {"preprocess",
      [](const Workload& w) {
        if (w.is_packed)
          return w.gaussians * (kEllipsoid + kCount + kDepth) +
                 w.visible * (packed_color_bytes(w) + w.splat_bytes + sizeof(Rect));
        return w.gaussians * (kShape + 12 + kCount + kDepth) +
-              w.visible *
-                  (sh_rest_bytes(w) + w.splat_bytes + (w.has_depths ? kDepth : 0) + sizeof(Rect));
+              w.visible * (sh_rest_bytes(w) + w.splat_bytes + sizeof(Rect));
      }},
     // Sorts all by the bits of the depth that make its key; sums the counts in that order (reads
     // order and count, writes the sum).

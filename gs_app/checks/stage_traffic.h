@@ -22,7 +22,6 @@ struct Workload {
   double tiles = 0;
   int sh_degree = 3;
   bool is_packed = false;   // stage 1 reads a packed model (Renderer::pack)
-  bool has_depths = true;   // stage 1 writes depths, which a packed model does not have
   double splat_bytes = 48;  // one splat
   MomentStorage moments = MomentStorage::floats;
 };

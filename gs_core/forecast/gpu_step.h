@@ -101,7 +101,6 @@ struct PhotoArrays {
   Buffer<Splat> splats;                           // (N)
   Buffer<Rect> pixel_rects;                       // (N)
   Buffer<std::uint32_t> tile_counts, depth_keys;  // (N)
-  Buffer<float> depths;                           // (N)  for photos with a depth map
   // Zero between steps.
   Buffer<SplatGradientSum> gradients;             // (N)
   Buffer<Vec4f> fragment_sums;                    // (N)  forces where they are not among gradients
@@ -109,13 +108,12 @@ struct PhotoArrays {
 
   explicit PhotoArrays(Memory& memory = host_memory())
       : splats(memory), pixel_rects(memory), tile_counts(memory), depth_keys(memory),
-        depths(memory), gradients(memory), fragment_sums(memory), fixed_fragment_sums(memory) {}
+        gradients(memory), fragment_sums(memory), fixed_fragment_sums(memory) {}
   /// The arrays that row operations borrow between steps.
   std::vector<ByteBuffer*> borrowed() { return {&splats, &pixel_rects}; }
   /// The others that a step with these sums has.
   std::vector<ByteBuffer*> others(const StepSums& sums) {
     std::vector<ByteBuffer*> all{&tile_counts, &depth_keys, &gradients};
-    if (sums.with_depths) all.push_back(&depths);
     if (sums.forces && sums.deterministic) all.push_back(&fixed_fragment_sums);
     if (sums.forces && !sums.deterministic && !sums.forces_among_gradients())
       all.push_back(&fragment_sums);

@@ -21,7 +21,7 @@ constexpr double kSmallBuffers = 2 << 20;  // counters, reports, scratch of scan
 // derivatives of SSIM by each channel 36, whose rows are rounded up to whole blocks.
 constexpr double kBytesOfPixel = 12 + 4 + 4 + 12 + 1.05 * 36;
 constexpr double kBytesOfReducedPhoto = 1;  // a pixel in four of photo and mask, at first
-constexpr double kBytesOfDepthPixel = 24;   // blended depths, and the gradient
+constexpr double kBytesOfDepthPixel = 12;   // blended depths, gradients by them and by alpha
 constexpr double kBytesOfTile = 3 * kWord + 2 * kWord;  // range, order, checkpoint; a segment
 
 // What an array is expected to have for each byte in use, half way between two steps of its growth.
@@ -74,8 +74,6 @@ void add_step(const TrainingSize& size, Rows& rows) {
   rows.add_words(3);  // depth order, rows and the first instances
   if (size.is_deterministic) rows.add(sizeof(FineSums)), rows.add(sizeof(CoarseSums));
   if (size.has_score_pass) rows.add(sizeof(FixedFragmentSums));
-  if (size.has_depth_maps)
-    for (int array = 0; array < 2; ++array) rows.add(sizeof(Vec3f));  // colors, and gradients
 }
 
 // What row operations keep besides the memory that they borrow from the step.
@@ -89,9 +87,10 @@ void add_row_operations(const TrainingSize& size, Rows& rows) {
 double instance_bytes(const TrainingSize& size, bool have_reserve) {
   Rows places{std::max(size.instance_places * size.gaussians, double(kLeastCapacity)),
               have_reserve};
-  constexpr double kCheckpoint = sizeof(Vec4f) * kTilePixels / kSegmentLength;
-  places.add(
-      std::max(double(unsorted_bytes(size.pixels / kTilePixels < kShortKeyTiles)), kCheckpoint));
+  constexpr double kSegmentPixels = kTilePixels / kSegmentLength;
+  places.add(std::max(double(unsorted_bytes(size.pixels / kTilePixels < kShortKeyTiles)),
+                      sizeof(Vec4f) * kSegmentPixels));
+  if (size.has_depth_maps) places.add(sizeof(float) * kSegmentPixels);
   places.add_words(1);  // the lists
   return places.sum;
 }

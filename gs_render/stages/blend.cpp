@@ -13,9 +13,11 @@ namespace gs {
 namespace {
 
 // The pixels of one tile while they are blended.
+template <bool kDepth>
 struct TilePixels {
   float red[kTilePixels], green[kTilePixels], blue[kTilePixels];
   float transmittance[kTilePixels];
+  float depth[kDepth ? kTilePixels : 1];
   std::uint32_t is_open[kTilePixels];  // 1: takes further fragments, 0: does not
   std::uint32_t last[kTilePixels];     // 1 + position of the last blended splat
 
@@ -23,6 +25,7 @@ struct TilePixels {
     for (int pixel = 0; pixel < kTilePixels; ++pixel) {
       red[pixel] = green[pixel] = blue[pixel] = 0.0f;
       transmittance[pixel] = 1.0f;
+      if constexpr (kDepth) depth[pixel] = 0.0f;
       is_open[pixel] = tile.contains(pass, pixel);
       last[pixel] = 0;
     }
@@ -35,9 +38,9 @@ struct TilePixels {
 };
 
 // Blends one splat into kLanes neighboring pixels of a row.
-template <BlendRule rule>
+template <BlendRule rule, bool kDepth>
 inline void blend_lanes(const Splat& splat, float dx, float dy, std::uint32_t position, int first,
-                        TilePixels& pixels) {
+                        TilePixels<kDepth>& pixels) {
   const Splat s = splat;
   for (int lane = 0; lane < kLanes; ++lane) {
     const int i = first + lane;
@@ -53,6 +56,7 @@ inline void blend_lanes(const Splat& splat, float dx, float dy, std::uint32_t po
       open &= ~stops;
       keep &= ~stops;
     }
+    if constexpr (kDepth) pixels.depth[i] += state.transmittance * (keep ? alpha : 0.0f) * s.depth;
     composite(state, s.color, keep ? alpha : 0.0f);
     if constexpr (rule == BlendRule::faster_gs) open &= !is_opaque(state.transmittance);
     pixels.red[i] = state.color.x;
@@ -64,10 +68,10 @@ inline void blend_lanes(const Splat& splat, float dx, float dy, std::uint32_t po
   }
 }
 
-template <BlendRule rule>
+template <BlendRule rule, bool kDepth>
 void blend_tile(const RenderSettings& settings, RenderPass& pass, std::size_t tile_index) {
   const Tile tile(pass, tile_index);
-  TilePixels pixels(pass, tile);
+  TilePixels<kDepth> pixels(pass, tile);
   for (std::uint32_t k = tile.begin; k < tile.end; ++k) {
     if ((k - tile.begin) % kClosedCheckInterval == 0 && pixels.all_closed()) break;
     const std::uint32_t gaussian = pass.tile_splats[k];
@@ -89,7 +93,16 @@ void blend_tile(const RenderSettings& settings, RenderPass& pass, std::size_t ti
     pass.image[2 * plane + to] = pixels.blue[pixel] + T * background.z;
     pass.transmittance[to] = T;
     pass.last_instance[to] = pixels.last[pixel];
+    if constexpr (kDepth) pass.depth_image[to] = pixels.depth[pixel];
   }
+}
+
+template <BlendRule rule>
+void blend_tile_as_asked(const RenderSettings& settings, RenderPass& pass, std::size_t tile) {
+  if (settings.blends_depth)
+    blend_tile<rule, true>(settings, pass, tile);
+  else
+    blend_tile<rule, false>(settings, pass, tile);
 }
 
 }  // namespace
@@ -99,11 +112,12 @@ void blend(const RenderSettings& settings, RenderPass& pass) {
   pass.image.resize_discard(3 * pass.pixel_count());
   pass.transmittance.resize_discard(pass.pixel_count());
   pass.last_instance.resize_discard(pass.pixel_count());
+  pass.depth_image.resize_discard(settings.blends_depth ? pass.pixel_count() : 0);
   parallel_for(pass.tile_count(), 1, [&](std::size_t tile) {
     if (settings.blend_rule == BlendRule::classic)
-      blend_tile<BlendRule::classic>(settings, pass, tile);
+      blend_tile_as_asked<BlendRule::classic>(settings, pass, tile);
     else
-      blend_tile<BlendRule::faster_gs>(settings, pass, tile);
+      blend_tile_as_asked<BlendRule::faster_gs>(settings, pass, tile);
   });
 }
 

@@ -15,8 +15,11 @@ namespace gs {
 namespace {
 
 // The pixels of one tile in the backward pass: PixelBackwardState, one array per member.
+template <bool kDepth>
 struct TilePixels {
   float red[kTilePixels], green[kTilePixels], blue[kTilePixels];  // color behind
+  static constexpr int kDepthPixels = kDepth ? kTilePixels : 1;
+  float depth[kDepthPixels], d_depth[kDepthPixels];  // depth behind, dL/d(depth)
   float transmittance[kTilePixels];
   float d_red[kTilePixels], d_green[kTilePixels], d_blue[kTilePixels];  // dL/d(pixel)
   float d_final[kTilePixels];
@@ -24,11 +27,12 @@ struct TilePixels {
   std::uint32_t largest_last = 0;
 
   TilePixels(const RenderPass& pass, const Tile& tile, const Vec3f& background,
-             Span<const float> dL_dimage) {
+             const PictureGradient& dL) {
     const std::size_t plane = pass.pixel_count();
     for (int pixel = 0; pixel < kTilePixels; ++pixel) {
       red[pixel] = green[pixel] = blue[pixel] = 0.0f;
       d_red[pixel] = d_green[pixel] = d_blue[pixel] = d_final[pixel] = 0.0f;
+      if constexpr (kDepth) depth[pixel] = d_depth[pixel] = 0.0f;
       transmittance[pixel] = 1.0f;
       last[pixel] = 0;
       if (!tile.contains(pass, pixel)) continue;
@@ -37,10 +41,15 @@ struct TilePixels {
       red[pixel] = pass.image[from] - T * background.x;
       green[pixel] = pass.image[plane + from] - T * background.y;
       blue[pixel] = pass.image[2 * plane + from] - T * background.z;
-      d_red[pixel] = dL_dimage[from];
-      d_green[pixel] = dL_dimage[plane + from];
-      d_blue[pixel] = dL_dimage[2 * plane + from];
+      d_red[pixel] = dL.image[from];
+      d_green[pixel] = dL.image[plane + from];
+      d_blue[pixel] = dL.image[2 * plane + from];
       d_final[pixel] = -T * inner(Vec3f(d_red[pixel], d_green[pixel], d_blue[pixel]), background);
+      if (!dL.alpha.empty()) d_final[pixel] += T * dL.alpha[from];
+      if constexpr (kDepth) {
+        depth[pixel] = pass.depth_image[from];
+        d_depth[pixel] = dL.depth[from];
+      }
       last[pixel] = pass.last_instance[from];
       largest_last = std::max(largest_last, last[pixel]);
     }
@@ -48,7 +57,7 @@ struct TilePixels {
 };
 
 // A SplatGradient per lane. The lanes are summed once, at the end, in a fixed order.
-template <bool kAbsolute, FragmentStatistic kStatistic>
+template <bool kAbsolute, FragmentStatistic kStatistic, bool kDepth>
 struct LaneSums {
   float mean_x[kLanes] = {}, mean_y[kLanes] = {};
   float conic_xx[kLanes] = {}, conic_xy[kLanes] = {}, conic_yy[kLanes] = {};
@@ -56,15 +65,18 @@ struct LaneSums {
   float red[kLanes] = {}, green[kLanes] = {}, blue[kLanes] = {};
   static constexpr int kAbsoluteLanes = kAbsolute ? kLanes : 1;
   float absolute_x[kAbsoluteLanes] = {}, absolute_y[kAbsoluteLanes] = {};
+  float depth[kDepth ? kLanes : 1] = {};
   static constexpr int kStatisticLanes = kStatistic == FragmentStatistic::none ? 1 : kLanes;
   float count[kStatisticLanes] = {}, first[kStatisticLanes] = {};
   float second[kStatisticLanes] = {};
 
   SplatGradient total() const {
-    return {{sum_of_lanes(mean_x), sum_of_lanes(mean_y)},
-            {sum_of_lanes(conic_xx), sum_of_lanes(conic_xy), sum_of_lanes(conic_yy)},
-            sum_of_lanes(opacity),
-            {sum_of_lanes(red), sum_of_lanes(green), sum_of_lanes(blue)}};
+    SplatGradient sum{{sum_of_lanes(mean_x), sum_of_lanes(mean_y)},
+                      {sum_of_lanes(conic_xx), sum_of_lanes(conic_xy), sum_of_lanes(conic_yy)},
+                      sum_of_lanes(opacity),
+                      {sum_of_lanes(red), sum_of_lanes(green), sum_of_lanes(blue)}};
+    if constexpr (kDepth) sum.depth = sum_of_lanes(depth);
+    return sum;
   }
   Vec2f absolute_total() const { return {sum_of_lanes(absolute_x), sum_of_lanes(absolute_y)}; }
   // `scale` is that of the forces, from the gradients of the mean loss to those of its sum.
@@ -73,10 +85,10 @@ struct LaneSums {
   }
 };
 
-template <BlendRule rule, bool kAbsolute, FragmentStatistic kStatistic>
+template <BlendRule rule, bool kAbsolute, FragmentStatistic kStatistic, bool kDepth>
 inline void blend_backward_lanes(const Splat& splat, float dx, float dy, std::uint32_t position,
-                                 int first, TilePixels& pixels,
-                                 LaneSums<kAbsolute, kStatistic>& sums) {
+                                 int first, TilePixels<kDepth>& pixels,
+                                 LaneSums<kAbsolute, kStatistic, kDepth>& sums) {
   const Splat s = splat;
   for (int lane = 0; lane < kLanes; ++lane) {
     const int i = first + lane;
@@ -90,6 +102,15 @@ inline void blend_backward_lanes(const Splat& splat, float dx, float dy, std::ui
                                     pixels.transmittance[i],
                                     {pixels.d_red[i], pixels.d_green[i], pixels.d_blue[i]},
                                     pixels.d_final[i]};
+    float dL_dalpha = 0;
+    if constexpr (kDepth) {
+      DepthBackwardState<float> depth{pixels.depth[i], pixels.d_depth[i]};
+      const DepthCompositeGradient<float> by_depth = composite_depth_vjp(
+          depth, state.transmittance, s.depth, alpha, position + 1 == pixels.last[i]);
+      pixels.depth[i] = depth.behind;
+      sums.depth[lane] += by_depth.depth;
+      dL_dalpha = by_depth.alpha;
+    }
     const CompositeGradient<float> dL =
         composite_vjp(state, s.color, alpha, position + 1 == pixels.last[i]);
     pixels.red[i] = state.color_behind.x;
@@ -98,7 +119,7 @@ inline void blend_backward_lanes(const Splat& splat, float dx, float dy, std::ui
     pixels.transmittance[i] = state.transmittance;
 
     const AlphaGradient<float> dL_fragment =
-        fragment_alpha_vjp<rule>(s.opacity, gaussian, keep ? dL.alpha : 0.0f);
+        fragment_alpha_vjp<rule>(s.opacity, gaussian, keep ? dL.alpha + dL_dalpha : 0.0f);
     const ExponentGradient<float> dL_splat =
         fragment_exponent_vjp(s.conic, dx + float(lane), dy, dL_fragment.exponent);
     if constexpr (kStatistic == FragmentStatistic::force) {
@@ -121,15 +142,15 @@ inline void blend_backward_lanes(const Splat& splat, float dx, float dy, std::ui
   }
 }
 
-template <BlendRule rule, bool kAbsolute, FragmentStatistic kStatistic>
-void blend_backward_tile(const RenderSettings& settings, Span<const float> dL_dimage,
+template <BlendRule rule, bool kAbsolute, FragmentStatistic kStatistic, bool kDepth>
+void blend_backward_tile(const RenderSettings& settings, const PictureGradient& dL,
                          const RenderPass& pass, std::size_t tile_index) {
   const Tile tile(pass, tile_index);
   const ScalarScratch& scratch = pass.scratch<ScalarScratch>();
-  TilePixels pixels(pass, tile, settings.background, dL_dimage);
+  TilePixels<kDepth> pixels(pass, tile, settings.background, dL);
   const float scale = 3.0f * float(pass.pixel_count());
   for (std::uint32_t k = tile.begin; k < tile.end; ++k) {
-    LaneSums<kAbsolute, kStatistic> sums;
+    LaneSums<kAbsolute, kStatistic, kDepth> sums;
     const std::uint32_t instance = scratch.tile_instances[k], position = k - tile.begin;
     if (position < pixels.largest_last) {
       const std::uint32_t gaussian = pass.tile_splats[k];
@@ -146,15 +167,20 @@ void blend_backward_tile(const RenderSettings& settings, Span<const float> dL_di
   }
 }
 
-using BlendTiles = void(const RenderSettings& settings, Span<const float> dL_dimage,
+using BlendTiles = void(const RenderSettings& settings, const PictureGradient& dL,
                         RenderPass& pass);
 
 template <BlendRule rule, bool kAbsolute, FragmentStatistic kStatistic>
-void blend_backward_tiles(const RenderSettings& settings, Span<const float> dL_dimage,
+void blend_backward_tiles(const RenderSettings& settings, const PictureGradient& dL,
                           RenderPass& pass) {
-  parallel_for(pass.tile_count(), 1, [&](std::size_t tile) {
-    blend_backward_tile<rule, kAbsolute, kStatistic>(settings, dL_dimage, pass, tile);
-  });
+  const auto each_tile = [&](auto* blend_tile) {
+    parallel_for(pass.tile_count(), 1,
+                 [&](std::size_t tile) { blend_tile(settings, dL, pass, tile); });
+  };
+  if (dL.depth.empty())
+    each_tile(blend_backward_tile<rule, kAbsolute, kStatistic, false>);
+  else
+    each_tile(blend_backward_tile<rule, kAbsolute, kStatistic, true>);
 }
 
 template <FragmentStatistic kStatistic>
@@ -177,7 +203,7 @@ BlendTiles* tiles_for_statistic(const RenderSettings& settings) {
 
 }  // namespace
 
-void blend_backward(const RenderSettings& settings, Span<const float> dL_dimage, RenderPass& pass) {
+void blend_backward(const RenderSettings& settings, const PictureGradient& dL, RenderPass& pass) {
   const HostStage stage("blend backward");
   ScalarScratch& scratch = pass.scratch<ScalarScratch>();
   const std::size_t instances = scratch.instance_splats.size();
@@ -185,8 +211,7 @@ void blend_backward(const RenderSettings& settings, Span<const float> dL_dimage,
   scratch.instance_gradients.resize_discard(instances);
   scratch.absolute_gradients.resize_discard(settings.absolute_gradient ? instances : 0);
   scratch.fragment_sums.resize_discard(has_sums ? instances : 0);
-  tiles_for_statistic(settings)(settings, dL_dimage, pass);
-  add_depth_gradients(pass);
+  tiles_for_statistic(settings)(settings, dL, pass);
 }
 
 }  // namespace gs

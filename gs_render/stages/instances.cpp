@@ -24,7 +24,7 @@ void order_by_depth(const RenderSettings& settings, RenderPass& pass) {
   pass.depth_order.resize(visible);
   const DepthKeys keys = depth_keys(settings.near_plane, settings.far_plane);
   radix_sort_by_key(pass.depth_order.span(), pass.scratch<ScalarScratch>().sort_scratch,
-                    [&](std::uint32_t i) { return depth_key(keys, pass.depths[i]); });
+                    [&](std::uint32_t i) { return depth_key(keys, pass.splats[i].depth); });
 }
 
 }  // namespace
@@ -46,7 +46,6 @@ void create_instances(const RenderSettings& settings, RenderPass& pass) {
         ExitCode::out_of_memory);
   scratch.instance_tiles.resize_discard(total);
   scratch.instance_splats.resize_discard(total);
-  scratch.depth_gradients.resize_discard(0);  // of a pass that was broken off
 
   parallel_for(pass.depth_order.size(), 512, [&](std::size_t k) {
     const std::uint32_t gaussian = pass.depth_order[k];

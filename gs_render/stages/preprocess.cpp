@@ -35,7 +35,6 @@ void preprocess(const GaussiansSpan& gaussians, const Camera& camera,
     for_each_hit_tile(splat.mean2d, splat.conic, tile_cutoff(settings.bounds, splat.cutoff), pixels,
                       [&](int, int) { ++hits; });
     pass.splats[i] = splat;
-    pass.depths[i] = projected.depth;
     pass.pixel_rects[i] = pixels;
     pass.tile_counts[i] = hits;
   });

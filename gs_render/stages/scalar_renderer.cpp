@@ -24,10 +24,12 @@ class ScalarRenderer final : public Renderer {
   }
 
   void backward(const GaussiansSpan& gaussians, const Camera& camera,
-                const RenderSettings& settings, RenderPass& pass, Span<const float> dL_dimage,
+                const RenderSettings& settings, RenderPass& pass, const PictureGradient& dL,
                 const GaussiansSpan& gradients, Span<Vec2f> dL_dmean2d) override {
-    GS_CHECK(dL_dimage.size == 3 * pass.pixel_count());
-    blend_backward(settings, dL_dimage, pass);
+    GS_CHECK(dL.image.size == 3 * pass.pixel_count());
+    GS_CHECK(dL.alpha.empty() || dL.alpha.size == pass.pixel_count());
+    GS_CHECK(dL.depth.empty() || dL.depth.size == pass.depth_image.size());
+    blend_backward(settings, dL, pass);
     preprocess_backward(gaussians, camera, settings, pass, gradients, dL_dmean2d);
   }
 };

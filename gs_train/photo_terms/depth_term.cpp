@@ -1,7 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Photos with a depth map: depths are blended with the lists of the picture and compared with the
-// map, and stage 6 adds what that leaves with the pass.
-#include "gs_render/stages.h"
+// Photos with a depth map: depths are blended beside the colors and compared with the map.
 #include "gs_train/photo_terms/photo_term.h"
 #include "gs_train/stages/scalar_stages.h"
 
@@ -10,15 +8,18 @@ namespace {
 
 class DepthTerm final : public PhotoTerm {
  public:
+  void prepare(const TrainingModel&, StepPhoto& photo) override {
+    photo.settings.blends_depth = photo.loss.depth_weight > 0 && !photo.view->depth.empty();
+  }
   void show(const TrainingModel&, StepPhoto& photo, RenderPass& pass) override {
-    if (!(photo.loss.depth_weight > 0) || photo.view->depth.empty()) return;
-    blend_depth(photo.settings, pass, planes_);
-    compare_depth(*photo.view, photo.loss.depth_weight, planes_, dL_dplanes_);
-    blend_depth_backward(photo.settings, dL_dplanes_.span(), planes_, pass);
+    if (!photo.settings.blends_depth) return;
+    compare_depth(*photo.view, photo.loss.depth_weight, pass, dL_);
+    photo.dL.depth = dL_.depth.span();
+    photo.dL.alpha = dL_.alpha.span();
   }
 
  private:
-  Buffer<float> planes_, dL_dplanes_;
+  DepthGradient dL_;
 };
 
 }  // namespace

@@ -28,6 +28,7 @@ struct StepPhoto {
   Camera camera;                     // of the reduced photo
   RenderSettings settings;
   LossSettings loss;
+  PictureGradient dL{};  // by the picture, of which the loss gives the image
 };
 
 /// The calls of a step, in their order; those between begin() and update() come for each photo. A
@@ -39,8 +40,8 @@ class PhotoTerm {
   virtual void begin(const TrainingModel&, const Update&) {}
   /// Before stage 1: may change the camera and the settings of the photo.
   virtual void prepare(const TrainingModel&, StepPhoto&) {}
-  /// After stage 4: may change what the loss compares, or add gradients of splats to those that
-  /// stage 6 will find.
+  /// After stage 4: may change what the loss compares, or give gradients by other pictures than the
+  /// image.
   virtual void show(const TrainingModel&, StepPhoto&, RenderPass&) {}
   /// After stage 7: adds the gradient of what is learned of the photo, times `weight`.
   virtual void add_gradient(const TrainingModel&, const StepPhoto&, const RenderPass&,

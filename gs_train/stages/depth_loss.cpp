@@ -19,7 +19,7 @@ constexpr std::size_t kRowsAtATime = 8;
 // One photo's map, its mask, and what was rendered.
 struct ComparedDepth {
   const View& view;
-  const float* planes;  // (3, H, W)
+  const RenderPass& pass;
 
   std::size_t width() const { return std::size_t(view.depth.width); }
   std::size_t height() const { return std::size_t(view.depth.height); }
@@ -28,8 +28,8 @@ struct ComparedDepth {
   float mask(std::size_t i) const {
     return view.mask.empty() ? 1.0f : view.mask.pixels[i] * kPerByte;
   }
-  float depth_sum(std::size_t i) const { return planes[i]; }
-  float coverage(std::size_t i) const { return planes[pixels() + i]; }
+  float depth_sum(std::size_t i) const { return pass.depth_image[i]; }
+  float coverage(std::size_t i) const { return 1 - pass.transmittance[i]; }
 };
 
 // Rows in parallel, then the rows' sums one after the other: any number of threads has these bits.
@@ -50,16 +50,17 @@ DepthSums sums_of(const ComparedDepth& compared, const DepthTarget* before) {
 
 }  // namespace
 
-double compare_depth(const View& view, float weight, const Buffer<float>& planes,
-                     Buffer<float>& dL_dplanes) {
+double compare_depth(const View& view, float weight, const RenderPass& pass, DepthGradient& dL) {
   const HostStage stage("depth loss");
-  const ComparedDepth compared{view, planes.data()};
+  const ComparedDepth compared{view, pass};
   const std::size_t plane = compared.pixels();
-  GS_CHECK(planes.size() == 3 * plane && (view.mask.empty() || view.mask.pixels.size() == plane));
+  GS_CHECK(pass.depth_image.size() == plane &&
+           (view.mask.empty() || view.mask.pixels.size() == plane));
   const DepthTarget target =
       fitted_depth_target(view.depth_kind, double(weight),
                           [&](const DepthTarget* before) { return sums_of(compared, before); });
-  dL_dplanes.resize_discard(3 * plane);
+  dL.depth.resize_discard(plane);
+  dL.alpha.resize_discard(plane);
   std::vector<double> rows(compared.height());
   parallel_for(rows.size(), kRowsAtATime, [&](std::size_t row) {
     for (std::size_t i = row * compared.width(); i < (row + 1) * compared.width(); ++i) {
@@ -67,9 +68,8 @@ double compare_depth(const View& view, float weight, const Buffer<float>& planes
       const DepthPixelGradient<float> gradient =
           depth_pixel_vjp(view.depth_kind, target, compared.value(i), compared.mask(i),
                           compared.depth_sum(i), compared.coverage(i), &loss);
-      dL_dplanes[i] = gradient.Z;
-      dL_dplanes[plane + i] = gradient.A;
-      dL_dplanes[2 * plane + i] = 0;
+      dL.depth[i] = gradient.Z;
+      dL.alpha[i] = gradient.A;
       rows[row] += loss;
     }
   });

@@ -14,11 +14,14 @@
 namespace gs {
 
 std::unique_ptr<Loss> make_l1_ssim_loss();  // 5  ssim.cpp
-/// 5  depth_loss.cpp: compares the planes of blend_depth() with the view's depth map, writes
-/// dL/d(planes), (3, H, W), and returns the loss, times `weight`. The gradient is 0 where the map
-/// teaches nothing.
-double compare_depth(const View& view, float weight, const Buffer<float>& planes,
-                     Buffer<float>& dL_dplanes);
+/// dL/d(depth) and dL/d(alpha), (H, W).
+struct DepthGradient {
+  Buffer<float> depth, alpha;
+};
+/// 5  depth_loss.cpp: compares the depth_image and the alpha of a pass with the view's depth map,
+/// writes the gradient, and returns the loss, times `weight`. The gradient is 0 where the map teaches
+/// nothing.
+double compare_depth(const View& view, float weight, const RenderPass& pass, DepthGradient& dL);
 /// In a score pass  pixel_values.cpp: the values of the pixels of a rendered view, (H, W).
 /// `appearance` may be null.
 void find_pixel_values(const View& view, const PixelRule& rule, const RenderPass& pass,

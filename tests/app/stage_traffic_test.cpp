@@ -15,20 +15,9 @@ Workload one_visible_of_three() {
 
 // Of each Gaussian shape (44 bytes), SH degree 0 (12), count and key (4 each); of the visible one
 // the other SH coefficients (180), the splat (48) and its rectangle (8).
-TEST(StageTraffic, AStepWithoutDepthMapsWritesNoDepths) {
-  Workload work = one_visible_of_three();
-  work.has_depths = false;
+TEST(StageTraffic, TheFirstStageReadsShapesOfAllAndColorsOfTheVisible) {
+  const Workload work = one_visible_of_three();
   EXPECT_EQ(stage_bytes("preprocess", work), 3 * (44 + 12 + 4 + 4) + 180 + 48 + 8);
-  work.has_depths = true;
-  EXPECT_EQ(stage_bytes("preprocess", work), 3 * (44 + 12 + 4 + 4) + 180 + 48 + 8 + 4);
-}
-
-TEST(StageTraffic, APackedModelHasNoDepths) {
-  Workload work = one_visible_of_three();
-  work.is_packed = true;
-  const auto with_depths = stage_bytes("preprocess", work);
-  work.has_depths = false;
-  EXPECT_EQ(stage_bytes("preprocess", work), with_depths);
 }
 
 // Each Gaussian has its count, and 59 parameters with moments to read and write; the visible one

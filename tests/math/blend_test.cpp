@@ -274,6 +274,43 @@ TEST(CompositeGradient, OfAWholePixelMatchesJetOnBothSidesOfTheColorClamp) {
   EXPECT_GT(std::min({negative, zero, positive, nearly_opaque}), kEnoughCases);
 }
 
+// Sums of weights times depths, the depths in the place of red.
+TEST(CompositeGradient, OfDepthsMatchesJet) {
+  const auto depth_of = [](const auto& x) {
+    const auto pixel = read_pixel(x);
+    using T = std::decay_t<decltype(pixel.alphas[0])>;
+    T transmittance(1), sum(0);
+    for (std::size_t i = 0; i < kFragments; ++i) {
+      sum += transmittance * pixel.alphas[i] * pixel.colors[i].x;
+      transmittance *= T(1) - pixel.alphas[i];
+    }
+    return std::array<T, 1>{sum};
+  };
+  const double worst = worst_gradient_error(
+      depth_of,
+      [&](const auto& x, const auto& g) {
+        const Pixel<double> pixel = read_pixel(x);
+        DepthBackwardState<double> state{depth_of(x)[0], g[0]};
+        double transmittance = 1;
+        Pixel<double> grads;
+        for (std::size_t i = 0; i < kFragments; ++i) {
+          const DepthCompositeGradient<double> dL =
+              composite_depth_vjp(state, transmittance, pixel.colors[i].x, pixel.alphas[i]);
+          grads.colors[i] = {dL.depth, 0, 0};
+          grads.alphas[i] = dL.alpha;
+          transmittance *= 1 - pixel.alphas[i];
+        }
+        return flatten(grads.colors, grads.alphas);
+      },
+      [&](TestRandom& random) {
+        Pixel<double> pixel;
+        for (Vec3d& color : pixel.colors) color = {random.uniform(0.3, 9), 0, 0};
+        for (double& alpha : pixel.alphas) alpha = random.uniform(0.004, 0.99);
+        return flatten(pixel.colors, pixel.alphas);
+      });
+  EXPECT_LT(worst, kJetTolerance);
+}
+
 TEST(CompositeGradient, StaysFiniteForAnAlphaOfExactlyOne) {
   Pixel<float> pixel;
   pixel.colors.fill({0.3f, 0.7f, 0.1f});

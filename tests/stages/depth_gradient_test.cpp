@@ -33,27 +33,30 @@ struct DepthScene {
   }
 };
 
-/// The pipeline's planes, loss and gradients.
+/// The pipeline's depths, loss and gradients.
 struct Pipeline {
   RenderPass pass;
-  Buffer<float> planes, dL_dplanes;
+  DepthGradient dL_ddepth;
   Gaussians gradients;
   Buffer<Vec2f> dL_dmean2d;
   double loss = 0;
 
   explicit Pipeline(const DepthScene& scene) {
     const auto renderer = make_scalar_renderer();
-    renderer->forward(scene.gaussians.span(), scene.camera, scene.settings, pass);
-    blend_depth(scene.settings, pass, planes);
-    loss = compare_depth(scene.view, kWeight, planes, dL_dplanes);
-    blend_depth_backward(scene.settings, dL_dplanes.span(), planes, pass);
+    RenderSettings settings = scene.settings;
+    settings.blends_depth = true;
+    renderer->forward(scene.gaussians.span(), scene.camera, settings, pass);
+    loss = compare_depth(scene.view, kWeight, pass, dL_ddepth);
     const Buffer<float> dL_dimage = uploaded(scene.weights);
     gradients.has_time = scene.gaussians.has_time;
     gradients.resize(scene.gaussians.count());
     dL_dmean2d.resize(scene.gaussians.count());
-    renderer->backward(scene.gaussians.span(), scene.camera, scene.settings, pass, dL_dimage.span(),
+    renderer->backward(scene.gaussians.span(), scene.camera, settings, pass,
+                       {dL_dimage.span(), dL_ddepth.alpha.span(), dL_ddepth.depth.span()},
                        gradients.span(), dL_dmean2d.span());
   }
+  double depth_sum(std::size_t i) const { return pass.depth_image[i]; }
+  double coverage(std::size_t i) const { return 1 - pass.transmittance[i]; }
 };
 
 /// The weights w and targets t of all pixels, which are constants of the gradient.
@@ -68,16 +71,16 @@ struct Constants {
       DepthSums sums;
       for (std::size_t i = 0; i < kPixels; ++i)
         if (is_known_depth(float(value(i))) && mask(i) > 0)
-          add_to(sums, depth_sums_of_pixel(scene.view.depth_kind, value(i), mask(i),
-                                           double(at.planes[i]), double(at.planes[kPixels + i]),
-                                           round > 0 ? &target : nullptr));
+          add_to(sums,
+                 depth_sums_of_pixel(scene.view.depth_kind, value(i), mask(i), at.depth_sum(i),
+                                     at.coverage(i), round > 0 ? &target : nullptr));
       target = depth_target(scene.view.depth_kind, sums, double(kWeight));
     }
     EXPECT_GT(target.factor, 0);
     for (std::size_t i = 0; i < kPixels; ++i) {
-      if (!is_known_depth(float(value(i))) || !has_depth(double(at.planes[kPixels + i]))) continue;
+      if (!is_known_depth(float(value(i))) || !has_depth(at.coverage(i))) continue;
       t[i] = inverse_depth_of(scene.view.depth_kind, target.fit, value(i));
-      if (t[i] > 0) w[i] = target.factor * mask(i) * double(at.planes[kPixels + i]);
+      if (t[i] > 0) w[i] = target.factor * mask(i) * at.coverage(i);
     }
   }
 };
@@ -127,8 +130,8 @@ DepthScene scene_with_fit(DepthKind kind) {
   const Pipeline pipeline(scene);
   Draws draws(17);
   for (std::size_t i = 0; i < kPixels; ++i) {
-    const double A = pipeline.planes[kPixels + i];
-    const double depth = A > 0.01 ? pipeline.planes[i] / A : 3;
+    const double A = pipeline.coverage(i);
+    const double depth = A > 0.01 ? pipeline.depth_sum(i) / A : 3;
     float& value = scene.view.depth.pixels[i];
     if (value == 0) continue;
     value = float(kind == DepthKind::inverse ? 10 / depth + 3 : 2 * depth + 1) *
@@ -180,13 +183,13 @@ TEST(DepthGradient, IsTheSlopeByThePoseOfTheCamera) {
   EXPECT_LT(worst / largest, 5e-5);
 }
 
-TEST(DepthGradient, LeavesThePassAsItWas) {
-  const DepthScene scene;
+TEST(DepthGradient, LeavesTheColorsAsTheyAre) {
+  DepthScene scene;
   RenderPass plain, with_depth;
-  Buffer<float> planes;
-  for (RenderPass* pass : {&plain, &with_depth})
+  for (RenderPass* pass : {&plain, &with_depth}) {
     make_scalar_renderer()->forward(scene.gaussians.span(), scene.camera, scene.settings, *pass);
-  blend_depth(scene.settings, with_depth, planes);
+    scene.settings.blends_depth = true;
+  }
   EXPECT_TRUE(same_bits(plain.image, with_depth.image));
   EXPECT_TRUE(same_bits(plain.transmittance, with_depth.transmittance));
   EXPECT_TRUE(same_bits(plain.last_instance, with_depth.last_instance));
@@ -194,7 +197,7 @@ TEST(DepthGradient, LeavesThePassAsItWas) {
     EXPECT_TRUE(!plain.tile_counts[i] || plain.splats[i].color == with_depth.splats[i].color);
 }
 
-// blend_depth() and the pictures of depth are one thing.
+// What training blends and the pictures of depth are one thing.
 TEST(DepthGradient, IsOfTheDepthThatIsRendered) {
   const DepthScene scene;
   const Pipeline pipeline(scene);
@@ -202,8 +205,9 @@ TEST(DepthGradient, IsOfTheDepthThatIsRendered) {
   SurfaceRenderer surface(*renderer, scene.gaussians.span(), scene.gaussians, scene.settings);
   const ImageF depth = surface.depth(scene.camera);
   for (std::size_t i = 0; i < kPixels; ++i) {
-    const float A = pipeline.planes[kPixels + i];
-    EXPECT_NEAR(depth.pixels[i], A >= kMinAlpha ? pipeline.planes[i] / A : 0, 2e-5) << i;
+    const double A = pipeline.coverage(i);
+    // 1 - T of a pixel that is hardly covered has few digits.
+    EXPECT_NEAR(depth.pixels[i], A >= kMinAlpha ? pipeline.depth_sum(i) / A : 0, 2e-6 / A) << i;
   }
 }
 

@@ -230,7 +230,7 @@ TEST(ExactRenderer, FootprintsAreThoseOfTheStages) {
     if (!is_listed || footprints.radii[i] == 0) continue;
     const Splat& splat = pass.splats[i];
     EXPECT_NEAR(footprints.means2d[i].x, splat.mean2d.x, 1e-3);
-    EXPECT_NEAR(footprints.depths[i], pass.depths[i], 1e-5 * pass.depths[i]);
+    EXPECT_NEAR(footprints.depths[i], pass.splats[i].depth, 1e-5 * pass.splats[i].depth);
     EXPECT_NEAR(footprints.conics[i].yy, splat.conic.yy, 1e-3 * splat.conic.yy);
     // The axis is at least as long as the ellipse is high.
     EXPECT_GE(footprints.radii[i], std::sqrt(2 * splat.cutoff * splat.variance_y) * (1 - 1e-5));

@@ -45,7 +45,6 @@ void render_ellipsoids(const std::vector<Ellipsoid>& ellipsoids, const Gaussians
     pass.splats[i] = projected.splat;
     pass.splats[i].color = sh_color(settings.sh_degree, unit_direction(camera.position(), mean),
                                     colors_of.sh0[i], colors_of.sh_rest[i].coefficient);
-    pass.depths[i] = projected.depth;
     const Splat& splat = pass.splats[i];
     pass.pixel_rects[i] = pixels_of(settings.bounds, splat.mean2d, projected.cov2d, splat.cutoff,
                                     pass.tiles_x, pass.tiles_y);

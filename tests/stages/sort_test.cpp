@@ -35,7 +35,7 @@ TEST_F(SortedPass, DepthOrderHoldsTheVisibleNearToFarAndEqualDepthsByIndex) {
   for (std::uint32_t i = 0; i < gaussians_.count(); ++i)
     if (pass_.tile_counts[i]) expected.push_back(i);
   std::stable_sort(expected.begin(), expected.end(),
-                   [&](auto a, auto b) { return pass_.depths[a] < pass_.depths[b]; });
+                   [&](auto a, auto b) { return pass_.splats[a].depth < pass_.splats[b].depth; });
   EXPECT_GT(expected.size(), 300u);
   EXPECT_EQ(pass_.depth_order.download(), expected);
 }
@@ -101,9 +101,9 @@ TEST_F(SortedPass, EachTileListRunsNearToFarAndEqualDepthsByIndex) {
     for (std::uint32_t k = pass_.tile_ranges[tile] + 1; k < pass_.tile_ranges[tile + 1]; ++k) {
       const std::uint32_t a = scratch_.instance_splats[scratch_.tile_instances[k - 1]];
       const std::uint32_t b = scratch_.instance_splats[scratch_.tile_instances[k]];
-      EXPECT_LE(pass_.depths[a], pass_.depths[b]);
-      EXPECT_TRUE(pass_.depths[a] < pass_.depths[b] || a < b);
-      ties += pass_.depths[a] == pass_.depths[b];
+      EXPECT_LE(pass_.splats[a].depth, pass_.splats[b].depth);
+      EXPECT_TRUE(pass_.splats[a].depth < pass_.splats[b].depth || a < b);
+      ties += pass_.splats[a].depth == pass_.splats[b].depth;
     }
   EXPECT_GT(ties, 500u);
 }
@@ -112,7 +112,7 @@ TEST_F(SortedPass, EachTileListRunsNearToFarAndEqualDepthsByIndex) {
 TEST(CreateInstances, RefusesMoreThanCanBeNumbered) {
   RenderPass pass;
   pass.tile_counts.upload({1u << 31, 1u << 31});
-  pass.depths.upload({1.0f, 2.0f});
+  pass.splats.resize(2);
   EXPECT_THAT([&] { create_instances({}, pass); }, FailsWith(ExitCode::out_of_memory));
 }
 

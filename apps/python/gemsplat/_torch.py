@@ -235,7 +235,7 @@ def _row_outputs(frame, kept, call):
         return shown(torch.sqrt(2 * cutoff / smallest).clamp(1, 1e9).ceil()).to(torch.int32)
 
     make = {"visible": lambda: visible, "radii": radii, "means2d": lambda: shown(splats[:, :2]),
-            "depths": lambda: shown(kept.view(frame.depths, torch.float32, count)),
+            "depths": lambda: shown(1 / splats[:, 11] if call["inverse_depth"] else splats[:, 11]),
             "conics": lambda: shown(splats[:, 2:5])}
     return [make[name]() for name in call["rows"]]
 

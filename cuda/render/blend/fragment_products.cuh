@@ -65,7 +65,7 @@ struct Monomials {
 /// dL/d(splat) from the sums over the pixels of one sub-tile. preprocess_backward() masks the colors
 /// later.
 __device__ inline SplatGradientSum splat_gradient(const ListedSplat& splat, const Vec2f& center,
-                                           const float* sums) {
+                                                  const float* sums) {
   const float4 a = *reinterpret_cast<const float4*>(sums);
   const float4 b = *reinterpret_cast<const float4*>(sums + 4);
   const float4 c = *reinterpret_cast<const float4*>(sums + 8);

@@ -196,4 +196,29 @@ GS_HD CompositeGradient<T> composite_vjp(PixelBackwardState<T>& pixel, const Vec
           dL_dalpha};
 }
 
+/// The depth behind a fragment, for the backward pass of sums of weights times depths Z.
+template <class T>
+struct DepthBackwardState {
+  T behind;     // sum of weights times depths of this fragment and what is behind it
+  T dL_ddepth;  // dL/dZ
+};
+template <class T>
+struct DepthCompositeGradient {
+  T alpha, depth;
+};
+/// Gradients of Z = sum T alpha z by this fragment's alpha and depth; call it before
+/// composite_vjp(), with the transmittance before the fragment:
+///
+///   dL/dz = T alpha dL/dZ,   dL/dalpha = (T z - R / (1 - alpha)) dL/dZ
+/// with R the sum behind this fragment. Advances the state past the fragment.
+template <class T>
+GS_HD DepthCompositeGradient<T> composite_depth_vjp(DepthBackwardState<T>& pixel,
+                                                    const T& transmittance, const T& depth,
+                                                    const T& alpha, bool is_last = false) {
+  const T weight = transmittance * alpha;
+  pixel.behind = (is_last ? T(0) : T(1)) * (pixel.behind - weight * depth);
+  const T q = T(1) / max_of(T(1) - alpha, T(kMinOneMinusAlpha));
+  return {(transmittance * depth - q * pixel.behind) * pixel.dL_ddepth, weight * pixel.dL_ddepth};
+}
+
 }  // namespace gs

@@ -105,32 +105,30 @@ TEST_F(DepthRun, WeightDecaysExponentially) {
 TEST(DepthLossOfAView, IsZeroUnderAMask) {
   View view = scene_with_maps(DepthKind::metric).train_views[0];
   const std::size_t pixels = view.depth.pixels.size();
-  Buffer<float> planes(3 * pixels, host_memory()), gradient;
-  for (std::size_t i = 0; i < pixels; ++i) {
-    planes[i] = 4;  // a depth of 5
-    planes[pixels + i] = 0.8f;
-    planes[2 * pixels + i] = 0;
-  }
+  RenderPass pass;
+  pass.depth_image.upload(std::vector<float>(pixels, 4.0f));  // a depth of 5
+  pass.transmittance.upload(std::vector<float>(pixels, 0.2f));
+  DepthGradient dL;
   const auto count_taught = [&] {
     std::size_t taught = 0;
     for (std::size_t i = 0; i < pixels; ++i) {
-      EXPECT_EQ(gradient[i] != 0, gradient[pixels + i] != 0);
-      taught += gradient[i] != 0;
+      EXPECT_EQ(dL.depth[i] != 0, dL.alpha[i] != 0);
+      taught += dL.depth[i] != 0;
     }
     return taught;
   };
   make_scalar_backend();
-  EXPECT_GT(compare_depth(view, 1, planes, gradient), 0);
+  EXPECT_GT(compare_depth(view, 1, pass, dL), 0);
   std::size_t known = 0;
   for (const float value : view.depth.pixels) known += is_known_depth(value);
   EXPECT_EQ(count_taught(), known);
   view.mask = Image8(view.camera.width, view.camera.height, 1);
   for (std::size_t i = 0; i < pixels / 2; ++i) view.mask.pixels[i] = 255;
-  compare_depth(view, 1, planes, gradient);
-  for (std::size_t i = pixels / 2; i < pixels; ++i) EXPECT_EQ(gradient[i], 0);
+  compare_depth(view, 1, pass, dL);
+  for (std::size_t i = pixels / 2; i < pixels; ++i) EXPECT_EQ(dL.depth[i], 0);
   EXPECT_GT(count_taught(), 0u);
   std::fill(view.mask.pixels.begin(), view.mask.pixels.end(), std::uint8_t(0));
-  EXPECT_EQ(compare_depth(view, 1, planes, gradient), 0);
+  EXPECT_EQ(compare_depth(view, 1, pass, dL), 0);
   EXPECT_EQ(count_taught(), 0u);
 }
 

@@ -26,14 +26,15 @@ class ScreenTap(torch.autograd.Function):
 
 
 class AbsoluteTap(torch.autograd.Function):
-    """Zeros (..., 2) for absolute_screen, whose sums become the attribute `absgrad` of a tensor (..., 2)."""
+    """Zeros (..., 2) for absolute_screen, whose sums are added to the attribute `absgrad` of a tensor (..., 2)."""
 
     @staticmethod
     def forward(ctx, tensor):
         ctx.tensor = tensor
+        tensor.absgrad = torch.zeros_like(tensor, requires_grad=False)
         return tensor.new_zeros(tensor.shape)
 
     @staticmethod
     def backward(ctx, sums):
-        ctx.tensor.absgrad = sums
+        ctx.tensor.absgrad += sums
         return None
