@@ -56,7 +56,14 @@ struct OperatorPicture {
   float* image = nullptr;  // (3, H, W)  with the background
   float* alpha = nullptr;  // (H, W)     1 - transmittance
   float* depth = nullptr;  // (H, W)     sum of weights times depths; needs settings.blends_depth
+  // (N, kRowNumbers)  of each Gaussian: 1 where it is visible, half the longer axis of its ellipse,
+  // rounded up, mean2d, both in pixels, depth, conic; zeros where it is not visible
+  float* rows = nullptr;
+  // (1)  not 0 where there were more instances than room: the picture lacks some, and gradients are
+  // zero; needs a room
+  std::uint32_t* overflowed = nullptr;
 };
+inline constexpr int kRowNumbers = 8;
 
 /// dL by a picture, in device memory.
 struct OperatorPictureGradient {
@@ -86,18 +93,11 @@ struct OperatorCall {
 };
 
 /// What is kept of a picture that was drawn, for its gradient. Nothing changes it, so that gradients
-/// can be asked for again and again, also where the caller has changed the picture. All pointers are
-/// to device memory.
+/// can be asked for again and again, also where the caller has changed the picture.
 class OperatorFrame {
  public:
   virtual ~OperatorFrame() = default;
-  virtual const float* transmittance() const = 0;        // (H, W)
-  virtual const Splat* splats() const = 0;               // (N)  undefined where not visible
-  virtual const float* depths() const = 0;               // (N)  likewise
-  virtual const std::uint32_t* tile_counts() const = 0;  // (N)  tiles hit; 0: not visible
-  // (1)  not 0 where there were more instances than room: the picture lacks some, and gradients are
-  // zero. Null without a room.
-  virtual const std::uint32_t* overflowed() const = 0;
+  virtual const float* transmittance() const = 0;  // (H, W)
   /// Of Gaussians in tiles; the room, where one is given.
   virtual std::uint32_t instances() const = 0;
 };

@@ -19,10 +19,6 @@ struct Frame final : OperatorFrame {
       : context(call.device, static_cast<cudaStream_t>(call.stream)), memory(context, call.kept),
         pass(memory), halted(memory) {}
   const float* transmittance() const override { return pass.transmittance.data(); }
-  const Splat* splats() const override { return pass.splats.data(); }
-  const float* depths() const override { return pass.depths.data(); }
-  const std::uint32_t* tile_counts() const override { return pass.tile_counts.data(); }
-  const std::uint32_t* overflowed() const override { return halted.data(); }
   std::uint32_t instances() const override { return count; }
 
   Context context;
@@ -89,13 +85,39 @@ constexpr int kThreads = 256;
 // Copies what a pass keeps to what the caller gets.
 __global__ void __launch_bounds__(kThreads)
     copy_picture_kernel(std::size_t pixels, const float* image, const float* transmittance,
-                        const float* depth, OperatorPicture to) {
+                        const float* depth, const std::uint32_t* halted, OperatorPicture to) {
   const std::size_t i = std::size_t(blockIdx.x) * kThreads + threadIdx.x;
   if (i >= pixels) return;
+  if (i == 0 && to.overflowed) *to.overflowed = *halted;
   if (to.image)
     for (int c = 0; c < 3; ++c) to.image[c * pixels + i] = image[c * pixels + i];
   if (to.alpha) to.alpha[i] = 1.0f - transmittance[i];
   if (to.depth) to.depth[i] = depth[i];
+}
+
+// OperatorPicture::rows of one Gaussian for each thread.
+__global__ void __launch_bounds__(kThreads)
+    tell_rows_kernel(std::size_t count, const Splat* splats, const float* depths,
+                     const std::uint32_t* tile_counts, float* rows) {
+  const std::size_t i = std::size_t(blockIdx.x) * kThreads + threadIdx.x;
+  if (i >= count) return;
+  float* const to = rows + kRowNumbers * i;
+  if (tile_counts[i] == 0) {
+    for (int k = 0; k < kRowNumbers; ++k) to[k] = 0;
+    return;
+  }
+  const Splat& splat = splats[i];
+  const Sym2<float>& conic = splat.conic;
+  const float half = (conic.xx - conic.yy) / 2;
+  const float smallest = (conic.xx + conic.yy) / 2 - hypotf(half, conic.xy);  // eigenvalue
+  to[0] = 1;
+  to[1] = ceilf(fminf(fmaxf(sqrtf(2 * splat.cutoff / smallest), 1.0f), 1e9f));
+  to[2] = splat.mean2d.x;
+  to[3] = splat.mean2d.y;
+  to[4] = depths[i];
+  to[5] = conic.xx;
+  to[6] = conic.xy;
+  to[7] = conic.yy;
 }
 
 // About the bytes that the buffers of stages 1 to 4 take, so that few pieces are asked for.
@@ -146,7 +168,11 @@ class CudaOperator final : public SplatOperator {
     blend(context, settings, pass);
     context.launch("copy of the picture", copy_picture_kernel, blocks_for(pixels, kThreads),
                    kThreads, pixels, pass.image.data(), pass.transmittance.data(),
-                   pass.depth_image.data(), to);
+                   pass.depth_image.data(), frame->halted.data(), to);
+    if (to.rows)
+      context.launch("what is told of Gaussians", tell_rows_kernel,
+                     blocks_for(input.count, kThreads), kThreads, input.count, pass.splats.data(),
+                     pass.depths.data(), pass.tile_counts.data(), to.rows);
     frame->memory.close();
     return frame;
   }
@@ -155,7 +181,8 @@ class CudaOperator final : public SplatOperator {
                  const RenderSettings& settings, const OperatorPictureGradient& dL,
                  const OperatorGradients& gradients) const override {
     const OnDevice here(call.device);
-    const RenderPass& pass = static_cast<const Frame&>(frame).pass;
+    const Frame& drawn = static_cast<const Frame&>(frame);
+    const RenderPass& pass = drawn.pass;
     Context context(call.device, static_cast<cudaStream_t>(call.stream));
     CallerMemory scratch(context, call.scratch);
     Workspace workspace(scratch);
@@ -178,7 +205,7 @@ class CudaOperator final : public SplatOperator {
                                       {dL.alpha, dL.alpha ? pixels : 0},
                                       {dL.depth, dL.depth ? pixels : 0}};
     blend_backward(context, settings, dL_dpicture, workspace, pass);
-    project_backward(context, input, settings, workspace, pass, frame.overflowed(), gradients);
+    project_backward(context, input, settings, workspace, pass, drawn.halted.data(), gradients);
   }
 };
 
