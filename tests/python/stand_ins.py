@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Stand-ins for CuPy and for the kernels of a GPU, on memory of the host, so that the code around them is tested
+"""Stand-ins for CuPy, for JAX and for the kernels of a GPU, on memory of the host, so that the code around them is tested
 where there is none of them. They have what gemsplat calls, and nothing else.
 """
 
@@ -8,11 +8,13 @@ import ctypes
 import itertools
 import sys
 import types
+from pathlib import Path
 
 import numpy as np
 
 from gemsplat import _gemsplat, _numpy
 from gemsplat._arguments import ROWS, Arguments
+from support import SOURCE
 
 _ROWS = {"means": (3,), "rotations": (4,), "scales": (3,), "log_scales": (3,), "covariances": (6,), "opacities": (),
          "logit_opacities": (), "colors": (3,), "sh0": (3,), "screen": (2,), "absolute_screen": (2,)}
@@ -110,6 +112,94 @@ def cupy():
         setattr(module, name, getattr(np, name))
     module.cuda = types.SimpleNamespace(runtime=types.SimpleNamespace(getDevice=lambda: 0),
                                         get_current_stream=lambda: types.SimpleNamespace(ptr=0))
+    return module
+
+
+# ---- JAX ----
+
+
+class _JaxArray(np.ndarray):
+    pass
+
+
+_JaxArray.__module__ = "jax"
+_Handler = ctypes.CFUNCTYPE(ctypes.c_void_p, ctypes.c_void_p)
+_targets = {}
+
+
+def _base(fields):
+    """A struct of XLA's foreign function interface: each begins with its size and extensions."""
+    return type("Struct", (ctypes.Structure,), {"_fields_": [("struct_size", ctypes.c_size_t), ("extension", ctypes.c_void_p), *fields]})
+
+
+_Pointers = [("size", ctypes.c_int64), ("types", ctypes.POINTER(ctypes.c_int)), ("each", ctypes.POINTER(ctypes.c_void_p))]
+_Buffer = _base([("dtype", ctypes.c_int), ("data", ctypes.c_void_p), ("rank", ctypes.c_int64), ("dims", ctypes.POINTER(ctypes.c_int64))])
+_Some = _base(_Pointers)
+_Attributes = _base([*_Pointers[:2], ("names", ctypes.c_void_p), ("each", ctypes.POINTER(ctypes.c_void_p))])
+_Api = _base([("version", ctypes.c_size_t * 3), ("internal", ctypes.c_void_p), ("error_create", _Handler)])
+_Error = _base([("message", ctypes.c_char_p), ("code", ctypes.c_int)])
+_Frame = _base([("api", ctypes.POINTER(_Api)), ("context", ctypes.c_void_p), ("stage", ctypes.c_int), ("args", _Some), ("rets", _Some),
+                ("attrs", _Attributes), ("future", ctypes.c_void_p)])
+
+
+class _Span(ctypes.Structure):
+    _fields_ = [("text", ctypes.c_char_p), ("length", ctypes.c_size_t)]
+
+
+def _pointers(structs):
+    return (ctypes.c_void_p * len(structs))(*map(ctypes.addressof, structs))
+
+
+def _called(name, inputs, results, text):
+    """Calls the handler for the CPU as XLA does."""
+    inputs = [np.ascontiguousarray(array) for array in inputs]
+    outputs = [np.empty(result.shape, result.dtype) for result in results]
+    kinds = {"float32": 11, "float64": 12, "int32": 4}
+    buffers = [[_Buffer(0, None, kinds[str(array.dtype)], array.ctypes.data, array.ndim, array.ctypes.shape_as(ctypes.c_int64))
+                for array in arrays] for arrays in (inputs, outputs)]
+    message = []
+    report = _Handler(lambda error: message.append(ctypes.cast(error, ctypes.POINTER(_Error))[0].message.decode()) or 1)
+    span = _Span(text.encode(), len(text.encode()))
+    some = [_Some(0, None, len(each), None, _pointers(each)) for each in buffers]
+    frame = _Frame(api=ctypes.pointer(_Api(error_create=report)), stage=3, args=some[0], rets=some[1],
+                   attrs=_Attributes(0, None, 1, (ctypes.c_int * 1)(4), None, _pointers([span])))
+    if _Handler(_targets[name, "cpu"])(ctypes.addressof(frame)):
+        raise RuntimeError(message[0])
+    return [output.view(_JaxArray) for output in outputs]
+
+
+def jax(folder):
+    """The module. `folder` gets what jaxlib has in its folder of headers."""
+    header = Path(folder) / "xla" / "ffi" / "api" / "c_api.h"
+    header.parent.mkdir(parents=True)
+    header.write_text((SOURCE / "apps" / "python" / "xla" / "c_api.h").read_text())
+    module, numpy = types.ModuleType("jax"), types.ModuleType("jax.numpy")
+    get = ctypes.pythonapi.PyCapsule_GetPointer
+    get.restype, get.argtypes = ctypes.c_void_p, [ctypes.py_object, ctypes.c_char_p]
+
+    def register(name, capsule, platform):
+        _targets[name, platform] = get(capsule, b"xla._CUSTOM_CALL_TARGET")
+
+    class CustomVjp:
+        def __init__(self, function, nondiff_argnums):
+            self.function, self.calls = function, []
+
+        def defvjp(self, forward, backward):
+            self.forward, self.backward = forward, backward
+
+        def __call__(self, text, arrays):
+            self.calls.append((text, arrays))
+            return self.function(text, arrays)
+
+    module.Array, module.custom_vjp, module.numpy = _JaxArray, CustomVjp, numpy
+    module.ShapeDtypeStruct = lambda shape, dtype: types.SimpleNamespace(shape=shape, dtype=dtype)
+    module.ffi = types.SimpleNamespace(
+        include_dir=lambda: folder, register_ffi_target=register,
+        ffi_call=lambda name, results, vmap_method: lambda *inputs, call: _called(name, inputs, results, call))
+    for name in ("asarray", "zeros_like", "moveaxis", "stack", "vstack", "concatenate"):
+        setattr(numpy, name, lambda *given, like=getattr(np, name): like(*given).view(_JaxArray))
+    for name in ("float32", "float64", "floating", "int32", "issubdtype"):
+        setattr(numpy, name, getattr(np, name))
     return module
 
 

@@ -129,6 +129,10 @@ def _backend_of(means):
         from . import _torch
 
         return _torch
+    if module in ("jax", "jaxlib"):
+        from . import _jax
+
+        return _jax
     if module == "cupy":
         from . import _cupy
 
