@@ -117,6 +117,19 @@ class SplatOperator {
                          const OperatorInput& input, const RenderSettings& settings,
                          const OperatorPictureGradient& dL,
                          const OperatorGradients& gradients) const = 0;
+
+  // For callers that can keep bytes alone. What pull_back() reads of a frame with a room is as large
+  // for every picture of the same input and settings.
+
+  /// The bytes of that.
+  virtual std::size_t kept_bytes(const OperatorInput& input,
+                                 const RenderSettings& settings) const = 0;
+  /// A frame for pull_back() alone, in `kept` memory of kept_bytes() that call.kept gives in pieces,
+  /// one after the other: a copy of `copied`, or the one that such a call has left there before.
+  virtual std::unique_ptr<OperatorFrame> frame_in(const OperatorCall& call,
+                                                  const OperatorInput& input,
+                                                  const RenderSettings& settings,
+                                                  const OperatorFrame* copied = nullptr) const = 0;
 };
 
 }  // namespace gs

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// What XLA calls for gemsplat/_jax.py. On a GPU it draws on XLA's stream and in memory of XLA, and
-// keeps nothing: the gradient draws once more. On the CPU it calls the exact renderer by way of
-// Python.
+// What XLA calls for gemsplat/_jax.py. On a GPU it draws on XLA's stream and in memory of XLA. With a
+// room for instances the gradient finds what the picture has kept in one array more; without one it
+// draws once more. On the CPU the exact renderer is called by way of Python.
 #include <pybind11/stl.h>
 
 #include <vector>
@@ -9,6 +9,7 @@
 #include "apps/python/module.h"
 #include "apps/python/operation.h"
 #include "apps/python/xla/c_api.h"
+#include "gs_app/run/make_backend.h"
 #include "gs_core/error.h"
 
 namespace py = pybind11;
@@ -34,7 +35,8 @@ class XlaCall {
   }
 
   void* stream() const {
-    XLA_FFI_Stream_Get_Args asked{XLA_FFI_Stream_Get_Args_STRUCT_SIZE, nullptr, frame_.ctx, nullptr};
+    XLA_FFI_Stream_Get_Args asked{XLA_FFI_Stream_Get_Args_STRUCT_SIZE, nullptr, frame_.ctx,
+                                  nullptr};
     check(frame_.api->XLA_FFI_Stream_Get(&asked));
     return asked.stream;
   }
@@ -82,9 +84,9 @@ class XlaCall {
     const std::string message = details.message;
     XLA_FFI_Error_Destroy_Args destroyed{XLA_FFI_Error_Destroy_Args_STRUCT_SIZE, nullptr, error};
     frame_.api->XLA_FFI_Error_Destroy(&destroyed);
-    throw Error("XLA: " + message,
-                details.errc == XLA_FFI_Error_Code_RESOURCE_EXHAUSTED ? ExitCode::out_of_memory
-                                                                      : ExitCode::bad_data);
+    throw Error("XLA: " + message, details.errc == XLA_FFI_Error_Code_RESOURCE_EXHAUSTED
+                                       ? ExitCode::out_of_memory
+                                       : ExitCode::bad_data);
   }
 
   const XLA_FFI_CallFrame& frame_;
@@ -146,10 +148,18 @@ Addresses arrays_named(const Json& names, const std::vector<const XLA_FFI_Buffer
 }
 
 OperatorCall on_gpu(const XlaCall& call, XlaScratch& memory) {
-  if (call.settings().at("smooth").get<bool>())
-    throw UsageError("smooth is for arrays on the CPU");
+  if (call.settings().at("smooth").get<bool>()) throw UsageError("smooth is for arrays on the CPU");
   const auto allocate = [&memory](std::size_t bytes) { return memory.allocate(bytes); };
   return {call.device(), call.stream(), allocate, allocate};
+}
+
+/// The frame in an array of its own: a copy, or the one that lies there.
+std::unique_ptr<OperatorFrame> frame_in(const XLA_FFI_Buffer& array, OperatorCall on,
+                                        const Operation& operation,
+                                        const OperatorFrame* copied = nullptr) {
+  auto* next = static_cast<std::byte*>(array.data);
+  on.kept = [&next](std::size_t bytes) { return std::exchange(next, next + bytes); };
+  return gpu_operator().frame_in(on, operation.input, operation.settings, copied);
 }
 
 void draw_on_gpu(const XlaCall& call) {
@@ -159,8 +169,11 @@ void draw_on_gpu(const XlaCall& call) {
   std::size_t i = 0;
   for (const auto& [name, shape] : call.settings().at("shapes").items())
     pictures[name] = address_of(*outputs[i++]);
-  Operation(arrays_named(call.settings().at("arrays"), call.inputs()), call.settings())
-      .draw(on_gpu(call, memory), pictures);
+  const Operation operation(arrays_named(call.settings().at("arrays"), call.inputs()),
+                            call.settings());
+  const OperatorCall on = on_gpu(call, memory);
+  const auto frame = operation.draw(on, pictures);
+  if (i < outputs.size()) frame_in(*outputs[i], on, operation, frame.get());
 }
 
 void pull_back_on_gpu(const XlaCall& call) {
@@ -174,7 +187,8 @@ void pull_back_on_gpu(const XlaCall& call) {
   for (const Json& name : call.settings().at("pulled"))
     by_pictures[name.get<std::string>()] = address_of(*inputs[i++]);
   const OperatorCall on = on_gpu(call, memory);
-  const auto frame = operation.draw(on, {});
+  const auto frame =
+      i < inputs.size() ? frame_in(*inputs[i], on, operation) : operation.draw(on, {});
   operation.pull_back(on, *frame, by_pictures,
                       arrays_named(call.settings().at("wanted"), call.outputs()));
 }
@@ -231,6 +245,12 @@ XLA_FFI_Error* handle(XLA_FFI_CallFrame* frame) {
   }
 }
 
+/// The bytes of that one array more.
+std::size_t kept_bytes(const py::dict& settings) {
+  const Operation operation({}, settings);
+  return gpu_operator().kept_bytes(operation.input, operation.settings);
+}
+
 /// (name of the target, platform, handler), for jax.ffi.register_ffi_target().
 std::vector<py::tuple> jax_targets(int xla_minor) {
   g_xla_minor = xla_minor;
@@ -248,6 +268,7 @@ std::vector<py::tuple> jax_targets(int xla_minor) {
 
 void bind_jax(py::module_& module) {
   module.def("jax_targets", jax_targets);
+  module.def("jax_kept_bytes", kept_bytes);
   module.attr("XLA_MAJOR") = XLA_FFI_API_MAJOR;
 }
 

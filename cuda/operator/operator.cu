@@ -8,6 +8,7 @@
 
 #include "cuda/operator/caller_memory.cuh"
 #include "cuda/operator/stages.cuh"
+#include "cuda/render/instance_buffer.cuh"
 #include "cuda/render/renderer.cuh"
 #include "cuda/render/reports.cuh"
 
@@ -27,6 +28,48 @@ struct Frame final : OperatorFrame {
   Buffer<std::uint32_t> halted;  // (1) with a room
   std::uint32_t count = 0;
 };
+
+// Sizes what the gradient reads of a picture with a room, always in this order.
+void lay_out(const OperatorInput& input, const RenderSettings& settings, Frame& frame) {
+  RenderPass& pass = frame.pass;
+  CudaScratch& scratch = pass.scratch<CudaScratch>();
+  pass.begin(input.camera, 0);
+  pass.least_color = least_color(input);
+  const std::size_t tiles = pass.tile_count(), pixels = pass.pixel_count();
+  const std::size_t checkpoints = checkpoint_pixels(input.room);
+  pass.splats.resize_discard(input.count);
+  pass.tile_counts.resize_discard(input.count);
+  pass.tile_splats.resize_discard(input.room);
+  pass.tile_ranges.resize_discard(tiles + 1);
+  pass.image.resize_discard(3 * pixels);
+  pass.transmittance.resize_discard(pixels);
+  pass.last_instance.resize_discard(pixels);
+  pass.depth_image.resize_discard(settings.blends_depth ? pixels : 0);
+  scratch.first_checkpoints.resize_discard(tiles);
+  scratch.segments.resize_discard(most_segments(tiles, input.room));
+  scratch.instance_buffer.resize_discard(checkpoints);
+  scratch.depth_checkpoints.resize_discard(settings.blends_depth ? checkpoints : 0);
+  frame.halted.resize_discard(1);
+}
+
+// The buffers that lay_out() sizes.
+std::vector<const ByteBuffer*> kept_buffers(const Frame& frame) {
+  const RenderPass& pass = frame.pass;
+  const CudaScratch& scratch = pass.scratch<CudaScratch>();
+  return {&pass.splats,
+          &pass.tile_counts,
+          &pass.tile_splats,
+          &pass.tile_ranges,
+          &pass.image,
+          &pass.transmittance,
+          &pass.last_instance,
+          &pass.depth_image,
+          &scratch.first_checkpoints,
+          &scratch.segments,
+          &scratch.instance_buffer,
+          &scratch.depth_checkpoints,
+          &frame.halted};
+}
 
 // Page-locked memory for the report of one call. It is slow to make, so that calls hand it on.
 class BorrowedReports {
@@ -206,6 +249,39 @@ class CudaOperator final : public SplatOperator {
                                       {dL.depth, dL.depth ? pixels : 0}};
     blend_backward(context, settings, dL_dpicture, workspace, pass);
     project_backward(context, input, settings, workspace, pass, drawn.halted.data(), gradients);
+  }
+
+  std::size_t kept_bytes(const OperatorInput& input,
+                         const RenderSettings& settings) const override {
+    std::size_t bytes = 0;
+    OperatorCall counting;
+    counting.kept = [&bytes](std::size_t piece) {  // addresses that nobody reads
+      bytes += piece;
+      return reinterpret_cast<void*>(bytes);
+    };
+    Frame frame(counting);
+    lay_out(input, settings, frame);
+    return bytes;
+  }
+
+  std::unique_ptr<OperatorFrame> frame_in(const OperatorCall& call, const OperatorInput& input,
+                                          const RenderSettings& settings,
+                                          const OperatorFrame* copied) const override {
+    const OnDevice here(call.device);
+    auto frame = std::make_unique<Frame>(call);
+    lay_out(input, settings, *frame);
+    frame->memory.close();
+    frame->count = input.room;
+    if (copied) {
+      const auto from = kept_buffers(static_cast<const Frame&>(*copied));
+      const auto to = kept_buffers(*frame);
+      for (std::size_t i = 0; i < to.size(); ++i) {
+        GS_CHECK(from[i]->size() >= to[i]->size());
+        if (!to[i]->empty())
+          frame->memory.copy(to[i]->bytes(), from[i]->bytes(), to[i]->size_bytes());
+      }
+    }
+    return frame;
   }
 };
 

@@ -154,7 +154,7 @@ def _called(name, inputs, results, text):
     """Calls the handler for the CPU as XLA does."""
     inputs = [np.ascontiguousarray(array) for array in inputs]
     outputs = [np.empty(result.shape, result.dtype) for result in results]
-    kinds = {"float32": 11, "float64": 12, "int32": 4}
+    kinds = {"float32": 11, "float64": 12, "int32": 4, "uint8": 6}
     buffers = [[_Buffer(0, None, kinds[str(array.dtype)], array.ctypes.data, array.ndim, array.ctypes.shape_as(ctypes.c_int64))
                 for array in arrays] for arrays in (inputs, outputs)]
     message = []

@@ -86,25 +86,34 @@ def jvp(arguments, tangents):
 
 @functools.partial(jax.custom_vjp, nondiff_argnums=(0,))
 def _draw(text, arrays):
-    call = json.loads(text)
+    return _drawn(json.loads(text), arrays)[0]
+
+
+def _drawn(call, arrays, kept_bytes=0):
+    """What is drawn, by name, and in a list what is kept of it for the gradient, if anything."""
     results = [jax.ShapeDtypeStruct(tuple(shape), np.dtype("int32" if name == "overflowed" else call["dtype"]))
                for name, shape in call["shapes"].items()]
+    if kept_bytes:
+        results.append(jax.ShapeDtypeStruct((kept_bytes,), np.dtype("uint8")))
     drawn = jax.ffi.ffi_call("gemsplat_draw", results, vmap_method="sequential")(
-        *(arrays[name] for name in call["arrays"]), call=text)
-    return dict(zip(call["shapes"], drawn))
+        *(arrays[name] for name in call["arrays"]), call=json.dumps({**call, "for_backward": kept_bytes > 0}))
+    return dict(zip(call["shapes"], drawn)), drawn[len(call["shapes"]):]
 
 
 def _draw_forward(text, arrays):
-    return _draw(text, arrays), arrays
-
-
-def _draw_backward(text, arrays, by):
     call = json.loads(text)
+    has_room = call["max_instances"] and call["pulled"] and _gemsplat.cuda_device_count()
+    drawn, kept = _drawn(call, arrays, _gemsplat.jax_kept_bytes(call) if has_room else 0)
+    return drawn, (arrays, kept)
+
+
+def _draw_backward(text, residuals, by):
+    (arrays, kept), call = residuals, json.loads(text)
     gradients = {name: jnp.zeros_like(array) for name, array in arrays.items()}
     if call["pulled"] and call["wanted"]:
         results = [jax.ShapeDtypeStruct(arrays[name].shape, arrays[name].dtype) for name in call["wanted"]]
         gradients.update(zip(call["wanted"], jax.ffi.ffi_call("gemsplat_pull_back", results, vmap_method="sequential")(
-            *(arrays[name] for name in call["arrays"]), *(by[name] for name in call["pulled"]), call=text)))
+            *(arrays[name] for name in call["arrays"]), *(by[name] for name in call["pulled"]), *kept, call=text)))
     return (gradients,)
 
 
