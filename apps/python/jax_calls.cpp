@@ -269,7 +269,7 @@ std::vector<py::tuple> jax_targets(int xla_minor) {
 void bind_jax(py::module_& module) {
   module.def("jax_targets", jax_targets);
   module.def("jax_kept_bytes", kept_bytes);
-  module.attr("XLA_MAJOR") = XLA_FFI_API_MAJOR;
+  module.attr("XLA_VERSION") = py::make_tuple(XLA_FFI_API_MAJOR, XLA_FFI_API_MINOR);
 }
 
 }  // namespace gs::python

@@ -171,9 +171,10 @@ def _arguments(call, inputs):
 def _register():
     header = Path(jax.ffi.include_dir(), "xla", "ffi", "api", "c_api.h").read_text()
     major, minor = (int(re.search(rf"#define XLA_FFI_API_{part} (\d+)", header)[1]) for part in ("MAJOR", "MINOR"))
-    if major != _gemsplat.XLA_MAJOR:
-        raise UsageError(f"gemsplat knows version {_gemsplat.XLA_MAJOR} of XLA's foreign function interface, and this jaxlib has "
-                         f"{major}; install another jaxlib or a newer gemsplat")
+    known = _gemsplat.XLA_VERSION
+    if major != known[0] or minor < known[1]:  # later minor versions append to what earlier ones have
+        raise UsageError(f"gemsplat knows version {known[0]}.{known[1]} of XLA's foreign function interface, and this jaxlib "
+                         f"has {major}.{minor}; install jaxlib 0.11.2 or a newer gemsplat")
     for name, platform, handler in _gemsplat.jax_targets(minor):
         jax.ffi.register_ffi_target(name, handler, platform=platform)
 
