@@ -18,6 +18,7 @@
 #include "gs_core/math/update/adam.h"
 #include "gs_core/math/update/moment_rounding.h"
 #include "gs_core/math/view/view_splat.h"
+#include "gs_render/operator.h"
 #include "gs_render/renderer.h"
 #include "gs_train/row_ops.h"
 #include "gs_train/step.h"
@@ -332,6 +333,10 @@ void add_position_noise(Context& context, const GaussiansSpan& gaussians,
 
 /// The other stages, behind the interfaces of gs_train.
 std::unique_ptr<Loss> make_loss(Context& context, Memory& memory, PhotoStore& photos);  // 5 ssim.cu
+/// 5 ssim.cu for pictures of callers: writes the value, and the gradient by the picture where
+/// dL_dimage is not null.
+void compare_pictures(Context& context, Memory& scratch, const OperatorComparison& given,
+                      float* value, float* dL_dimage);
 /// 9 rows.cu, 10 morton.cu. Splats and rectangles are those of the training pass: row operations
 /// use their memory. Before large arrays grow, `release_step` is called to release what else the
 /// step has, so that the old rows of an array have room beside the new ones.

@@ -9,6 +9,7 @@
 #include <memory>
 
 #include "gs_core/camera.h"
+#include "gs_render/footprint.h"
 #include "gs_render/render_pass.h"
 
 namespace gs {
@@ -42,6 +43,8 @@ struct OperatorInput {
   std::size_t count = 0;  // N
   OperatorArrays<const float> arrays;
   bool has_log_scales = false, has_logit_opacities = false;
+  const float* features = nullptr;  // (N, channels)  blended as they are; may be null
+  int channels = 0;                 // a multiple of four
   // Room for so many instances, so that nothing waits for their number; 0: they are counted.
   std::uint32_t room = 0;
   // A picture's depth sums weights over depths, and not times depths.
@@ -53,9 +56,10 @@ struct OperatorInput {
 
 /// Where a picture is written, in device memory; what is null is not wanted.
 struct OperatorPicture {
-  float* image = nullptr;  // (3, H, W)  with the background
-  float* alpha = nullptr;  // (H, W)     1 - transmittance
-  float* depth = nullptr;  // (H, W)     sum of weights times depths; needs settings.blends_depth
+  float* image = nullptr;     // (3, H, W)  with the background
+  float* alpha = nullptr;     // (H, W)     1 - transmittance
+  float* depth = nullptr;     // (H, W)     sum of weights times depths; needs settings.blends_depth
+  float* features = nullptr;  // (H, W, channels)  sum of weights times features
   // (N, kRowNumbers)  of each Gaussian: 1 where it is visible, half the longer axis of its ellipse,
   // rounded up, mean2d, both in pixels, depth, conic; zeros where it is not visible
   float* rows = nullptr;
@@ -70,6 +74,8 @@ struct OperatorPictureGradient {
   const float* image = nullptr;  // (3, H, W)
   const float* alpha = nullptr;  // (H, W)  null: zeros
   const float* depth = nullptr;  // (H, W)  null: zeros
+  // (H, W, channels)  null: zeros. Beside it, the features that were drawn.
+  const float *features = nullptr, *drawn_features = nullptr;
 };
 
 /// Where gradients are written, in device memory; what is null is not computed. Rows of Gaussians
@@ -79,6 +85,25 @@ struct OperatorGradients {
   float* absolute_screen = nullptr;  // (N, 2)  by the projected means, absolute values of pixels
   float* viewmat = nullptr;          // (4, 4)  twelve free entries, the last row is zero
   float* K = nullptr;                // (3, 3)  four entries, the others are zero
+  float* features = nullptr;         // (N, channels)
+};
+
+/// Where footprints are written, in device memory; what is null is not wanted. Gaussians that are not
+/// visible have zeros.
+struct OperatorFootprints {
+  float* means2d = nullptr;        // (N, 2)  pixels
+  float* depths = nullptr;         // (N)     world units
+  float* conics = nullptr;         // (N, 3)  1 / pixels^2
+  float* compensations = nullptr;  // (N)     of antialiasing
+  int* radii = nullptr;            // (N, 2)  pixels
+};
+
+/// L = l1 mean|X - Y| + ssim mean SSIM(X, Y) of pictures X and Y in device memory (Wang et al. 2004).
+struct OperatorComparison {
+  const float *image, *reference;  // X, Y  (planes, H, W)  0 to 1
+  int planes, height, width;
+  int margin;  // pixels at each border in which SSIM does not count; zeros lie around the pictures
+  float l1, ssim;
 };
 
 /// Returns device memory of so many bytes, aligned to 256. What it throws ends the call.
@@ -117,6 +142,13 @@ class SplatOperator {
                          const OperatorInput& input, const RenderSettings& settings,
                          const OperatorPictureGradient& dL,
                          const OperatorGradients& gradients) const = 0;
+  /// Says where the Gaussians are, by the rules of another rasterizer. Does not wait.
+  virtual void footprints(const OperatorCall& call, const OperatorInput& input,
+                          const SplatSettings& settings, const FootprintRule& rule,
+                          const OperatorFootprints& to) const = 0;
+  /// Writes L to `value` and, where it is not null, dL/dX to dL_dimage, (planes, H, W). Does not wait.
+  virtual void compare(const OperatorCall& call, const OperatorComparison& given, float* value,
+                       float* dL_dimage) const = 0;
 
   // For callers that can keep bytes alone. What pull_back() reads of a frame with a room is as large
   // for every picture of the same input and settings.

@@ -193,12 +193,44 @@ py::dict gradients(const NamedArrays& values, const NamedArrays& dL_dpicture,
   return arrays;
 }
 
+/// Where the Gaussians are by the rules of another rasterizer.
+py::dict footprints(const NamedArrays& values, const py::dict& settings, const std::string& shape,
+                    float clip, int tile) {
+  const Picture picture(settings);
+  const Inputs inputs{values, {}};
+  const auto gaussians = gaussians_of<double>(inputs, picture);
+  const auto view = view_of<double>(inputs, picture);
+  const std::vector<Footprint<double>> rows = computed([&] {
+    return footprints_by_rule(gaussians, view, picture.settings.splat,
+                              footprint_rule(shape, clip, tile));
+  });
+  const auto count = py::ssize_t(rows.size());
+  const auto column = [&](const Shape& shape, auto&& of_row) {
+    std::vector<std::decay_t<decltype(of_row(rows[0]))>> values;
+    for (const Footprint<double>& row : rows) values.push_back(of_row(row));
+    return array_of<double>(values, shape);
+  };
+  py::dict arrays;
+  arrays["means2d"] = column({count, 2}, [](const auto& row) { return row.mean2d; });
+  arrays["depths"] = column({count}, [](const auto& row) { return row.depth; });
+  arrays["conics"] = column({count, 3}, [](const auto& row) { return row.conic; });
+  arrays["compensations"] = column({count}, [](const auto& row) { return row.compensation; });
+  arrays["radii"] =
+      column({count, 2}, [](const auto& row) { return Vec2<double>(row.radius_x, row.radius_y); });
+  return arrays;
+}
+
 }  // namespace
+
+FootprintRule footprint_rule(const std::string& shape, float clip, int tile) {
+  return {shape == "box" ? FootprintShape::box : FootprintShape::square, clip, tile};
+}
 
 void bind_exact(py::module_& module) {
   module.def("exact_picture", picture);
   module.def("exact_slopes", slopes);
   module.def("exact_gradients", gradients);
+  module.def("exact_footprints", footprints);
 }
 
 }  // namespace gs::python

@@ -65,6 +65,30 @@ void pull_back(const Operation& operation, const OperatorFrame& frame, int devic
   operation.pull_back(call, frame, by_pictures, by_arrays);
 }
 
+/// Writes to the addresses of means2d, depths, conics, compensations and radii.
+void find_footprints(const Operation& operation, int device, std::uintptr_t stream,
+                     const std::string& shape, float clip, int tile,
+                     const std::array<std::uintptr_t, 5>& to) {
+  const OperatorCall call{device, pointer<void>(stream), nullptr, nullptr};
+  const py::gil_scoped_release release;
+  gpu_operator().footprints(call, operation.input, operation.settings,
+                            footprint_rule(shape, clip, tile),
+                            {pointer<float>(to[0]), pointer<float>(to[1]), pointer<float>(to[2]),
+                             pointer<float>(to[3]), pointer<int>(to[4])});
+}
+
+/// See OperatorComparison; sides is (planes, H, W), weights (l1, ssim).
+void compare(int device, std::uintptr_t stream, const py::function& scratch, std::uintptr_t image,
+             std::uintptr_t reference, const std::array<int, 3>& sides, int margin,
+             const std::array<float, 2>& weights, std::uintptr_t value, std::uintptr_t dL_dimage) {
+  const OperatorCall call{device, pointer<void>(stream), nullptr, allocator(scratch)};
+  const py::gil_scoped_release release;
+  gpu_operator().compare(call,
+                         {pointer<const float>(image), pointer<const float>(reference), sides[0],
+                          sides[1], sides[2], margin, weights[0], weights[1]},
+                         pointer<float>(value), pointer<float>(dL_dimage));
+}
+
 }  // namespace
 
 void Operation::set_arrays(const Addresses& arrays) {
@@ -76,6 +100,8 @@ void Operation::set_arrays(const Addresses& arrays) {
       input.K = address;
     else if (name == "background")
       settings.background_on_device = address;
+    else if (name == "features")
+      input.features = address, input.channels = int(at.second);
     else if (name != "absolute_screen")
       *rows_named(input.arrays, name) = {address, at.second};
   }
@@ -85,10 +111,11 @@ void Operation::set_arrays(const Addresses& arrays) {
 
 std::unique_ptr<OperatorFrame> Operation::draw(const OperatorCall& call,
                                                const PictureAddresses& to) const {
-  return gpu_operator().draw(call, input, settings,
-                             {picture_named<float>(to, "image"), picture_named<float>(to, "alpha"),
-                              picture_named<float>(to, "depth"), picture_named<float>(to, "rows"),
-                              picture_named<std::uint32_t>(to, "overflowed")});
+  return gpu_operator().draw(
+      call, input, settings,
+      {picture_named<float>(to, "image"), picture_named<float>(to, "alpha"),
+       picture_named<float>(to, "depth"), picture_named<float>(to, "features"),
+       picture_named<float>(to, "rows"), picture_named<std::uint32_t>(to, "overflowed")});
 }
 
 void Operation::pull_back(const OperatorCall& call, const OperatorFrame& frame,
@@ -102,6 +129,8 @@ void Operation::pull_back(const OperatorCall& call, const OperatorFrame& frame,
       gradients.K = address;
     else if (name == "absolute_screen")
       gradients.absolute_screen = address;
+    else if (name == "features")
+      gradients.features = address;
     else
       *rows_named(gradients.arrays, name) = {address, at.second};
   }
@@ -110,15 +139,19 @@ void Operation::pull_back(const OperatorCall& call, const OperatorFrame& frame,
   gpu_operator().pull_back(call, frame, input, with_sums,
                            {picture_named<const float>(by_pictures, "image"),
                             picture_named<const float>(by_pictures, "alpha"),
-                            picture_named<const float>(by_pictures, "depth")},
+                            picture_named<const float>(by_pictures, "depth"),
+                            picture_named<const float>(by_pictures, "features"),
+                            picture_named<const float>(by_pictures, "drawn_features")},
                            gradients);
 }
 
 void bind_gpu_operator(py::module_& module) {
+  module.def("gpu_compare", compare);
   py::class_<Operation>(module, "GpuOperation")
       .def(py::init(&make_operation))
       .def("draw", draw)
-      .def("pull_back", pull_back);
+      .def("pull_back", pull_back)
+      .def("footprints", find_footprints);
   py::class_<OperatorFrame>(module, "GpuFrame")
       .def_property_readonly("transmittance", [](const OperatorFrame& frame) {
         return reinterpret_cast<std::uintptr_t>(frame.transmittance());

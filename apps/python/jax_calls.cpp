@@ -186,6 +186,7 @@ void pull_back_on_gpu(const XlaCall& call) {
   std::size_t i = names.size();
   for (const Json& name : call.settings().at("pulled"))
     by_pictures[name.get<std::string>()] = address_of(*inputs[i++]);
+  if (by_pictures.contains("features")) by_pictures["drawn_features"] = address_of(*inputs[i++]);
   const OperatorCall on = on_gpu(call, memory);
   const auto frame =
       i < inputs.size() ? frame_in(*inputs[i], on, operation) : operation.draw(on, {});

@@ -8,6 +8,7 @@
 
 #include "gs_app/run/open_model.h"
 #include "gs_eval/metrics.h"
+#include "gs_render/footprint.h"
 
 namespace gs::python {
 
@@ -30,6 +31,9 @@ ScenePointer load(const DatasetConfig& dataset);
 
 /// gemsplat.Evaluation: (psnr, ssim, flip, lpips, [(name, psnr, ssim, flip, lpips) of a view, ...]).
 pybind11::tuple figures_of(const Evaluation& evaluation);
+
+/// shape: square or box.
+FootprintRule footprint_rule(const std::string& shape, float clip, int tile);
 
 /// gemsplat.Error and its kinds, and how errors of C++ become them.
 void bind_errors(pybind11::module_& module);

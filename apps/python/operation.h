@@ -35,7 +35,8 @@ struct Operation {
 
   /// Draws as SplatOperator does, on a GPU.
   std::unique_ptr<OperatorFrame> draw(const OperatorCall& call, const PictureAddresses& to) const;
-  /// Pulls the gradients by pictures back to those by arrays.
+  /// Pulls the gradients by pictures back to those by arrays. Beside features, "drawn_features" are
+  /// those that were drawn.
   void pull_back(const OperatorCall& call, const OperatorFrame& frame,
                  const PictureAddresses& by_pictures, const Addresses& by_arrays) const;
 

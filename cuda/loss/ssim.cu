@@ -17,10 +17,11 @@
 //
 // Views with a mask or an exposure use kernels of their own, in which photo_weight.h computes X and
 // Y from the two pictures, so that other views are not slowed down. So do views with a learned
-// appearance (photometric.cuh): their kernels also add up the gradient of the photo's numbers.
+// appearance (photometric.cuh): their kernels also add up the gradient of the photo's numbers. And so
+// do pictures that callers of the operator compare with others of theirs, of any number of planes.
 #include <cstdint>
 
-#include "cuda/device/warp.cuh"
+#include "cuda/device/block_sums.cuh"
 #include "cuda/photo_terms/photometric.cuh"
 #include "cuda/stages.cuh"
 #include "gs_core/image.h"
@@ -43,6 +44,7 @@ enum class Shown {
   plain,     // the picture
   weighted,  // the picture under a mask or an exposure
   gained,    // under a mask, perhaps, and the learned gains of the photo
+  given,     // the picture, beside another picture in place of a photo
 };
 
 /// Both pictures, and how blocks cover them.
@@ -57,6 +59,9 @@ struct Pictures {
   bool over_background;
   float white;
   PhotoLook look;  // of views with a learned appearance, in place of the exposure
+  // Of given pictures only; both are (planes, H, W)
+  const float* reference = nullptr;
+  int planes = 3, margin = 0;  // SSIM does not count in so many pixels at each border
 };
 
 /// d_x, d_xx, d_xy: (3 channels, H, row_floats / 96, 3 maps, 32 columns), so that one address leads
@@ -78,9 +83,11 @@ struct Derivatives {
 struct Area {
   int channel, x0, y0;
 };
+template <Shown kShown>
 __device__ inline Area area_of_block(const Pictures& pictures) {
-  const unsigned area = blockIdx.x / 3, row = area / unsigned(pictures.blocks_x);
-  return {int(blockIdx.x % 3), int(area - row * pictures.blocks_x) * kBlockColumns,
+  const unsigned planes = kShown == Shown::given ? pictures.planes : 3;
+  const unsigned area = blockIdx.x / planes, row = area / unsigned(pictures.blocks_x);
+  return {int(blockIdx.x % planes), int(area - row * pictures.blocks_x) * kBlockColumns,
           int(row) * kBlockRows};
 }
 
@@ -203,6 +210,7 @@ __device__ inline float column_moments(const Pictures& pictures, const Area& are
   const std::int64_t width = pictures.width;
   const std::int64_t first = top * width + x;
   const float* image = pictures.image + (area.channel * width * pictures.height + first);
+  const float* reference = pictures.reference + (area.channel * width * pictures.height + first);
   const std::uint8_t* photo = pictures.photo + (3 * first + area.channel);
   const std::uint8_t* mask = pictures.mask ? pictures.mask + first : nullptr;
   const ShownChannel shown = shown_channel<kShown>(pictures, area.channel);
@@ -211,14 +219,16 @@ __device__ inline float column_moments(const Pictures& pictures, const Area& are
     float X = 0, Y = 0;  // outside
     if (is_inside && unsigned(top + i) < unsigned(pictures.height)) {
       ComparedValue value;
-      if constexpr (kShown == Shown::gained)
+      if constexpr (kShown == Shown::given)
+        value = {__ldg(image), __ldg(reference)};
+      else if constexpr (kShown == Shown::gained)
         value = compared_gained(pictures, shown, __ldg(image), photo_value(__ldg(photo)), mask);
       else
         value = compared<kShown != Shown::plain>(pictures, area.channel, __ldg(image),
                                                  photo_value(__ldg(photo)), mask);
       X = value.X, Y = value.Y;
     }
-    image += width, photo += 3 * width;
+    image += width, photo += 3 * width, reference += width;
     if (kShown != Shown::plain && mask) mask += width;
     const float p = X + Y, q = X - Y;
     values[0] = p, values[1] = q, values[2] = p * p, values[3] = q * q;
@@ -235,18 +245,23 @@ __device__ inline WindowMeans<float> moments_of(float p, float q, float pp, floa
 }
 
 /// Four neighboring pixels of one row: writes their derivatives, returns the sum of their SSIM.
+template <Shown kShown>
 __device__ inline float similarity_of_four(const Pictures& pictures, const Area& area, int y, int x,
                                            float dL_dssim, const float (&moments)[4][kGroup],
                                            const Derivatives& derivatives) {
   float d[3][kGroup], ssim_sum = 0;
+  const int margin = kShown == Shown::given ? pictures.margin : 0;
+  const bool has_row = y >= margin && y < pictures.height - margin;
 #pragma unroll
   for (int j = 0; j < kGroup; ++j) {
     const WindowMeans<float> local =
         moments_of(moments[0][j], moments[1][j], moments[2][j], moments[3][j]);
-    const SsimGradient<float> gradient = ssim_index_vjp(local, dL_dssim);
+    const bool counts =
+        kShown != Shown::given || (has_row && x + j >= margin && x + j < pictures.width - margin);
+    const SsimGradient<float> gradient = ssim_index_vjp(local, counts ? dL_dssim : 0.0f);
     d[0][j] = gradient.x, d[1][j] = gradient.xx, d[2][j] = gradient.xy;
     const float ssim = ssim_index(local);
-    ssim_sum += x + j < pictures.width ? ssim : 0.0f;
+    ssim_sum += counts && x + j < pictures.width ? ssim : 0.0f;
   }
 #pragma unroll
   for (int map = 0; map < 3; ++map)
@@ -261,7 +276,7 @@ template <Shown kShown>
 __global__ void __launch_bounds__(kThreads, 5)
     similarity_kernel(Pictures pictures, float dL_dssim, Derivatives derivatives, float2* sums) {
   alignas(16) __shared__ ColumnMeans<4> means;
-  const Area area = area_of_block(pictures);
+  const Area area = area_of_block<kShown>(pictures);
   const float l1_sum = column_moments<kShown>(pictures, area, means);
   __syncthreads();
 
@@ -273,8 +288,8 @@ __global__ void __launch_bounds__(kThreads, 5)
     float moments[4][kGroup];
 #pragma unroll
     for (int map = 0; map < 4; ++map) means_across(&means[row][map][column], moments[map]);
-    ssim_sum += similarity_of_four(pictures, area, area.y0 + row, area.x0 + column, dL_dssim,
-                                   moments, derivatives);
+    ssim_sum += similarity_of_four<kShown>(pictures, area, area.y0 + row, area.x0 + column,
+                                           dL_dssim, moments, derivatives);
   }
   const float2 sum{warp_sum(l1_sum), warp_sum(ssim_sum)};
   if (lane_of_thread() == 0) sums[std::size_t(blockIdx.x) * kWarps + warp] = sum;
@@ -345,7 +360,9 @@ __device__ inline void gradient_of_row(const Pictures& pictures, const ShownChan
 #pragma unroll
   for (int turn = 0; turn < kTurns; ++turn) {
     const int i = min(lane_of_thread() + turn * kWarp, columns - 1);
-    if constexpr (kShown == Shown::gained)
+    if constexpr (kShown == Shown::given)
+      values[turn] = {__ldg(image + i), __ldg(pictures.reference + place.value + i)};
+    else if constexpr (kShown == Shown::gained)
       values[turn] =
           compared_gained(pictures, shown, __ldg(image + i), photo_value(__ldg(photo + 3 * i)),
                           pictures.mask ? pictures.mask + (place.pixel + i) : nullptr);
@@ -362,7 +379,8 @@ __device__ inline void gradient_of_row(const Pictures& pictures, const ShownChan
     const float sign = float(X > Y) - float(X < Y);
     const float dL_dX = l1 * sign + means[0][i] + 2.0f * X * means[1][i] + Y * means[2][i];
     if (i < columns)
-      dL_dimage[place.value + i] = kShown == Shown::plain ? dL_dX : values[turn].gain * dL_dX;
+      dL_dimage[place.value + i] =
+          kShown == Shown::plain || kShown == Shown::given ? dL_dX : values[turn].gain * dL_dX;
     if (kShown == Shown::gained && i < columns) look_sum += dL_dX * values[turn].taught;
   }
 }
@@ -374,7 +392,7 @@ __global__ void __launch_bounds__(kThreads, 6)
     image_gradient_kernel(Pictures pictures, float l1, Derivatives derivatives, float* dL_dimage,
                           float* look_sums) {
   alignas(16) __shared__ ColumnMeans<3> means;
-  const Area area = area_of_block(pictures);
+  const Area area = area_of_block<kShown>(pictures);
   column_derivatives(pictures, area, derivatives, means);
   __syncthreads();
 
@@ -390,6 +408,33 @@ __global__ void __launch_bounds__(kThreads, 6)
     gradient_of_row<kShown>(pictures, shown, place, columns, l1, means[row], dL_dimage, look_sum);
   }
   if constexpr (kShown == Shown::gained) store_look_sum(look_sum, look_sums + blockIdx.x);
+}
+
+/// How blocks cover pictures, and what they leave.
+struct Cover {
+  std::size_t blocks, row_floats;
+
+  Cover(int planes, int width, int height) {
+    const std::size_t across = blocks_for(std::size_t(width), kBlockColumns);
+    constexpr int kColumns = Derivatives::kColumns;
+    blocks = planes * across * blocks_for(std::size_t(height), kBlockRows);
+    row_floats = 3 * kColumns * blocks_for(across * kBlockColumns, kColumns);
+  }
+};
+
+constexpr int kSumThreads = 256;
+
+/// One block: the value of a comparison, from the sums of all warps.
+__global__ void __launch_bounds__(kSumThreads)
+    comparison_value_kernel(const float2* sums, std::size_t count, double l1, double ssim,
+                            float* value) {
+  __shared__ double of_warps[kSumThreads / kWarp][1];
+  double sum[1] = {0};
+  for (std::size_t i = threadIdx.x; i < count; i += kSumThreads)
+    sum[0] += l1 * sums[i].x + ssim * sums[i].y;
+  double total = 0;
+  sum_of_block(sum, of_warps, &total);
+  if (threadIdx.x == 0) *value = float(total);
 }
 
 class CudaLoss final : public Loss {
@@ -439,21 +484,17 @@ class CudaLoss final : public Loss {
  private:
   template <Shown kShown>
   void launch(const Pictures& pictures, float* dL_dimage) {
-    const std::size_t blocks =
-        3 * pictures.blocks_x * blocks_for(std::size_t(pictures.height), kBlockRows);
-    constexpr int kColumns = Derivatives::kColumns;
-    const std::size_t row_floats =
-        3 * kColumns * blocks_for(std::size_t(pictures.blocks_x) * kBlockColumns, kColumns);
-    derivatives_.resize_discard(3 * pictures.height * row_floats);
-    sums_.resize_discard(blocks * kWarps);
-    if (kShown == Shown::gained) look_sums_.resize_discard(blocks);
-    const Derivatives derivatives{derivatives_.data(), std::int64_t(row_floats)};
+    const Cover cover(3, pictures.width, pictures.height);
+    derivatives_.resize_discard(3 * pictures.height * cover.row_floats);
+    sums_.resize_discard(cover.blocks * kWarps);
+    if (kShown == Shown::gained) look_sums_.resize_discard(cover.blocks);
+    const Derivatives derivatives{derivatives_.data(), std::int64_t(cover.row_floats)};
     const float n = float(values_);
 
     StageScope scope(context_, "loss");
-    context_.launch("loss", similarity_kernel<kShown>, blocks, kThreads, pictures,
+    context_.launch("loss", similarity_kernel<kShown>, cover.blocks, kThreads, pictures,
                     -lambda_dssim_ / n, derivatives, sums_.data());
-    context_.launch("loss", image_gradient_kernel<kShown>, blocks, kThreads, pictures,
+    context_.launch("loss", image_gradient_kernel<kShown>, cover.blocks, kThreads, pictures,
                     (1.0f - lambda_dssim_) / n, derivatives, dL_dimage, look_sums_.data());
   }
 
@@ -470,6 +511,39 @@ class CudaLoss final : public Loss {
 
 std::unique_ptr<Loss> make_loss(Context& context, Memory& memory, PhotoStore& photos) {
   return std::make_unique<CudaLoss>(context, memory, photos);
+}
+
+void compare_pictures(Context& context, Memory& scratch, const OperatorComparison& given,
+                      float* value, float* dL_dimage) {
+  const Cover cover(given.planes, given.width, given.height);
+  Buffer<float> derivatives(given.planes * given.height * cover.row_floats, scratch);
+  Buffer<float2> sums(cover.blocks * kWarps, scratch);
+  const Pictures pictures{given.image,
+                          nullptr,
+                          given.width,
+                          given.height,
+                          int(blocks_for(std::size_t(given.width), kBlockColumns)),
+                          nullptr,
+                          Vec3f(1.0f),
+                          Vec3f(0.0f),
+                          false,
+                          kPhotoWhite,
+                          PhotoLook(nullptr),
+                          given.reference,
+                          given.planes,
+                          given.margin};
+  const auto mean_of = [&](int margin) {
+    return 1.0 / (double(given.planes) * (given.width - 2 * margin) * (given.height - 2 * margin));
+  };
+  const double l1 = given.l1 * mean_of(0), ssim = given.ssim * mean_of(given.margin);
+  const Derivatives to{derivatives.data(), std::int64_t(cover.row_floats)};
+  context.launch("loss", similarity_kernel<Shown::given>, cover.blocks, kThreads, pictures,
+                 float(ssim), to, sums.data());
+  context.launch("loss", comparison_value_kernel, 1, kSumThreads, sums.data(), sums.size(), l1,
+                 ssim, value);
+  if (dL_dimage)
+    context.launch("loss", image_gradient_kernel<Shown::given>, cover.blocks, kThreads, pictures,
+                   float(l1), to, dL_dimage, nullptr);
 }
 
 }  // namespace gs::cuda

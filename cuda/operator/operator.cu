@@ -45,6 +45,7 @@ void lay_out(const OperatorInput& input, const RenderSettings& settings, Frame& 
   pass.transmittance.resize_discard(pixels);
   pass.last_instance.resize_discard(pixels);
   pass.depth_image.resize_discard(settings.blends_depth ? pixels : 0);
+  scratch.tile_order.resize_discard(tiles);
   scratch.first_checkpoints.resize_discard(tiles);
   scratch.segments.resize_discard(most_segments(tiles, input.room));
   scratch.instance_buffer.resize_discard(checkpoints);
@@ -64,6 +65,7 @@ std::vector<const ByteBuffer*> kept_buffers(const Frame& frame) {
           &pass.transmittance,
           &pass.last_instance,
           &pass.depth_image,
+          &scratch.tile_order,
           &scratch.first_checkpoints,
           &scratch.segments,
           &scratch.instance_buffer,
@@ -179,9 +181,11 @@ struct Expected {
 class CudaOperator final : public SplatOperator {
  public:
   std::unique_ptr<OperatorFrame> draw(const OperatorCall& call, const OperatorInput& input,
-                                      const RenderSettings& settings,
+                                      const RenderSettings& given,
                                       const OperatorPicture& to) const override {
     const OnDevice here(call.device);
+    RenderSettings settings = given;
+    if (to.features) settings.for_backward = true;  // features need each pixel's last fragment
     auto frame = std::make_unique<Frame>(call);
     Context& context = frame->context;
     RenderPass& pass = frame->pass;
@@ -209,6 +213,7 @@ class CudaOperator final : public SplatOperator {
     create_instances(context, settings, workspace, pass, limit);
     sort_by_tile(context, settings, workspace, pass, limit.capacity);
     blend(context, settings, pass);
+    if (to.features) blend_features(context, settings, pass, input, to.features);
     context.launch("copy of the picture", copy_picture_kernel, blocks_for(pixels, kThreads),
                    kThreads, pixels, pass.image.data(), pass.transmittance.data(),
                    pass.depth_image.data(), frame->halted.data(), to);
@@ -243,11 +248,20 @@ class CudaOperator final : public SplatOperator {
       zeros(workspace.coarse_sums, rows);
     }
     Buffer<float> no_image(scratch);
-    if (!dL.image) zeros(no_image, 3 * pixels);
-    const PictureGradient dL_dpicture{{dL.image ? dL.image : no_image.data(), 3 * pixels},
-                                      {dL.alpha, dL.alpha ? pixels : 0},
-                                      {dL.depth, dL.depth ? pixels : 0}};
-    blend_backward(context, settings, dL_dpicture, workspace, pass);
+    if (dL.image || dL.alpha || dL.depth) {
+      if (!dL.image) zeros(no_image, 3 * pixels);
+      const PictureGradient dL_dpicture{{dL.image ? dL.image : no_image.data(), 3 * pixels},
+                                        {dL.alpha, dL.alpha ? pixels : 0},
+                                        {dL.depth, dL.depth ? pixels : 0}};
+      blend_backward(context, settings, dL_dpicture, workspace, pass);
+    }
+    if (gradients.features)
+      check(cudaMemsetAsync(gradients.features, 0, rows * input.channels * sizeof(float),
+                            context.stream()),
+            "gradient by features");
+    if (dL.features)
+      blend_features_backward(context, settings, pass, input, dL, drawn.halted.data(), workspace,
+                              gradients.features);
     project_backward(context, input, settings, workspace, pass, drawn.halted.data(), gradients);
   }
 
@@ -282,6 +296,22 @@ class CudaOperator final : public SplatOperator {
       }
     }
     return frame;
+  }
+
+  void footprints(const OperatorCall& call, const OperatorInput& input,
+                  const SplatSettings& settings, const FootprintRule& rule,
+                  const OperatorFootprints& to) const override {
+    const OnDevice here(call.device);
+    Context context(call.device, static_cast<cudaStream_t>(call.stream));
+    cuda::footprints(context, input, settings, rule, to);
+  }
+
+  void compare(const OperatorCall& call, const OperatorComparison& given, float* value,
+               float* dL_dimage) const override {
+    const OnDevice here(call.device);
+    Context context(call.device, static_cast<cudaStream_t>(call.stream));
+    CallerMemory scratch(context, call.scratch);
+    compare_pictures(context, scratch, given, value, dL_dimage);
   }
 };
 

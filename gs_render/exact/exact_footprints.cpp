@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// What callers of exact_renderer.h may know of each Gaussian in a view.
+// What callers of exact_renderer.h may know of each Gaussian in a view: as pictures have it, and by
+// the rules of other rasterizers.
 #include "gs_render/exact/exact_renderer.h"
 
 namespace gs {
@@ -46,6 +47,21 @@ ExactFootprints exact_footprints(const ExactGaussians<double>& gaussians,
     footprints.depths[at.row] = at.depth;
     footprints.conics[at.row] = at.splat.conic;
     footprints.radii[at.row] = radius_of(cov2d, at.splat.cutoff);
+  }
+  return footprints;
+}
+
+std::vector<Footprint<double>> footprints_by_rule(const ExactGaussians<double>& gaussians,
+                                                  const ExactView<double>& view,
+                                                  const SplatSettings& settings,
+                                                  const FootprintRule& rule) {
+  check_sizes(gaussians, view);
+  std::vector<Footprint<double>> footprints(gaussians.count());
+  for (std::size_t i = 0; i < footprints.size(); ++i) {
+    if (gaussians.covariances.empty() && is_degenerate(gaussians.rotations[i])) continue;
+    footprints[i] =
+        footprint(view.camera, to_camera(view.camera, gaussians.means[i]),
+                  exact_covariance(gaussians, i), gaussians.opacities[i], settings, rule);
   }
   return footprints;
 }

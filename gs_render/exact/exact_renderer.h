@@ -9,6 +9,7 @@
 
 #include "gs_core/math/pose/camera_entries.h"
 #include "gs_core/math/render/blend.h"
+#include "gs_render/footprint.h"
 
 namespace gs {
 
@@ -96,6 +97,12 @@ struct ExactFootprints {
 /// deviations, and all Gaussians that can be projected are visible.
 ExactFootprints exact_footprints(const ExactGaussians<double>& gaussians,
                                  const ExactView<double>& view, const ExactSettings& settings);
+
+/// The same by the rules of another rasterizer, one row for each Gaussian. Colors do not count.
+std::vector<Footprint<double>> footprints_by_rule(const ExactGaussians<double>& gaussians,
+                                                  const ExactView<double>& view,
+                                                  const SplatSettings& settings,
+                                                  const FootprintRule& rule);
 
 /// The gradient of a scalar L by everything that exact_picture() reads, from dL/d(picture).
 /// Gaussians that are not visible have none. Off-diagonal entries of covariances hold the derivative

@@ -12,7 +12,8 @@ import numpy as np
 
 import gemsplat
 import gemsplat.compat
-from compat_support import BACKGROUND, HEIGHT, K, VIEW, WIDTH, chosen, draw_by_gsplat, gaussians, loss_of, near, settings, torch
+from compat_support import (BACKGROUND, DEVICES, HEIGHT, K, VIEW, WIDTH, chosen, draw_by_gsplat, gaussians, loss_of, near,
+                            near_in_all, settings, torch)
 from support import TestCase
 
 if torch is not None:
@@ -47,8 +48,30 @@ class OtherModulesTest(TestCase):
             self.assertAlmostEqual(float(fused_ssim.fused_ssim(x, y, padding=padding)), float(np.mean(values)), places=12)
         small = x[:1, :1, :6, :5].clone().requires_grad_()
         self.assertTrue(torch.autograd.gradcheck(lambda image: fused_ssim.fused_ssim(image, y[:1, :1, :6, :5]), small))
+        for device in DEVICES[1:]:
+            for padding in ("same", "valid"):
+                with self.subTest(device, padding=padding):
+                    pictures = [torch.rand(2, 3, 45, 211, generator=torch.Generator().manual_seed(seed)) for seed in (3, 4)]
+                    found, expected = (pictures[0].to(device).requires_grad_(), pictures[0].double().requires_grad_())
+                    value = fused_ssim.fused_ssim(found, pictures[1].to(device), padding)
+                    of_double = fused_ssim.fused_ssim(expected, pictures[1].double(), padding)
+                    near(value.cpu().double(), of_double, 1e-6)
+                    slope, of_double = torch.autograd.grad(3 * value, found)[0], torch.autograd.grad(3 * of_double, expected)[0]
+                    near_in_all(slope, of_double, 1e-4)
         self.assertFalse(fused_ssim.fused_ssim(small, y[:1, :1, :6, :5], train=False).requires_grad)
         self.assert_refused("padding takes same or valid", fused_ssim.fused_ssim, x, y, "full")
+        self.assert_refused("hold no window of 11 pixels", fused_ssim.fused_ssim, x[..., :9], y[..., :9], "valid")
+
+    def test_the_photometric_loss_is_that_of_training(self):
+        for device in DEVICES:
+            x, y = (torch.rand(33, 47, 3, generator=torch.Generator().manual_seed(seed)).to(device) for seed in (1, 2))
+            x.requires_grad_()
+            planes = (picture.movedim(-1, 0)[None] for picture in (x, y))
+            loss = gemsplat.photometric_loss(x, y, ssim_weight=0.3)
+            expected = 0.7 * (x - y).abs().mean() + 0.3 * (1 - fused_ssim.fused_ssim(*planes))
+            near(loss, expected, 1e-6)
+            near_in_all(*(torch.autograd.grad(each, x)[0] for each in (loss, expected)), 1e-5)
+        self.assert_refused("image must be a tensor", gemsplat.photometric_loss, x.detach().cpu().numpy(), y)
 
 
 @unittest.skipUnless(torch, "PyTorch is not installed")

@@ -20,6 +20,7 @@ FORMS = {
     "colors": {"sh": None, "colors": np.linspace(-0.2, 1, 300).reshape(100, 3)},
     "features": {"sh": None, "colors": np.linspace(0, 1, 300).reshape(100, 3),
                  "features": np.linspace(-1, 1, 500).reshape(100, 5)},
+    "many features": {"features": np.linspace(-1, 1, 4400).reshape(100, 44)[::-1].copy()},
     "sh0 and sh_rest": {"sh": None, "sh0": np.linspace(-1, 1, 300).reshape(100, 3),
                         "sh_rest": np.linspace(-1, 1, 2400).reshape(100, 8, 3) / 4},
     "several views": {"viewmats": np.array([VIEW, VIEW]),

@@ -66,18 +66,21 @@ class StandInTest(TestCase):
         if len(ours._draw.calls) == 1:
             (text, given), = ours._draw.calls
             weights = weights_of_pictures(rendering)
-            by = {"depth": weights.get("depth", weights.get("inverse_depth"))}
+            by = {"features": weights.get("features"), "depth": weights.get("depth", weights.get("inverse_depth"))}
             if "image" in weights:
                 by["image"] = np.moveaxis(weights["image"], -1, 0)
                 by["alpha"] = weights.get("alpha", 0) - weights["image"] @ np.float64(arrays["background"])
             shape = (HEIGHT, WIDTH)
             by = {name: np.asarray(np.zeros(shape) if value is None else value, np.float32) for name, value in by.items()}
+            if "features" in given:
+                by["features"] = ours._gpu.padded(by["features"], given["features"].shape[1], np)
             _, residuals = ours._draw_forward(text, given)
-            self.assertEqual(len(residuals[1]), bool(settings.get("max_instances")))
+            self.assertEqual(len(residuals[1]), ("features" in given) + bool(settings.get("max_instances")))
             gradients, = ours._draw_backward(text, residuals, by)
             for name, gradient in by_exact.items():
-                if name != "background" and arrays[name].shape == gradients[name].shape:
-                    assert_near(self, gradients[name], gradient, 3e-4, name)
+                if name != "background":
+                    found = gradients[name][:, :gradient.shape[1]] if name == "features" else gradients[name]
+                    assert_near(self, found, gradient, 3e-4, name)
 
 
 class Tests:

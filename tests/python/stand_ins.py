@@ -41,7 +41,8 @@ class HostOperation:
     def _arrays(self, addresses):
         count, arrays = self.call["count"], {}
         for name, (address, stride) in addresses.items():
-            row = ((self.call["sh_degree"] + 1)**2 - 1, 3) if name == "sh_rest" else _ROWS.get(name)
+            row = (((self.call["sh_degree"] + 1)**2 - 1, 3) if name == "sh_rest"
+                   else (stride,) if name == "features" else _ROWS.get(name))
             if name in _WHOLE:
                 arrays[name] = at(address, _WHOLE[name])
             else:
@@ -53,8 +54,11 @@ class HostOperation:
         names = ("count", "width", "height", "sh_degree", "near", "far", "blur", "antialiased", "blend_rule")
         camera = self.call.get("camera")
         return Arguments(arrays=self.arrays, cameras=(camera,) if camera else None, views=1, has_view_axis=False, shape="",
-                         opacity="", color="colors", channels=0, dtype="float32", pictures=pictures, rows=rows, smooth=False,
+                         opacity="", color="colors", channels=self._channels(), dtype="float32", pictures=pictures, rows=rows, smooth=False,
                          max_instances=None, **{name: self.call[name] for name in names})
+
+    def _channels(self):
+        return self.arrays["features"].shape[1] if "features" in self.arrays else 0
 
     def _named(self, name):
         return "inverse_depth" if name == "depth" and self.call["inverse_depth"] else name
@@ -66,7 +70,8 @@ class HostOperation:
         scratch(64)
         rendering = _numpy.rasterize(self._arguments(("image", "alpha", "depth", "inverse_depth"), ROWS))
         at(address, size)[...] = 1 - rendering.alpha
-        shapes = {"image": (3, *size), "alpha": size, "depth": size, "rows": (self.call["count"], 8), "overflowed": (1,)}
+        shapes = {"image": (3, *size), "alpha": size, "depth": size, "rows": (self.call["count"], 8), "overflowed": (1,),
+                  "features": (*size, self._channels())}
         for name, to in pictures.items():
             value = (np.moveaxis(rendering.image, -1, 0) if name == "image"
                      else np.column_stack([getattr(rendering, row) for row in ROWS]) if name == "rows"
@@ -76,10 +81,14 @@ class HostOperation:
 
     def pull_back(self, frame, device, stream, scratch, by_pictures, by_arrays):
         size = self.call["height"], self.call["width"]
-        by = {self._named(name): at(address, (3, *size) if name == "image" else size) for name, address in by_pictures.items()}
+        shapes = {"image": (3, *size), "features": (*size, self._channels()), "drawn_features": (*size, self._channels())}
+        by = {self._named(name): at(address, shapes.get(name, size)) for name, address in by_pictures.items()}
+        drawn = by.pop("drawn_features", None)
+        if "features" in by:
+            np.testing.assert_allclose(drawn, _numpy.rasterize(self._arguments(())).features, atol=1e-6)
         if "image" in by:
             by["image"] = np.moveaxis(by["image"], 0, -1)
-        found = _numpy.vjp(self._arguments(tuple(by)))[1](**by)
+        found = _numpy.vjp(self._arguments(tuple(name for name in by if name != "features")))[1](**by)
         for name, array in self._arrays(by_arrays).items():
             array[...] = found[name]
 

@@ -17,6 +17,7 @@ import numpy as np
 
 import gemsplat
 from drawing import FORMS, HEIGHT, SETTINGS, WIDTH, arrays_for, draw
+from gemsplat._rasterize import footprints
 from support import SOURCE, TestCase
 
 HAS_GPU = torch is not None and torch.cuda.is_available() and gemsplat.cuda_device_count() > 0
@@ -119,6 +120,22 @@ class OnTheGpuTest(TestCase):
         drawn = draw(arguments(100, "cuda"), names)
         for name in names:
             self.assert_near(getattr(drawn, name), getattr(expected, name), 1e-4 if name != "radii" else 0.02, name)
+
+    def test_footprints_by_the_rules_of_others_are_those_of_the_cpu(self):
+        for others in ({}, FORMS["activated"], FORMS["covariances"]):
+            for shape, settings in (("square", {"tile": 16}), ("box", {"clip": 2.0, "antialiased": True}), ("box", {"far": 3.2})):
+                with self.subTest(shape, given=[*others], **settings):
+                    expected, found = (
+                        footprints(shape, width=WIDTH, height=HEIGHT, **settings,
+                                   **{name: value for name, value in given.items() if name != "screen"})
+                        for given in (arguments(100, dtype=torch.float64, **others), arguments(100, "cuda", **others)))
+                    seen = (expected.radii > 0).all(-1)
+                    both = seen & (found.radii.cpu() > 0).all(-1)
+                    self.assertGreater(int(both.sum()), 30)
+                    self.assertLess(int((seen != (found.radii.cpu() > 0).all(-1)).sum()), 3)  # of radii near a limit
+                    self.assertLessEqual(int((expected.radii - found.radii.cpu())[both].abs().max()), 1)
+                    for name in ("means2d", "depths", "conics", "compensations"):
+                        self.assert_near(getattr(found, name).cpu()[both], getattr(expected, name)[both], 1e-4, name)
 
     def test_the_guide_runs(self):
         page = (SOURCE / "docs" / "guide" / "differentiable.md").read_text()
@@ -281,10 +298,12 @@ class OnTheGpuTest(TestCase):
         self.assertEqual(sizes[1], sizes[2])
 
     def test_pictures_without_gradients_are_the_same(self):
-        arrays = arguments(100, "cuda")
-        expected = draw(arrays).image
+        arrays = arguments(100, "cuda", **FORMS["many features"])
+        expected = draw(arrays)
         with torch.no_grad():
-            self.assert_near(draw(arrays).image, expected.detach().cpu(), 1e-6, "image")
+            drawn = draw(arrays)
+        for name in ("image", "features"):
+            self.assert_near(getattr(drawn, name), getattr(expected, name).detach().cpu(), 1e-6, name)
 
     def test_what_a_gpu_does_not_draw_is_named(self):
         with self.assertRaisesRegex(gemsplat.UsageError, "float64 are drawn on the CPU"):

@@ -27,6 +27,6 @@ except ModuleNotFoundError as error:
 from . import jobs
 from ._arrays import (Evaluation, Picture, Result, ViewMetrics, evaluate, export, load, load_cameras, merge,
                      nearest_distances, render, report, train)
-from ._rasterize import Rendering, jvp, rasterize, vjp
+from ._rasterize import Rendering, jvp, photometric_loss, rasterize, vjp
 
 __all__ = [name for name in dir() if not name.startswith("_")] + ["__version__"]

@@ -78,6 +78,12 @@ def _pieces():
     return _gpu.Pieces(lambda count: cupy.empty(count, cupy.uint8), lambda array: array.data.ptr)
 
 
+def _dense(array):
+    """An array without gaps, from a multiple of 16 bytes on."""
+    array = cupy.ascontiguousarray(array)
+    return array if array.data.ptr % 16 == 0 else array.copy()
+
+
 def _addresses(arrays):
     return _gpu.addresses(arrays, lambda array: (array.data.ptr, array.size // max(1, len(array))))
 
@@ -86,8 +92,8 @@ class _Drawn:
     """One pass, and what is kept for its gradient."""
 
     def __init__(self, arguments, each, for_backward):
-        self.arguments, self.each, self.kept = arguments, each, _pieces()
-        self.arrays = {name: cupy.ascontiguousarray(array) for name, array in each.arrays.items()}
+        self.has_view_axis, self.each, self.kept = arguments.has_view_axis, each, _pieces()
+        self.arrays = {name: _dense(array) for name, array in each.arrays.items()}
         self.pictures = {name: cupy.empty(shape, cupy.int32 if name == "overflowed" else cupy.float32)
                          for name, shape in each.shapes.items()}
         settings = {**each.settings, "deterministic": False, "for_backward": for_backward}
@@ -96,12 +102,20 @@ class _Drawn:
         self.operation = GpuOperation(_addresses(self.arrays), settings)
         self.frame = self.operation.draw(*_place(), self.kept, _pieces(),
                                          {name: picture.data.ptr for name, picture in self.pictures.items()})
+        self.features = self.pictures["features"].copy() if for_backward and "features" in self.pictures else None
 
     def pull(self, given, sums):
         """Adds the gradients by the arrays of Arguments to `sums`, from those by the pictures of Rendering."""
-        by_pictures = self._by_pictures(given)
+        by_pictures = {"depth" if name == "inverse_depth" else name: by[self.each.view] if self.has_view_axis else by
+                       for name, by in given.items()}
         if not by_pictures:
             return
+        if "image" in by_pictures:
+            by_pictures["image"] = cupy.moveaxis(by_pictures["image"], -1, 0)
+        if "features" in by_pictures:
+            by_pictures["features"] = _gpu.padded(by_pictures["features"], self.features.shape[-1], cupy)
+            by_pictures["drawn_features"] = self.features
+        by_pictures = {name: _dense(by) for name, by in by_pictures.items()}
         gradients = {name: cupy.zeros_like(array) for name, array in self.arrays.items() if name != "background"}
         self.operation.pull_back(self.frame, *_place(), _pieces(), {name: by.data.ptr for name, by in by_pictures.items()},
                                  _addresses(gradients))
@@ -110,27 +124,9 @@ class _Drawn:
             transmittance = self.kept.view(self.frame.transmittance, by_image.shape[1:], cupy.float32)
             gradients["background"] = (by_image * transmittance).sum((1, 2))
         for name, gradient in gradients.items():
-            source = _gpu.source(self.each, name)
-            if source not in sums:
-                continue
-            into = sums[source]
-            into = into[self.each.view] if is_per_view(source, into) else into
-            if source == "features":
-                into = into[:, self.each.first:self.each.first + 3]
-                gradient = gradient[:, :into.shape[1]]
-            into += gradient
-
-    def _by_pictures(self, given):
-        """Gradients by the pictures of this pass, as the kernels take them."""
-        has_views, first = self.arguments.has_view_axis, self.each.first
-        of_view = {name: by[self.each.view] if has_views else by for name, by in given.items()}
-        if first is not None:
-            found = {"image": _gpu.triple(of_view["features"], first, cupy)} if "features" in of_view else {}
-        else:
-            found = {"depth" if name == "inverse_depth" else name: by for name, by in of_view.items() if name != "features"}
-        if "image" in found:
-            found["image"] = cupy.moveaxis(found["image"], -1, 0)
-        return {name: cupy.ascontiguousarray(by) for name, by in found.items()}
+            if name in sums:
+                into = sums[name][self.each.view] if is_per_view(name, sums[name]) else sums[name]
+                into += gradient[:, :into.shape[-1]] if name == "features" else gradient
 
 
 def _place():

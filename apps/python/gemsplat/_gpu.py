@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Any, Dict, Optional, Tuple
+from typing import Any, Dict, Tuple
 
 from ._arguments import is_per_view
 from ._gemsplat import GPU_ROW_NUMBERS, UsageError
@@ -17,20 +17,20 @@ from ._rasterize import Rendering
 
 _SETTINGS = ("count", "width", "height", "sh_degree", "near", "far", "blur", "antialiased", "blend_rule")
 _DEPTHS = ("depth", "inverse_depth")
-_COLORS = ("colors", "sh", "sh0", "sh_rest", "background", "features")  # absent from passes of features
+_COLORS = ("colors", "sh", "sh0", "sh_rest", "background")  # absent from passes of three features
+_FEATURE_STEP = 4  # of the channels that the kernels take
 MATRICES = ("viewmats", "Ks", "background")  # whose rows have no gaps
-PULLED = ("image", "alpha", "depth")  # what has gradients
+PULLED = ("image", "alpha", "depth", "features")  # what has gradients
 
 
 @dataclass(frozen=True)
 class Pass:
-    """One call of the kernels: a view, or three channels of its features."""
+    """One call of the kernels."""
 
     settings: Dict[str, Any]  # by name, for GpuOperation
-    shapes: Dict[str, Tuple[int, ...]]  # of what is drawn: image, alpha, depth, rows or overflowed, in this order
+    shapes: Dict[str, Tuple[int, ...]]  # of what is drawn, by name
     arrays: Dict[str, Any]  # what it is drawn from
     view: int
-    first: Optional[int] = None  # the first of the channels
 
 
 class Pieces:
@@ -65,9 +65,12 @@ def check_depths(arguments):
         raise UsageError("a GPU draws depth or inverse_depth; call rasterize() for each of them")
 
 
-def rendering(arguments, draw, xp, as_int32):
-    """The Rendering of `draw`, which takes a Pass and returns arrays by the names of its shapes."""
-    views = [_of_view(arguments, view, draw, xp, as_int32) for view in range(arguments.views)]
+def rendering(arguments, draw, xp, as_int32, by_threes=False):
+    """The Rendering of `draw`, which takes a Pass and returns arrays by the names of its shapes.
+
+    by_threes: features are drawn as the colors of passes of their own, whose sums can have a fixed order.
+    """
+    views = [_of_view(arguments, view, draw, xp, as_int32, by_threes) for view in range(arguments.views)]
     return Rendering(**{name: xp.stack([found[name] for found in views]) if arguments.has_view_axis else views[0][name]
                         for name in views[0]})
 
@@ -81,31 +84,48 @@ def addresses(arrays, address_of):
     return found
 
 
-def triple(array, first, xp):
-    """Three channels of the last axis from `first` on; those beyond the end are zeros."""
-    part = array[..., first:first + 3]
-    return xp.concatenate([part] + [xp.zeros_like(part[..., :1])] * (3 - part.shape[-1]), -1)
+def padded(array, channels, xp):
+    """With zeros behind the last axis, up to so many channels."""
+    return xp.concatenate([array] + [xp.zeros_like(array[..., :1])] * (channels - array.shape[-1]), -1)
 
 
-def source(each, name):
-    """The argument that an array of a pass is a part of."""
-    return "features" if name == "colors" and each.first is not None else name
+def arrays_of_view(arguments, view):
+    """Without the axis C."""
+    return {name: array[view] if is_per_view(name, array) else array for name, array in arguments.arrays.items()}
 
 
-def _of_view(arguments, view, draw, xp, as_int32):
+def settings_of(arguments, pictures=()):
+    """How GpuOperation is to draw; each framework adds for_backward, deterministic and the camera."""
+    depths = [name for name in pictures if name in _DEPTHS]
+    settings = {name: getattr(arguments, name) for name in _SETTINGS}
+    return {**settings, "max_instances": arguments.max_instances or 0, "blends_depth": bool(depths),
+            "inverse_depth": "inverse_depth" in depths}
+
+
+def _of_view(arguments, view, draw, xp, as_int32, by_threes):
     """What was asked for, by the names of Rendering, without the axis C."""
-    found, channels = {}, []
-    for each in _passes(arguments, view, xp):
-        drawn = draw(each)
-        if each.first is not None:
-            channels.append(drawn["image"])
-            continue
+    found, size = {}, (arguments.height, arguments.width)
+    arrays = arrays_of_view(arguments, view)
+    features = arrays.pop("features", None)
+    if features is not None and not by_threes:
+        arrays["features"] = padded(features, -(-arguments.channels // _FEATURE_STEP) * _FEATURE_STEP, xp)
+    if arguments.pictures or arguments.rows or arguments.max_instances or "features" in arrays:
+        colors = {"colors": xp.zeros_like(arrays["means"])} if arguments.color is None else {}
+        settings = settings_of(arguments, arguments.pictures)
+        shapes = {"image": (3, *size), "alpha": size, "depth": size, "rows": (arguments.count, GPU_ROW_NUMBERS),
+                  "features": (*size, arrays["features"].shape[-1] if "features" in arrays else 0), "overflowed": (1,)}
+        wanted = {"image": "image" in arguments.pictures, "alpha": "alpha" in arguments.pictures,
+                  "depth": settings["blends_depth"], "rows": arguments.rows, "features": "features" in arrays,
+                  "overflowed": arguments.max_instances}
+        drawn = draw(Pass(settings, {name: shape for name, shape in shapes.items() if wanted[name]}, {**arrays, **colors}, view))
         if "image" in drawn:
             found["image"] = xp.moveaxis(drawn["image"], 0, -1)
         if "alpha" in drawn:
             found["alpha"] = drawn["alpha"]
         if "depth" in drawn:
-            found["inverse_depth" if each.settings["inverse_depth"] else "depth"] = drawn["depth"]
+            found["inverse_depth" if settings["inverse_depth"] else "depth"] = drawn["depth"]
+        if "features" in drawn:
+            found["features"] = drawn["features"][..., :arguments.channels]
         if arguments.rows:
             rows = drawn["rows"]
             known = {"visible": rows[:, 0] != 0, "radii": as_int32(rows[:, 1]), "means2d": rows[:, 2:4],
@@ -113,32 +133,13 @@ def _of_view(arguments, view, draw, xp, as_int32):
             found.update({name: known[name] for name in arguments.rows})
         if "overflowed" in drawn:
             found["overflowed"] = drawn["overflowed"][0] != 0
-    if channels:
-        found["features"] = xp.moveaxis(xp.vstack(channels)[:arguments.channels], 0, -1)
+    if features is not None and by_threes:
+        shared = {name: array for name, array in arrays.items() if name not in _COLORS}
+        images = [draw(Pass(settings_of(arguments), {"image": (3, *size)},
+                            {**shared, "colors": padded(features[:, first:first + 3], 3, xp)}, view))["image"]
+                  for first in range(0, arguments.channels, 3)]
+        found["features"] = xp.moveaxis(xp.vstack(images)[:arguments.channels], 0, -1)
     return found
-
-
-def _passes(arguments, view, xp):
-    arrays = {name: array[view] if is_per_view(name, array) else array for name, array in arguments.arrays.items()}
-    features = arrays.pop("features", None)
-    if arguments.pictures or arguments.rows or arguments.max_instances:
-        colors = {"colors": xp.zeros_like(arrays["means"])} if arguments.color is None else {}
-        yield _pass(arguments, view, {**arrays, **colors}, arguments.pictures)
-    shared = {name: array for name, array in arrays.items() if name not in _COLORS}
-    for first in range(0, arguments.channels, 3):
-        yield _pass(arguments, view, {**shared, "colors": triple(features, first, xp)}, ("image",), first)
-
-
-def _pass(arguments, view, arrays, pictures, first=None):
-    depths = [name for name in pictures if name in _DEPTHS]
-    settings = {name: getattr(arguments, name) for name in _SETTINGS}
-    settings.update(max_instances=arguments.max_instances or 0, blends_depth=bool(depths),
-                    inverse_depth="inverse_depth" in depths)
-    size = arguments.height, arguments.width
-    shapes = {"image": (3, *size), "alpha": size, "depth": size, "rows": (arguments.count, GPU_ROW_NUMBERS), "overflowed": (1,)}
-    wanted = {"image": "image" in pictures, "alpha": "alpha" in pictures, "depth": depths,
-              "rows": arguments.rows and first is None, "overflowed": arguments.max_instances and first is None}
-    return Pass(settings, {name: shape for name, shape in shapes.items() if wanted[name]}, arrays, view, first)
 
 
 def has_unused_sh(arguments):

@@ -61,7 +61,7 @@ def rasterize(arguments):
 
     def draw(each):
         call = {**each.settings, "shapes": each.shapes, "arrays": list(each.arrays), "dtype": arguments.dtype,
-                "wanted": [name for name in each.arrays if _gpu.source(each, name) in arguments.arrays],
+                "wanted": [name for name in each.arrays if name in arguments.arrays],
                 "pulled": [name for name in each.shapes if name in _gpu.PULLED],
                 "smooth": arguments.smooth, "deterministic": False, "for_backward": False}
         return _draw(json.dumps(call), each.arrays)
@@ -90,21 +90,22 @@ def _draw(text, arrays):
 
 
 def _drawn(call, arrays, kept_bytes=0):
-    """What is drawn, by name, and in a list what is kept of it for the gradient, if anything."""
+    """What is drawn, by name, and in a list what else is kept of it for the gradient, if anything."""
     results = [jax.ShapeDtypeStruct(tuple(shape), np.dtype("int32" if name == "overflowed" else call["dtype"]))
                for name, shape in call["shapes"].items()]
     if kept_bytes:
         results.append(jax.ShapeDtypeStruct((kept_bytes,), np.dtype("uint8")))
     drawn = jax.ffi.ffi_call("gemsplat_draw", results, vmap_method="sequential")(
         *(arrays[name] for name in call["arrays"]), call=json.dumps({**call, "for_backward": kept_bytes > 0}))
-    return dict(zip(call["shapes"], drawn)), drawn[len(call["shapes"]):]
+    return dict(zip(call["shapes"], drawn)), list(drawn[len(call["shapes"]):])
 
 
 def _draw_forward(text, arrays):
     call = json.loads(text)
     has_room = call["max_instances"] and call["pulled"] and _gemsplat.cuda_device_count()
     drawn, kept = _drawn(call, arrays, _gemsplat.jax_kept_bytes(call) if has_room else 0)
-    return drawn, (arrays, kept)
+    features = [drawn["features"]] if "features" in drawn else []
+    return drawn, (arrays, features + kept)
 
 
 def _draw_backward(text, residuals, by):
@@ -160,11 +161,12 @@ def _array(at, dtype):
 def _arguments(call, inputs):
     """What _numpy.py takes, of one view without the axis C."""
     depth = "inverse_depth" if call["inverse_depth"] else "depth"
-    pictures = tuple(depth if name == "depth" else name for name in call["pulled"])
+    pictures = tuple(depth if name == "depth" else name for name in call["pulled"] if name != "features")
+    arrays = {name: _array(at, call["dtype"]) for name, at in zip(call["arrays"], inputs)}
     settings = {name: call[name] for name in ("count", "width", "height", "sh_degree", "near", "far", "blur", "antialiased",
                                               "blend_rule", "smooth", "dtype")}
-    return Arguments(arrays={name: _array(at, call["dtype"]) for name, at in zip(call["arrays"], inputs)}, cameras=None,
-                     views=1, has_view_axis=False, shape="", opacity="", color="colors", channels=0, pictures=pictures,
+    return Arguments(arrays=arrays, cameras=None, views=1, has_view_axis=False, shape="", opacity="", color="colors",
+                     channels=arrays["features"].shape[1] if "features" in arrays else 0, pictures=pictures,
                      rows=ROWS if "rows" in call["shapes"] else (), max_instances=None, **settings)
 
 

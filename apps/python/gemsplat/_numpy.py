@@ -11,7 +11,7 @@ import numpy as np
 
 from ._arguments import is_per_view, matrices_of
 from ._classes import real_array
-from ._gemsplat import UsageError, exact_gradients, exact_picture, exact_slopes
+from ._gemsplat import UsageError, exact_footprints, exact_gradients, exact_picture, exact_slopes
 from ._rasterize import Rendering
 
 _SETTINGS = ("width", "height", "sh_degree", "channels", "near", "far", "blur", "antialiased", "blend_rule", "smooth")
@@ -29,6 +29,12 @@ def rasterize(arguments):
     values, _ = _activated(arguments)
     return _rendering([exact_picture(_of_view(values, arguments, view), _settings(arguments))
                        for view in range(arguments.views)], arguments)
+
+
+def footprints(arguments, *rule):
+    """Those of the first view, by name."""
+    values, _ = _activated(arguments)
+    return exact_footprints(_of_view(values, arguments, 0), _settings(arguments), *rule)
 
 
 def vjp(arguments):

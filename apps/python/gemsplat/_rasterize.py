@@ -177,3 +177,42 @@ def jvp(arguments: Mapping[str, Any], tangents: Mapping[str, ArrayLike]) -> Tupl
     """
     backend, checked = _bound(**arguments)
     return backend.jvp(checked, tangents)
+
+
+def photometric_loss(image: Any, target: Any, *, ssim_weight: float = 0.2, padding: str = "same") -> Any:
+    """(1 - ssim_weight) mean|image - target| + ssim_weight (1 - mean SSIM), a scalar (Kerbl et al. 2023, Eq. 7).
+
+    image, target: tensors of PyTorch (..., H, W, C) with values from 0 to 1, such as Rendering.image. On a GPU two kernels
+    compute it and its gradient, which is by image alone.
+    padding: same, where zeros lie around the pictures; or valid, where windows that reach beyond them do not count.
+    """
+    if type(image).__module__.partition(".")[0] != "torch":
+        raise UsageError(f"image must be a tensor of PyTorch, and not a {type(image).__name__}")
+    from . import _loss
+
+    return _loss.photometric_loss(image, target, ssim_weight, padding)
+
+
+class Footprints(NamedTuple):
+    """N Gaussians in one picture by the rules of another rasterizer; zeros where one is not visible.
+
+    means2d: (N, 2), pixels. depths: (N,), world units. conics: (N, 3), xx xy yy of the inverse covariance, 1 / pixels^2.
+    compensations: (N,), what antialiasing multiplies opacities with (Yu et al. 2024). radii: (N, 2) int32, pixels.
+    """
+
+    means2d: Any
+    depths: Any
+    conics: Any
+    compensations: Any
+    radii: Any
+
+
+def footprints(shape, *, clip=0.0, tile=1, **given):
+    """The Footprints of what rasterize() takes for one view, without gradients and without waiting for a GPU.
+
+    shape: square, of three standard deviations of the longer axis whatever the opacity (Kerbl et al. 2023); or box, around
+    the ellipse outside of which no fragment is drawn. A Gaussian is visible where either of its radii is above `clip`, and
+    the shape meets the picture, completed to whole tiles of so many pixels.
+    """
+    backend, arguments = _bound(outputs="alpha", **given)
+    return Footprints(**backend.footprints(arguments, shape, float(clip), tile))

@@ -46,6 +46,24 @@ def rasterize(arguments):
     raise UsageError(f"means is on {device}; tensors are drawn on cuda and cpu")
 
 
+def footprints(arguments, *rule):
+    """Those of the first view, by name."""
+    means = arguments.arrays["means"]
+    if means.device.type == "cpu":
+        arrays = {name: tensor.detach().numpy() for name, tensor in arguments.arrays.items()}
+        found = _numpy.footprints(replace(arguments, arrays=arrays), *rule)
+        return {name: torch.from_numpy(array).to(torch.int32 if name == "radii" else means.dtype)
+                for name, array in found.items()}
+    count = arguments.count
+    found = {name: torch.empty((count, *row), dtype=torch.int32 if name == "radii" else torch.float32, device=means.device)
+             for name, row in {"means2d": (2,), "depths": (), "conics": (3,), "compensations": (), "radii": (2,)}.items()}
+    tensors = {name: _dense(name, tensor) for name, tensor in _gpu.arrays_of_view(arguments, 0).items()}
+    call = _call(arguments, 0, _gpu.settings_of(arguments), needs_gradients=False)
+    GpuOperation(_addresses(tensors), call).footprints(*_place(means.device), *rule,
+                                                       [tensor.data_ptr() for tensor in found.values()])
+    return found
+
+
 def vjp(arguments):
     raise UsageError("vjp() is for arrays without autograd; call rasterize() on tensors, and backward() on what follows")
 
@@ -103,6 +121,22 @@ def _addressable(tensor):
     return tensor
 
 
+def _aligned(tensor):
+    """A tensor without gaps, from a multiple of 16 bytes on."""
+    tensor = tensor.contiguous()
+    return tensor if tensor.data_ptr() % 16 == 0 else tensor.clone()
+
+
+def _dense(name, tensor):
+    """As kernels read it."""
+    return (_aligned if name == "features" else torch.Tensor.contiguous if name in _gpu.MATRICES else _addressable)(tensor)
+
+
+def _place(device):
+    """The GPU and the stream of a call."""
+    return device.index or 0, torch.cuda.current_stream(device).cuda_stream
+
+
 def _addresses(tensors):
     return _gpu.addresses(tensors, lambda tensor: (tensor.data_ptr(), tensor.stride(0) if tensor.dim() else 0))
 
@@ -113,16 +147,14 @@ class _Draw(torch.autograd.Function):
     @staticmethod
     def forward(ctx, call, shapes, names, *tensors):
         ctx.call, ctx.shapes, ctx.names = call, shapes, names
-        dense = [tensor.contiguous() if name in _gpu.MATRICES else _addressable(tensor)
-                 for name, tensor in zip(names, tensors)]
+        dense = [_dense(name, tensor) for name, tensor in zip(names, tensors)]
         device = tensors[0].device
         ctx.device, ctx.kept = device, _pieces(device)
         pictures = {name: torch.empty(shape, dtype=torch.int32 if name == "overflowed" else torch.float32, device=device)
                     for name, shape in shapes.items()}
         ctx.frame = GpuOperation(_addresses(dict(zip(names, dense))), call).draw(
-            device.index or 0, torch.cuda.current_stream(device).cuda_stream, ctx.kept, _pieces(device),
-            {name: picture.data_ptr() for name, picture in pictures.items()})
-        ctx.save_for_backward(*dense)
+            *_place(device), ctx.kept, _pieces(device), {name: picture.data_ptr() for name, picture in pictures.items()})
+        ctx.save_for_backward(*dense, pictures.get("features"))
         ctx.set_materialize_grads(False)
         ctx.mark_non_differentiable(*(picture for name, picture in pictures.items() if name not in _gpu.PULLED))
         return tuple(pictures.values())
@@ -130,19 +162,21 @@ class _Draw(torch.autograd.Function):
     @staticmethod
     @once_differentiable
     def backward(ctx, *by_outputs):
-        by_pictures = {name: by.contiguous() for name, by in zip(ctx.shapes, by_outputs) if by is not None}
-        dense = dict(zip(ctx.names, ctx.saved_tensors))
+        by_pictures = {name: _aligned(by) for name, by in zip(ctx.shapes, by_outputs) if by is not None}
+        *dense, features = ctx.saved_tensors
+        dense = dict(zip(ctx.names, dense))
         wanted = [name for name, is_needed in zip(ctx.names, ctx.needs_input_grad[3:]) if is_needed]
         if not by_pictures:
             return (None,) * (3 + len(ctx.names))
         partial = ("sh", "sh_rest") if ctx.call["has_unused_sh"] else ()  # of which kernels write the degrees in use
         gradients = {name: (torch.zeros if name in partial else torch.empty)(
             dense[name].shape, dtype=torch.float32, device=dense[name].device) for name in wanted if name != "background"}
-        device = ctx.device
+        device, addresses = ctx.device, {name: by.data_ptr() for name, by in by_pictures.items()}
+        if features is not None:
+            addresses["drawn_features"] = features.data_ptr()
         # Made anew, because hooks of saved tensors may have moved them.
         GpuOperation(_addresses(dense), ctx.call).pull_back(
-            ctx.frame, device.index or 0, torch.cuda.current_stream(device).cuda_stream, _pieces(device),
-            {name: by.data_ptr() for name, by in by_pictures.items()}, _addresses(gradients))
+            ctx.frame, *_place(device), _pieces(device), addresses, _addresses(gradients))
         if "background" in wanted:
             by_image = by_pictures.get("image")
             gradients["background"] = torch.zeros_like(dense["background"]) if by_image is None else (
@@ -150,15 +184,21 @@ class _Draw(torch.autograd.Function):
         return None, None, None, *(gradients.get(name) for name in ctx.names)
 
 
+def _call(arguments, view, settings, needs_gradients):
+    call = {**settings, "has_unused_sh": _gpu.has_unused_sh(arguments), "for_backward": needs_gradients,
+            "deterministic": torch.are_deterministic_algorithms_enabled()}
+    if arguments.cameras:
+        call["camera"] = arguments.cameras[view]
+    return call
+
+
 def _on_gpu(arguments):
     _gpu.check(arguments)
-    has_unused_sh = _gpu.has_unused_sh(arguments)
 
     def draw(each):
-        call = {**each.settings, "has_unused_sh": has_unused_sh, "deterministic": torch.are_deterministic_algorithms_enabled(),
-                "for_backward": torch.is_grad_enabled() and any(tensor.requires_grad for tensor in each.arrays.values())}
-        if arguments.cameras:
-            call["camera"] = arguments.cameras[each.view]
+        needs_gradients = torch.is_grad_enabled() and any(tensor.requires_grad for tensor in each.arrays.values())
+        call = _call(arguments, each.view, each.settings, needs_gradients)
         return dict(zip(each.shapes, _Draw.apply(call, each.shapes, tuple(each.arrays), *each.arrays.values())))
 
-    return _gpu.rendering(arguments, draw, torch, lambda tensor: tensor.to(torch.int32))
+    return _gpu.rendering(arguments, draw, torch, lambda tensor: tensor.to(torch.int32),
+                          by_threes=torch.are_deterministic_algorithms_enabled())

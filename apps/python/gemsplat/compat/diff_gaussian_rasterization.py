@@ -6,17 +6,19 @@ docs/guide/compat.md says what differs. Shapes: N Gaussians, pictures of H x W p
 
 from __future__ import annotations
 
+import functools
 from typing import NamedTuple, Optional
 
 import torch
 
 from .. import UsageError, rasterize
+from .._rasterize import footprints
 from . import _report
-from ._projection import project, square_radii
 from ._screen import ScreenTap
 
 VARIANTS = {"2023": (), "aa": ("inverse_depth",), "accel": ("inverse_depth",), "depth_alpha": ("depth", "alpha")}
 NEAR, FAR, BLUR = 0.2, 1e10, 0.3  # world units, and pixels^2
+_TILE = 16  # pixels
 _TOLERANCE = 1e-3  # of matrices that should agree, beside their largest entry
 
 variant: Optional[str] = None  # of VARIANTS, as install() was asked for; None: by what a call gives
@@ -130,22 +132,29 @@ def _matrices(settings):
     Of the rows of a projection matrix the third of the view matrix is a part. It moves the center of the picture by as much
     of the half of its size.
     """
-    viewmat = settings.viewmatrix.T
+    viewmatrix, sizes = settings.viewmatrix, (int(settings.image_width), int(settings.image_height))
+    base, half = _centered(sizes, (float(settings.tanfovx), float(settings.tanfovy)), viewmatrix.device, viewmatrix.dtype)
     with torch.no_grad():
-        offset = (settings.projmatrix.T[:2, :3] * viewmat[2, :3]).sum(-1)  # 0 where the center is that of the picture
-        K = offset.new_zeros((3, 3))
-        sizes, tangents = (settings.image_width, settings.image_height), (settings.tanfovx, settings.tanfovy)
-        for axis in (0, 1):
-            K[axis, axis].fill_(int(sizes[axis]) / (2 * float(tangents[axis])))
-            torch.mul(offset[axis] + 1, int(sizes[axis]) / 2, out=K[axis, 2])
-    return viewmat, K
+        offset = (settings.projmatrix[:3, :2] * viewmatrix[:3, 2:3]).sum(0)  # 0 where the center is that of the picture
+        K = base.clone()
+        K[:2, 2].addcmul_(half, offset)
+    return viewmatrix.T, K
+
+
+@functools.lru_cache(64)
+def _centered(sizes, tangents, device, dtype):
+    """The intrinsics with the center in the middle, and the half of the picture's sizes."""
+    half = torch.tensor(sizes, dtype=dtype) / 2
+    K = torch.diag(torch.tensor([*(size / (2 * tangent) for size, tangent in zip(sizes, tangents)), 1], dtype=dtype))
+    K[:2, 2] = half
+    return K.to(device), half.to(device)
 
 
 def _radii(means, shape, viewmat, K, settings):
     with torch.no_grad():
-        width, height = int(settings.image_width), int(settings.image_height)
-        footprints = project(means, shape, viewmat[None], K[None], width, height, BLUR)
-        return square_radii(footprints, NEAR, FAR, width, height)[0]
+        return footprints("square", tile=_TILE, means=means, opacities=means[:, 0], **shape, viewmats=viewmat, Ks=K,
+                          width=int(settings.image_width), height=int(settings.image_height), near=NEAR, far=FAR,
+                          blur=BLUR).radii[:, 0].contiguous()
 
 
 def _check(settings, viewmat, K):

@@ -16,9 +16,9 @@ from typing import Optional
 import torch
 
 from .. import UsageError, rasterize
+from .._rasterize import Footprints, footprints
 from . import _harmonics, _report
 from ._meta import Meta
-from ._projection import Footprints, box_radii, project, square_radii
 from ._screen import AbsoluteTap, ScreenTap
 
 APIS = ("1.4", "1.5", "1.6")
@@ -78,19 +78,18 @@ def rasterization(means, quats, scales, opacities, colors, viewmats, Ks, width, 
     _check_shapes(given, batch, means.shape[-2], views)
     flat = {name: None if given[name] is None else given[name].reshape(math.prod(batch), *given[name].shape[len(batch):])
             for name in _ARRAYS}
-    footprints, opacities_drawn = _footprints(flat, width, height, eps2d, rasterize_mode)
-    radii = _radii(footprints, opacities_drawn, near_plane, far_plane, width, height, radius_clip)
-    is_seen = radii > 0 if radii.dim() == 3 else (radii > 0).all(-1)
+    settings = {"width": width, "height": height, "near": near_plane, "far": far_plane, "blur": eps2d,
+                "antialiased": rasterize_mode == "antialiased"}
+    rows = _rows(flat, radius_clip, settings)
+    is_seen = rows["radii"] > 0 if rows["radii"].dim() == 3 else (rows["radii"] > 0).all(-1)
     is_differentiated = torch.is_grad_enabled() and any(tensor is not None and tensor.requires_grad for tensor in flat.values())
-    meta, taps = _meta_of(footprints, opacities_drawn, radii, is_seen, batch, packed, is_differentiated, absgrad)
+    meta, taps = _meta_of(rows, is_seen, batch, packed, is_differentiated, absgrad)
     meta.update(width=width, height=height, tile_size=_TILE, tile_width=math.ceil(width / _TILE),
                 tile_height=math.ceil(height / _TILE), n_batches=len(flat["means"]), n_cameras=views)
     if sparse_grad and packed and not batch:
         rows = is_seen[0].any(0).nonzero()[:, 0]
         flat.update({name: _SparseGradient.apply(given[name], rows)[None] for name in ("means", "quats", "scales")
                      if given[name] is not None})
-    settings = {"width": width, "height": height, "near": near_plane, "far": far_plane, "blur": eps2d,
-                "antialiased": rasterize_mode == "antialiased", "blend_rule": "classic"}
     pairs = []
     for b, c in itertools.product(range(len(flat["means"])), range(views)):
         arrays = _view_of(flat, b, c, sh_degree, "RGB" in render_mode)
@@ -98,7 +97,7 @@ def rasterization(means, quats, scales, opacities, colors, viewmats, Ks, width, 
             arrays["opacities"] = torch.where(is_seen[b, c], arrays["opacities"], arrays["opacities"].new_zeros(()))
         arrays.update({name: tap[b, c] for name, tap in taps.items()})
         pairs.append(_picture(arrays, render_mode, settings))
-    pictures, alphas = (torch.stack(each).view(*batch, views, *each[0].shape) for each in zip(*pairs))
+    pictures, alphas = (_stacked(each).view(*batch, views, *each[0].shape) for each in zip(*pairs))
     return pictures, alphas, meta
 
 
@@ -192,15 +191,26 @@ def _check_shapes(given, batch, count, views):
         raise UsageError(f"colors must have {(degree + 1)**2} coefficients or more for sh_degree={degree}, but have {of_one[1]}")
 
 
-def _footprints(flat, width, height, blur, rasterize_mode):
-    """Of all pictures (B, C, N), and the opacities that are drawn."""
+def _rows(flat, clip, settings):
+    """What the dict tells of each Gaussian in each picture, (B, C, N, ...) by name: radii of gsplat 1.4 have no last axis."""
+    shape = "square" if _api() == "1.4" else "box"
     with torch.no_grad():
-        parts = []
-        for b, means in enumerate(flat["means"]):
-            parts.append(project(means, _shape_of(flat, b), flat["viewmats"][b], flat["Ks"][b], width, height, blur)[:-1])
-        footprints = Footprints(*(torch.stack(part) for part in zip(*parts)), blur)
-        opacities = flat["opacities"][:, None].expand(footprints.depths.shape)
-        return footprints, opacities * footprints.compensations if rasterize_mode == "antialiased" else opacities
+        parts = [footprints(shape, clip=clip, means=means, **_shape_of(flat, b), opacities=flat["opacities"][b], viewmats=viewmat,
+                            Ks=K, **settings)
+                 for b, means in enumerate(flat["means"]) for viewmat, K in zip(flat["viewmats"][b], flat["Ks"][b])]
+        pictures = flat["viewmats"].shape[:2]
+        rows = {name: _stacked(part).view(*pictures, *part[0].shape)
+                for name, part in zip(Footprints._fields, zip(*parts))}
+        opacities = flat["opacities"][:, None].expand(rows["depths"].shape)
+        compensations = rows.pop("compensations")
+        rows["opacities"] = opacities * compensations if settings["antialiased"] else opacities
+        if shape == "square":
+            rows["radii"] = rows["radii"][..., 0]
+        return rows
+
+
+def _stacked(tensors):
+    return torch.stack(tensors) if len(tensors) > 1 else tensors[0][None]
 
 
 def _shape_of(flat, b):
@@ -211,21 +221,9 @@ def _shape_of(flat, b):
     return {"covariances": torch.stack([covars[:, row, column] for row in range(3) for column in range(row, 3)], -1)}
 
 
-def _radii(footprints, opacities, near, far, width, height, clip):
-    """(B, C, N) of gsplat 1.4, of later ones (B, C, N, 2)."""
-    if _api() != "1.4":
-        return box_radii(footprints, opacities, near, far, width, height, clip)
-    radii = square_radii(footprints, near, far, width, height, tile=1)
-    return torch.where(radii > clip, radii, torch.zeros_like(radii))
-
-
-def _meta_of(footprints, opacities, radii, is_seen, batch, packed, is_differentiated, absgrad):
+def _meta_of(rows, is_seen, batch, packed, is_differentiated, absgrad):
     """The dict, and the screens of rasterize() by name (B, C, N, 2), by which its means2d gets gradients."""
     with torch.no_grad():
-        rows = {"radii": radii, "means2d": footprints.means2d, "depths": footprints.depths, "conics": footprints.conics}
-        rows = {name: torch.where(is_seen.view(*is_seen.shape, *(1,) * (value.dim() - 3)), value, value.new_zeros(()))
-                for name, value in rows.items()}
-        rows["opacities"] = opacities
         ids = is_seen.nonzero(as_tuple=True) if packed else (None,) * 3
         shown = {name: value[ids] if packed else value.reshape(*batch, *value.shape[1:]) for name, value in rows.items()}
     meta = Meta((*batch, is_seen.shape[1]), batch_ids=ids[0], camera_ids=ids[1], gaussian_ids=ids[2], **shown)
@@ -267,7 +265,7 @@ def _picture(arrays, render_mode, settings):
         arrays["features"] = arrays.pop("colors")
         arrays.pop("background", None)
     outputs = ["alpha", *(["image"] if "colors" in arrays or "sh" in arrays else []), *(["depth"] if "D" in render_mode else [])]
-    found = rasterize(outputs=outputs, **arrays, **settings)._asdict()
+    found = rasterize(outputs=outputs, blend_rule="classic", **arrays, **settings)._asdict()
     alpha, channels = found["alpha"][..., None], []
     if "features" in arrays:
         channels.append(found["features"] if background is None else found["features"] + (1 - alpha) * background)
