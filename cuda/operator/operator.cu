@@ -142,7 +142,7 @@ __global__ void __launch_bounds__(kThreads)
 
 // OperatorPicture::rows of one Gaussian for each thread.
 __global__ void __launch_bounds__(kThreads)
-    tell_rows_kernel(std::size_t count, const Splat* splats, const float* depths,
+    tell_rows_kernel(std::size_t count, const Splat* splats, bool has_inverse_depth,
                      const std::uint32_t* tile_counts, float* rows) {
   const std::size_t i = std::size_t(blockIdx.x) * kThreads + threadIdx.x;
   if (i >= count) return;
@@ -159,7 +159,7 @@ __global__ void __launch_bounds__(kThreads)
   to[1] = ceilf(fminf(fmaxf(sqrtf(2 * splat.cutoff / smallest), 1.0f), 1e9f));
   to[2] = splat.mean2d.x;
   to[3] = splat.mean2d.y;
-  to[4] = depths[i];
+  to[4] = has_inverse_depth ? 1.0f / splat.depth : splat.depth;
   to[5] = conic.xx;
   to[6] = conic.xy;
   to[7] = conic.yy;
@@ -220,7 +220,7 @@ class CudaOperator final : public SplatOperator {
     if (to.rows)
       context.launch("what is told of Gaussians", tell_rows_kernel,
                      blocks_for(input.count, kThreads), kThreads, input.count, pass.splats.data(),
-                     pass.depths.data(), pass.tile_counts.data(), to.rows);
+                     input.has_inverse_depth, pass.tile_counts.data(), to.rows);
     frame->memory.close();
     return frame;
   }
