@@ -86,7 +86,8 @@ def addresses(arrays, address_of):
 
 def padded(array, channels, xp):
     """With zeros behind the last axis, up to so many channels."""
-    return xp.concatenate([array] + [xp.zeros_like(array[..., :1])] * (channels - array.shape[-1]), -1)
+    missing = channels - array.shape[-1]
+    return xp.concatenate([array] + [xp.zeros_like(array[..., :1])] * missing, -1) if missing else array
 
 
 def arrays_of_view(arguments, view):
