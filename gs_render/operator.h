@@ -60,7 +60,14 @@ struct OperatorPicture {
   float* alpha = nullptr;     // (H, W)     1 - transmittance
   float* depth = nullptr;     // (H, W)     sum of weights times depths; needs settings.blends_depth
   float* features = nullptr;  // (H, W, channels)  sum of weights times features
+  // (N, kRowNumbers)  of each Gaussian: 1 where it is visible, half the longer axis of its ellipse,
+  // rounded up, mean2d, both in pixels, depth, conic; zeros where it is not visible
+  float* rows = nullptr;
+  // (1)  not 0 where there were more instances than room: the picture lacks some, and gradients are
+  // zero; needs a room
+  std::uint32_t* overflowed = nullptr;
 };
+inline constexpr int kRowNumbers = 8;
 
 /// dL by a picture, in device memory.
 struct OperatorPictureGradient {
@@ -111,17 +118,11 @@ struct OperatorCall {
 };
 
 /// What is kept of a picture that was drawn, for its gradient. Nothing changes it, so that gradients
-/// can be asked for again and again, also where the caller has changed the picture. All pointers are
-/// to device memory.
+/// can be asked for again and again, also where the caller has changed the picture.
 class OperatorFrame {
  public:
   virtual ~OperatorFrame() = default;
-  virtual const float* transmittance() const = 0;        // (H, W)
-  virtual const Splat* splats() const = 0;               // (N)  undefined where not visible
-  virtual const std::uint32_t* tile_counts() const = 0;  // (N)  tiles hit; 0: not visible
-  // (1)  not 0 where there were more instances than room: the picture lacks some, and gradients are
-  // zero. Null without a room.
-  virtual const std::uint32_t* overflowed() const = 0;
+  virtual const float* transmittance() const = 0;  // (H, W)
   /// Of Gaussians in tiles; the room, where one is given.
   virtual std::uint32_t instances() const = 0;
 };
@@ -148,6 +149,19 @@ class SplatOperator {
   /// Writes L to `value` and, where it is not null, dL/dX to dL_dimage, (planes, H, W). Does not wait.
   virtual void compare(const OperatorCall& call, const OperatorComparison& given, float* value,
                        float* dL_dimage) const = 0;
+
+  // For callers that can keep bytes alone. What pull_back() reads of a frame with a room is as large
+  // for every picture of the same input and settings.
+
+  /// The bytes of that.
+  virtual std::size_t kept_bytes(const OperatorInput& input,
+                                 const RenderSettings& settings) const = 0;
+  /// A frame for pull_back() alone, in `kept` memory of kept_bytes() that call.kept gives in pieces,
+  /// one after the other: a copy of `copied`, or the one that such a call has left there before.
+  virtual std::unique_ptr<OperatorFrame> frame_in(const OperatorCall& call,
+                                                  const OperatorInput& input,
+                                                  const RenderSettings& settings,
+                                                  const OperatorFrame* copied = nullptr) const = 0;
 };
 
 }  // namespace gs

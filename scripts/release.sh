@@ -1,25 +1,27 @@
 #!/usr/bin/env bash
 # SPDX-License-Identifier: Apache-2.0
 # Makes the packages of a release from the commit that is checked out (docs/develop/releases.md):
-#   scripts/release.sh [deb] [tar] [wheel] [--without-cuda] [--architectures LIST] [--sysroot DIR] [--out DIR] [--uncommitted]
+#   scripts/release.sh [deb] [tar] [wheel] [--without-cuda] [--architectures LIST] [--sysroot DIR] [--python DIR]... [--out DIR] [--uncommitted]
 #     deb             Debian packages for the distribution of this machine, with every library
 #     tar             an archive for any Linux, without libraries under the GPL
-#     wheel           the same program and the Python module, for the Python of /usr/bin/python3
+#     wheel           the same program and the Python module, for the Python of /usr/bin/python3 and those of --python
 #     --without-cuda  leaves out the GPU backend; the packages compute on the CPU alone
 #     --architectures LIST   GPUs to compile for, as CMake names them ("90-real;120") [all seven]; for trying this script
 #     --sysroot DIR   link tar and wheel with the C library of the older system in DIR (Debian: libc6-dev)
+#     --python DIR    a wheel for the CPython whose headers are in DIR, too; may be given several times
 #     --out DIR       where to [build/release]
 #     --uncommitted   pack changes that are not committed, too; for trying this script
 # Without deb, tar and wheel it makes all three. The same commit gives the same bytes on the same system.
 set -euo pipefail
 
-usage() { sed -n '4,13s/^# //p' "$0"; }
+usage() { sed -n '4,14s/^# //p' "$0"; }
 wrong_usage() { echo "error: $*" >&2; usage >&2; exit 2; }
 
 out=build/release
 kinds=()
 cuda=(-DGS_WITH_CUDA=ON -DGS_REQUIRE_CUDA=ON)
 sysroot=
+pythons=''
 uncommitted=no
 while [[ $# -gt 0 ]]; do
   case $1 in
@@ -29,9 +31,15 @@ while [[ $# -gt 0 ]]; do
     --architectures)
       [[ $# -gt 1 ]] || wrong_usage "$1 needs a list of GPU architectures"
       cuda+=("-DGS_CUDA_ARCHITECTURES=$2"); shift 2 ;;
-    --sysroot | --out)
+    --sysroot | --out | --python)
       [[ $# -gt 1 ]] || wrong_usage "$1 needs a folder"
-      if [[ $1 == --out ]]; then out=$2; else sysroot=$(realpath "$2"); fi
+      case $1 in
+        --out) out=$2 ;;
+        --sysroot) sysroot=$(realpath "$2") ;;
+        --python)
+          [[ -f $2/Python.h ]] || wrong_usage "$2 has no Python.h"
+          pythons+=${pythons:+;}$(realpath "$2") ;;
+      esac
       shift 2 ;;
     -h | --help) usage; exit ;;
     *) wrong_usage "there is no flag or package $1" ;;
@@ -87,7 +95,7 @@ stage_tarball() {
     copy_sysroot "$sysroot" "$PWD/$tree/sysroot"
     flags=$(sysroot_flags "$PWD/$tree/sysroot")
   fi
-  build_for_release tarball "-DCMAKE_EXE_LINKER_FLAGS=$flags" "-DCMAKE_MODULE_LINKER_FLAGS=$flags"
+  build_for_release tarball "-DGS_PYTHON_HEADERS=$pythons" "-DCMAKE_EXE_LINKER_FLAGS=$flags" "-DCMAKE_MODULE_LINKER_FLAGS=$flags"
   check_needed "$tree" --static "$tree"/bin/gemsplat "$tree"/python/gemsplat/*.so
   rm -rf "$tree/stage"
   cmake --install "$tree" --strip --component program --prefix "$tree/stage/$folder" >/dev/null

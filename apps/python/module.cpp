@@ -42,6 +42,7 @@ PYBIND11_MODULE(_gemsplat, module) {
   bind_exact(module);
   bind_points(module);
   bind_gpu_operator(module);
+  bind_jax(module);
   bind_progress(module);
   bind_train(module);
   bind_edit(module);

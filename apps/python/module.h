@@ -44,6 +44,7 @@ void bind_render(pybind11::module_& module);
 void bind_exact(pybind11::module_& module);
 void bind_points(pybind11::module_& module);
 void bind_gpu_operator(pybind11::module_& module);
+void bind_jax(pybind11::module_& module);
 void bind_progress(pybind11::module_& module);
 void bind_train(pybind11::module_& module);
 void bind_edit(pybind11::module_& module);

@@ -8,6 +8,7 @@
 
 #include "cuda/operator/caller_memory.cuh"
 #include "cuda/operator/stages.cuh"
+#include "cuda/render/instance_buffer.cuh"
 #include "cuda/render/renderer.cuh"
 #include "cuda/render/reports.cuh"
 
@@ -19,9 +20,6 @@ struct Frame final : OperatorFrame {
       : context(call.device, static_cast<cudaStream_t>(call.stream)), memory(context, call.kept),
         pass(memory), halted(memory) {}
   const float* transmittance() const override { return pass.transmittance.data(); }
-  const Splat* splats() const override { return pass.splats.data(); }
-  const std::uint32_t* tile_counts() const override { return pass.tile_counts.data(); }
-  const std::uint32_t* overflowed() const override { return halted.data(); }
   std::uint32_t instances() const override { return count; }
 
   Context context;
@@ -30,6 +28,50 @@ struct Frame final : OperatorFrame {
   Buffer<std::uint32_t> halted;  // (1) with a room
   std::uint32_t count = 0;
 };
+
+// Sizes what the gradient reads of a picture with a room, always in this order.
+void lay_out(const OperatorInput& input, const RenderSettings& settings, Frame& frame) {
+  RenderPass& pass = frame.pass;
+  CudaScratch& scratch = pass.scratch<CudaScratch>();
+  pass.begin(input.camera, 0);
+  pass.least_color = least_color(input);
+  const std::size_t tiles = pass.tile_count(), pixels = pass.pixel_count();
+  const std::size_t checkpoints = checkpoint_pixels(input.room);
+  pass.splats.resize_discard(input.count);
+  pass.tile_counts.resize_discard(input.count);
+  pass.tile_splats.resize_discard(input.room);
+  pass.tile_ranges.resize_discard(tiles + 1);
+  pass.image.resize_discard(3 * pixels);
+  pass.transmittance.resize_discard(pixels);
+  pass.last_instance.resize_discard(pixels);
+  pass.depth_image.resize_discard(settings.blends_depth ? pixels : 0);
+  scratch.tile_order.resize_discard(tiles);
+  scratch.first_checkpoints.resize_discard(tiles);
+  scratch.segments.resize_discard(most_segments(tiles, input.room));
+  scratch.instance_buffer.resize_discard(checkpoints);
+  scratch.depth_checkpoints.resize_discard(settings.blends_depth ? checkpoints : 0);
+  frame.halted.resize_discard(1);
+}
+
+// The buffers that lay_out() sizes.
+std::vector<const ByteBuffer*> kept_buffers(const Frame& frame) {
+  const RenderPass& pass = frame.pass;
+  const CudaScratch& scratch = pass.scratch<CudaScratch>();
+  return {&pass.splats,
+          &pass.tile_counts,
+          &pass.tile_splats,
+          &pass.tile_ranges,
+          &pass.image,
+          &pass.transmittance,
+          &pass.last_instance,
+          &pass.depth_image,
+          &scratch.tile_order,
+          &scratch.first_checkpoints,
+          &scratch.segments,
+          &scratch.instance_buffer,
+          &scratch.depth_checkpoints,
+          &frame.halted};
+}
 
 // Page-locked memory for the report of one call. It is slow to make, so that calls hand it on.
 class BorrowedReports {
@@ -88,13 +130,39 @@ constexpr int kThreads = 256;
 // Copies what a pass keeps to what the caller gets.
 __global__ void __launch_bounds__(kThreads)
     copy_picture_kernel(std::size_t pixels, const float* image, const float* transmittance,
-                        const float* depth, OperatorPicture to) {
+                        const float* depth, const std::uint32_t* halted, OperatorPicture to) {
   const std::size_t i = std::size_t(blockIdx.x) * kThreads + threadIdx.x;
   if (i >= pixels) return;
+  if (i == 0 && to.overflowed) *to.overflowed = *halted;
   if (to.image)
     for (int c = 0; c < 3; ++c) to.image[c * pixels + i] = image[c * pixels + i];
   if (to.alpha) to.alpha[i] = 1.0f - transmittance[i];
   if (to.depth) to.depth[i] = depth[i];
+}
+
+// OperatorPicture::rows of one Gaussian for each thread.
+__global__ void __launch_bounds__(kThreads)
+    tell_rows_kernel(std::size_t count, const Splat* splats, bool has_inverse_depth,
+                     const std::uint32_t* tile_counts, float* rows) {
+  const std::size_t i = std::size_t(blockIdx.x) * kThreads + threadIdx.x;
+  if (i >= count) return;
+  float* const to = rows + kRowNumbers * i;
+  if (tile_counts[i] == 0) {
+    for (int k = 0; k < kRowNumbers; ++k) to[k] = 0;
+    return;
+  }
+  const Splat& splat = splats[i];
+  const Sym2<float>& conic = splat.conic;
+  const float half = (conic.xx - conic.yy) / 2;
+  const float smallest = (conic.xx + conic.yy) / 2 - hypotf(half, conic.xy);  // eigenvalue
+  to[0] = 1;
+  to[1] = ceilf(fminf(fmaxf(sqrtf(2 * splat.cutoff / smallest), 1.0f), 1e9f));
+  to[2] = splat.mean2d.x;
+  to[3] = splat.mean2d.y;
+  to[4] = has_inverse_depth ? 1.0f / splat.depth : splat.depth;
+  to[5] = conic.xx;
+  to[6] = conic.xy;
+  to[7] = conic.yy;
 }
 
 // About the bytes that the buffers of stages 1 to 4 take, so that few pieces are asked for.
@@ -148,7 +216,11 @@ class CudaOperator final : public SplatOperator {
     if (to.features) blend_features(context, settings, pass, input, to.features);
     context.launch("copy of the picture", copy_picture_kernel, blocks_for(pixels, kThreads),
                    kThreads, pixels, pass.image.data(), pass.transmittance.data(),
-                   pass.depth_image.data(), to);
+                   pass.depth_image.data(), frame->halted.data(), to);
+    if (to.rows)
+      context.launch("what is told of Gaussians", tell_rows_kernel,
+                     blocks_for(input.count, kThreads), kThreads, input.count, pass.splats.data(),
+                     input.has_inverse_depth, pass.tile_counts.data(), to.rows);
     frame->memory.close();
     return frame;
   }
@@ -157,7 +229,8 @@ class CudaOperator final : public SplatOperator {
                  const RenderSettings& settings, const OperatorPictureGradient& dL,
                  const OperatorGradients& gradients) const override {
     const OnDevice here(call.device);
-    const RenderPass& pass = static_cast<const Frame&>(frame).pass;
+    const Frame& drawn = static_cast<const Frame&>(frame);
+    const RenderPass& pass = drawn.pass;
     Context context(call.device, static_cast<cudaStream_t>(call.stream));
     CallerMemory scratch(context, call.scratch);
     Workspace workspace(scratch);
@@ -187,9 +260,42 @@ class CudaOperator final : public SplatOperator {
                             context.stream()),
             "gradient by features");
     if (dL.features)
-      blend_features_backward(context, settings, pass, input, dL, frame.overflowed(), workspace,
+      blend_features_backward(context, settings, pass, input, dL, drawn.halted.data(), workspace,
                               gradients.features);
-    project_backward(context, input, settings, workspace, pass, frame.overflowed(), gradients);
+    project_backward(context, input, settings, workspace, pass, drawn.halted.data(), gradients);
+  }
+
+  std::size_t kept_bytes(const OperatorInput& input,
+                         const RenderSettings& settings) const override {
+    std::size_t bytes = 0;
+    OperatorCall counting;
+    counting.kept = [&bytes](std::size_t piece) {  // addresses that nobody reads
+      bytes += piece;
+      return reinterpret_cast<void*>(bytes);
+    };
+    Frame frame(counting);
+    lay_out(input, settings, frame);
+    return bytes;
+  }
+
+  std::unique_ptr<OperatorFrame> frame_in(const OperatorCall& call, const OperatorInput& input,
+                                          const RenderSettings& settings,
+                                          const OperatorFrame* copied) const override {
+    const OnDevice here(call.device);
+    auto frame = std::make_unique<Frame>(call);
+    lay_out(input, settings, *frame);
+    frame->memory.close();
+    frame->count = input.room;
+    if (copied) {
+      const auto from = kept_buffers(static_cast<const Frame&>(*copied));
+      const auto to = kept_buffers(*frame);
+      for (std::size_t i = 0; i < to.size(); ++i) {
+        GS_CHECK(from[i]->size() >= to[i]->size());
+        if (!to[i]->empty())
+          frame->memory.copy(to[i]->bytes(), from[i]->bytes(), to[i]->size_bytes());
+      }
+    }
+    return frame;
   }
 
   void footprints(const OperatorCall& call, const OperatorInput& input,

@@ -96,7 +96,7 @@ void project(Context& context, const OperatorInput& input, const RenderSettings&
   const StageScope scope(context, "project");
   pass.begin(input.camera, input.count);
   pass.scratch<CudaScratch>().has_view_splats = false;
-  pass.least_color = input.arrays.colors.data ? -std::numeric_limits<float>::infinity() : 0.0f;
+  pass.least_color = least_color(input);
   workspace.depth_keys.resize_discard(input.count);
   const Output out{pass.splats.data(), projected_rows(settings, workspace, pass), pass.tiles_x,
                    pass.tiles_y};

@@ -3,10 +3,17 @@
 // cuda/stages.cuh; features beside colors; and footprints by the rules of others.
 #pragma once
 
+#include <limits>
+
 #include "cuda/stages.cuh"
 #include "gs_render/operator.h"
 
 namespace gs::cuda {
+
+/// RenderPass::least_color: colors that are given are used as they are.
+inline float least_color(const OperatorInput& input) {
+  return input.arrays.colors.data ? -std::numeric_limits<float>::infinity() : 0.0f;
+}
 
 /// 1  project.cu: one splat per Gaussian, and which tiles it hits.
 void project(Context& context, const OperatorInput& input, const RenderSettings& settings,

@@ -25,6 +25,11 @@ inline std::size_t checkpoint_pixels(std::uint32_t capacity) {
   return std::size_t(capacity / kSegmentLength) * kTileWidth * kTileHeight;
 }
 
+/// An upper bound of the number of segments of lists with so many instances.
+inline std::size_t most_segments(std::size_t tiles, std::uint32_t instances) {
+  return tiles + instances / kSegmentLength;
+}
+
 /// The bits of a tile's number, and of the number that means "no tile".
 inline int tile_key_bits(const RenderPass& pass) { return int(std::bit_width(pass.tile_count())); }
 

@@ -168,11 +168,6 @@ void order_tiles(Context& context, Workspace& workspace, RenderPass& pass) {
                  scratch.tile_order.data());
 }
 
-// An upper bound of the number of segments of lists with so many instances.
-std::size_t most_segments(std::size_t tiles, std::uint32_t instances) {
-  return tiles + instances / kSegmentLength;
-}
-
 void order_for_blending(Context& context, RenderPass& pass, std::uint32_t capacity) {
   const std::size_t tiles = pass.tile_count(), segments = most_segments(tiles, capacity);
   CudaScratch& scratch = pass.scratch<CudaScratch>();

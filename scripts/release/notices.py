@@ -10,7 +10,7 @@ A row has `name license copyright source`, and
   how       header | static | bundled: it is inside the build; shared: the build loads it;
             library: static in a build with GS_STATIC_LIBRARIES, else shared
   when      the part of the build that brings it: GS_HAVE_<when>; none: every build
-  version   where to ask: dpkg:PACKAGE, npm:PACKAGE or cuda
+  version   where to ask: dpkg:PACKAGE, npm:PACKAGE or cuda; or what came with:NAME VERSION into this tree
   sonames   names of its shared libraries, up to ".so"; of `header`, where the build may load one, too
 """
 import argparse
@@ -63,7 +63,7 @@ def npm_version(package):
 
 def version_of(row, cuda):
     kind, _, package = row["version"].partition(":")
-    return {"dpkg": dpkg_version, "npm": npm_version, "cuda": lambda _: cuda or None}[kind](package)
+    return {"dpkg": dpkg_version, "npm": npm_version, "cuda": lambda _: cuda or None, "with": lambda name: f"({name})"}[kind](package)
 
 
 # ---- NOTICE -----------------------------------------------------------------------------------------

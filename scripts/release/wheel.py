@@ -1,12 +1,12 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: Apache-2.0
-"""Writes a wheel: the module gemsplat, and the program with its pages and the bundled scene.
+"""Writes wheels, one for each Python: the module gemsplat, and the program with its pages and the bundled scene.
 
     wheel.py --module FOLDER --program FOLDER --version V OUT
 
-FOLDER/gemsplat is the package, compiled part included; the program's folder has bin/ and share/, as
-`cmake --install` writes them. Prints the wheel's path. The name of the file says which C library the
-wheel needs; time stamps are those of SOURCE_DATE_EPOCH, so that the same files give the same bytes.
+FOLDER/gemsplat is the package, with a compiled part for each Python; the program's folder has bin/ and
+share/, as `cmake --install` writes them. Prints the wheels' paths. The name of a file says which C
+library the wheel needs; time stamps are those of SOURCE_DATE_EPOCH, so that the same files give the same bytes.
 """
 import argparse
 import base64
@@ -26,15 +26,15 @@ Version: {version}
 Summary: Trains 3D Gaussians from photos
 License: Apache-2.0
 Requires-Python: =={python}.*
-Requires-Dist: numpy (>=1.22,<2)
+Requires-Dist: numpy (>=1.22)
 """
 
 
-def compiled_part(module):
+def compiled_parts(module):
     parts = sorted((module / "gemsplat").glob("_gemsplat*.so"))
-    if len(parts) != 1:
-        sys.exit(f"error: {module}/gemsplat has {len(parts)} compiled parts instead of one; build the target gs_python")
-    return parts[0]
+    if not parts:
+        sys.exit(f"error: {module}/gemsplat has no compiled part; build the target gs_python")
+    return parts
 
 
 def python_version(part):
@@ -54,10 +54,11 @@ def oldest_glibc(files):
     return max(versions)
 
 
-def entries(module, program, version):
+def entries(module, part, program, version):
     """Pairs of a path in the wheel and a file."""
-    found = [(file.relative_to(module).as_posix(), file)
-             for file in (module / "gemsplat").rglob("*") if file.is_file() and "__pycache__" not in file.parts]
+    others = set(compiled_parts(module)) - {part}
+    found = [(file.relative_to(module).as_posix(), file) for file in (module / "gemsplat").rglob("*")
+             if file.is_file() and file not in others and "__pycache__" not in file.parts]
     data = f"gemsplat-{version}.data"
     for file in program.rglob("*"):
         name = file.relative_to(program).as_posix()
@@ -88,25 +89,15 @@ def write_wheel(path, contents, seconds):
             archive.writestr(entry, data)
 
 
-def main():
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    for name in ("--module", "--program"):
-        parser.add_argument(name, type=Path, required=True)
-    parser.add_argument("--version", required=True)
-    parser.add_argument("out", type=Path)
-    arguments = parser.parse_args()
-
-    part = compiled_part(arguments.module)
-    program = arguments.program / "bin" / "gemsplat"
-    if not program.is_file():
-        sys.exit(f"error: {program} was not found; build the target gemsplat and install it there")
+def make_wheel(arguments, part):
+    """The path of the wheel for the Python of a compiled part."""
     python = python_version(part)
     interpreter = f"cp{python[0]}{python[1]}"
-    glibc = oldest_glibc([part, program])
+    glibc = oldest_glibc([part, arguments.program / "bin" / "gemsplat"])
     tag = f"{interpreter}-{interpreter}-manylinux_{glibc[0]}_{glibc[1]}_{platform.machine()}"
 
     contents = {name: (file.read_bytes(), os.access(file, os.X_OK) and file.suffix != ".so")
-                for name, file in sorted(entries(arguments.module, arguments.program, arguments.version))}
+                for name, file in sorted(entries(arguments.module, part, arguments.program, arguments.version))}
     info = f"gemsplat-{arguments.version}.dist-info"
     metadata = METADATA.format(version=arguments.version, python=f"{python[0]}.{python[1]}")
     wheel = f"Wheel-Version: 1.0\nGenerator: gemsplat\nRoot-Is-Purelib: false\nTag: {tag}\n"
@@ -118,7 +109,21 @@ def main():
     arguments.out.mkdir(parents=True, exist_ok=True)
     path = arguments.out / f"gemsplat-{arguments.version}-{tag}.whl"
     write_wheel(path, contents, int(os.environ.get("SOURCE_DATE_EPOCH") or time.time()))
-    print(path)
+    return path
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    for name in ("--module", "--program"):
+        parser.add_argument(name, type=Path, required=True)
+    parser.add_argument("--version", required=True)
+    parser.add_argument("out", type=Path)
+    arguments = parser.parse_args()
+
+    if not (arguments.program / "bin" / "gemsplat").is_file():
+        sys.exit(f"error: {arguments.program}/bin/gemsplat was not found; build the target gemsplat and install it there")
+    for part in compiled_parts(arguments.module):
+        print(make_wheel(arguments, part))
 
 
 if __name__ == "__main__":

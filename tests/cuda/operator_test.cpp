@@ -4,6 +4,8 @@
 
 #include <cuda_runtime_api.h>
 
+#include <utility>
+
 #include "tests/support/cuda.h"
 #include "tests/support/exact_inputs.h"
 
@@ -385,6 +387,31 @@ TEST_F(CudaOperator, GradientsCanBeAskedForAgain) {
   const auto first = problem.gradients(*frame);
   EXPECT_EQ(problem.gradients(*frame), first);
   EXPECT_EQ(problem.gradients(*problem.draw()), first);
+}
+
+TEST_F(CudaOperator, ACopyOfWhatIsKeptHasTheSameGradients) {
+  const SplatOperator& splats = cuda::splat_operator();
+  for (const Form& form : kForms) {
+    SCOPED_TRACE(form.name);
+    Problem problem(form, kCount, 10);
+    problem.settings().deterministic = true;
+    problem.input().room = 1 << 16;
+    const auto frame = problem.draw();
+    const auto expected = problem.gradients(*frame);
+    const std::size_t bytes = splats.kept_bytes(problem.input(), problem.settings());
+    auto* const memory = static_cast<std::byte*>(problem.memory().allocate(bytes));
+    const auto frame_in_memory = [&](const OperatorFrame* copied) {
+      std::byte* next = memory;
+      const OperatorCall call{0, problem.memory().stream(),
+                              [&](std::size_t piece) { return std::exchange(next, next + piece); },
+                              nullptr};
+      auto made = splats.frame_in(call, problem.input(), problem.settings(), copied);
+      EXPECT_EQ(next, memory + bytes);
+      return made;
+    };
+    frame_in_memory(frame.get());
+    EXPECT_EQ(problem.gradients(*frame_in_memory(nullptr)), expected);
+  }
 }
 
 TEST_F(CudaOperator, ByAlphaAloneIsThatOfAnImageWithoutWeight) {

@@ -16,30 +16,17 @@ except ModuleNotFoundError:
 import numpy as np
 
 import gemsplat
+from drawing import FORMS, HEIGHT, SETTINGS, WIDTH, arrays_for, draw
 from gemsplat._rasterize import footprints
 from support import SOURCE, TestCase
 
 HAS_GPU = torch is not None and torch.cuda.is_available() and gemsplat.cuda_device_count() > 0
-WIDTH, HEIGHT = 70, 45  # several tiles, the last ones cut off
-VIEW = [[1, 0, 0, 0.1], [0, 1, 0, -0.2], [0, 0, 1, 3], [0, 0, 0, 1]]
-K = [[60, 0, 33.3], [0, 65, 24.1], [0, 0, 1]]
 
 
 def arguments(count, device="cpu", dtype=None, seed=1, **others):
-    """Tensors that rasterize() takes, with gradients, for Gaussians in front of the camera; equal for a seed."""
-    random = np.random.default_rng(seed)
-    arrays = {"means": random.uniform(-1, 1, (count, 3)), "rotations": random.normal(size=(count, 4)),
-              "log_scales": random.uniform(-3, -1, (count, 3)), "logit_opacities": random.uniform(-2, 4, count),
-              "sh": random.normal(size=(count, 16, 3)) / 3, "viewmats": np.array(VIEW),
-              "Ks": np.array(K), "background": random.uniform(0, 1, 3),
-              "screen": random.uniform(-1, 1, (count, 2)), **others}
-    arrays = {name: array.astype(np.float32) for name, array in arrays.items() if array is not None}
+    """Tensors that rasterize() takes, with gradients."""
     return {name: torch.tensor(array, dtype=dtype or torch.float32, device=device, requires_grad=True)
-            for name, array in arrays.items()}
-
-
-def draw(arrays, outputs=("image", "alpha"), width=WIDTH, height=HEIGHT, **settings):
-    return gemsplat.rasterize(**arrays, width=width, height=height, outputs=outputs, **settings)
+            for name, array in arrays_for(count, seed, **others).items()}
 
 
 def loss_of(rendering):
@@ -101,33 +88,14 @@ class OnTheCpuTest(TestCase):
 
 @unittest.skipUnless(HAS_GPU, "there is no PyTorch with a GPU, or gemsplat was built without CUDA")
 class OnTheGpuTest(TestCase):
-    FORMS = {
-        "as models are stored": {},
-        "activated": {"log_scales": None, "logit_opacities": None, "scales": np.linspace(0.03, 0.3, 300).reshape(100, 3),
-                      "opacities": np.linspace(0.01, 1, 100)[:, None]},
-        "covariances": {"rotations": None, "log_scales": None,
-                        "covariances": np.tile([0.02, 0.004, -0.003, 0.05, 0.002, 0.03], (100, 1))},
-        "colors": {"sh": None, "colors": np.linspace(-0.2, 1, 300).reshape(100, 3)},
-        "features": {"sh": None, "colors": np.linspace(0, 1, 300).reshape(100, 3),
-                     "features": np.linspace(-1, 1, 500).reshape(100, 5)},
-        "many features": {"features": np.linspace(-1, 1, 4400).reshape(100, 44)[::-1].copy()},
-        "sh0 and sh_rest": {"sh": None, "sh0": np.linspace(-1, 1, 300).reshape(100, 3),
-                            "sh_rest": np.linspace(-1, 1, 2400).reshape(100, 8, 3) / 4},
-        "several views": {"viewmats": np.array([VIEW, VIEW]),
-                          "Ks": np.array([K, [[90, 0, 30], [0, 80, 20], [0, 0, 1]]]),
-                          "background": np.array([[0, 0.5, 1], [0.3, 0.2, 0.1]]), "screen": np.zeros((2, 100, 2)),
-                          "colors": np.linspace(0, 1, 600).reshape(2, 100, 3), "sh": None},
-    }
-
     def assert_near(self, tensor, expected, tolerance, name):
         tensor, expected = tensor.detach().double().cpu(), expected.detach().double()
         difference = torch.linalg.vector_norm(tensor - expected)
         self.assertLessEqual(float(difference), tolerance * max(1e-6, float(torch.linalg.vector_norm(expected))), name)
 
     def test_pictures_and_gradients_are_those_of_the_cpu(self):
-        for form, others in self.FORMS.items():
-            for settings in ({}, {"blend_rule": "classic"}, {"antialiased": True}, {"blur": 0.5, "near": 2.8},
-                             {"outputs": ("image", "alpha", "depth")}, {"outputs": ("inverse_depth",)}):
+        for form, others in FORMS.items():
+            for settings in SETTINGS:
                 with self.subTest(form, **settings):
                     expected, by_cpu = gradients(arguments(100, dtype=torch.float64, **others), **settings)
                     drawn, by_gpu = gradients(arguments(100, "cuda", **others), **settings)
@@ -154,7 +122,7 @@ class OnTheGpuTest(TestCase):
             self.assert_near(getattr(drawn, name), getattr(expected, name), 1e-4 if name != "radii" else 0.02, name)
 
     def test_footprints_by_the_rules_of_others_are_those_of_the_cpu(self):
-        for others in ({}, self.FORMS["activated"], self.FORMS["covariances"]):
+        for others in ({}, FORMS["activated"], FORMS["covariances"]):
             for shape, settings in (("square", {"tile": 16}), ("box", {"clip": 2.0, "antialiased": True}), ("box", {"far": 3.2})):
                 with self.subTest(shape, given=[*others], **settings):
                     expected, found = (
@@ -330,7 +298,7 @@ class OnTheGpuTest(TestCase):
         self.assertEqual(sizes[1], sizes[2])
 
     def test_pictures_without_gradients_are_the_same(self):
-        arrays = arguments(100, "cuda", **self.FORMS["many features"])
+        arrays = arguments(100, "cuda", **FORMS["many features"])
         expected = draw(arrays)
         with torch.no_grad():
             drawn = draw(arrays)

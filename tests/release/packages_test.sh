@@ -42,7 +42,7 @@ packed() {
   c++ -c "$work/$(basename "$tree").cpp" -o "$tree/answer.o"
   mkdir -p "$tree/stage/gemsplat-1.0-linux/lib"
   ar rcs "$tree/stage/gemsplat-1.0-linux/lib/libanswer.a" "$tree/answer.o"
-  stage "$tree/module" gemsplat/_gemsplat.cpython-311-x86_64-linux-gnu.so
+  stage "$tree/module" gemsplat/_gemsplat.cpython-31{1,2}-x86_64-linux-gnu.so
   pack_deb "$tree" OFF || die "$(cat "$tree/cpack.log")"
   rm -r "$tree/stage/gemsplat-1.0-linux/lib"  # libraries are in a Debian package alone
   pack_tar "$tree/stage/gemsplat-1.0-linux" "$tree/out"
@@ -83,11 +83,11 @@ check_same_bytes() {
     cmp "$file" "$work/second/out/$(basename "$file")" || die "$(basename "$file") differs"
     count=$((count + 1))
   done
-  [[ $count -eq 4 ]] || die "there are $count packages"
+  [[ $count -eq 5 ]] || die "there are $count packages"
 }
 
 check_contents() {
-  local out=$work/first/out
+  local out=$work/first/out python
   dpkg-deb -c "$out"/*.deb >"$work/deb.txt"
   grep -q 'root/root.* ./usr/bin/gemsplat$' "$work/deb.txt" || die "$(cat "$work/deb.txt")"
   grep -q './usr/share/man/man1/gemsplat.1.gz$' "$work/deb.txt" || die "the man page is not compressed"
@@ -98,9 +98,11 @@ check_contents() {
   grep -q libc6 "$work/depends.txt" || die "the package does not depend on libc6"
   tar -tvf "$out"/*.tar.xz >"$work/tar.txt"
   grep -q '^-rwxr-xr-x 0/0 .*gemsplat-1.0-linux/bin/gemsplat$' "$work/tar.txt" || die "$(cat "$work/tar.txt")"
-  python3 -m zipfile -l "$out"/*.whl >"$work/wheel.txt"
-  grep -q 'gemsplat-1.0.data/scripts/gemsplat ' "$work/wheel.txt" || die "$(cat "$work/wheel.txt")"
-  [[ $(basename "$out"/*.whl) == gemsplat-1.0-cp311-cp311-manylinux_2_*.whl ]] || die "the wheel is $(basename "$out"/*.whl)"
+  for python in 311 312; do
+    python3 -m zipfile -l "$out"/gemsplat-1.0-cp$python-cp$python-manylinux_2_*.whl >"$work/wheel.txt"
+    grep -q 'gemsplat-1.0.data/scripts/gemsplat ' "$work/wheel.txt" || die "$(cat "$work/wheel.txt")"
+    [[ $(grep -o '_gemsplat[^ ]*' "$work/wheel.txt") == _gemsplat.cpython-$python-x86_64-linux-gnu.so ]] || die "$(cat "$work/wheel.txt")"
+  done
 }
 
 check_native_is_refused() {
@@ -119,7 +121,7 @@ check_wrong_usage() {
   local flag
   if copy_sysroot "$work" "$work/sysroot" 2>"$work/error"; then die "release.sh links with a system that has no C library"; fi
   grep -q 'has no libc6-dev' "$work/error" || die "$(cat "$work/error")"
-  for flag in "--out" "--sysroot" "--architectures" "--nonsense" "rpm"; do
+  for flag in "--out" "--sysroot" "--python" "--python /" "--architectures" "--nonsense" "rpm"; do
     if "$root/scripts/release.sh" $flag >/dev/null 2>"$work/error"; then die "release.sh takes $flag"; fi
     grep -q '^error: ' "$work/error" || die "$flag: $(cat "$work/error")"
   done

@@ -8,7 +8,7 @@ from torch.nn import functional
 
 from . import _gemsplat
 from ._gemsplat import UsageError
-from ._torch import _Pieces
+from ._torch import _pieces
 
 PADDINGS = ("same", "valid")
 _REACH, _SIGMA = 5, 1.5  # of the window of 11 pixels
@@ -42,7 +42,7 @@ class _Compare(torch.autograd.Function):
         image, target = image.contiguous(), target.contiguous()
         value = image.new_empty(())
         gradient = torch.empty_like(image) if ctx.needs_input_grad[0] else None
-        _gemsplat.gpu_compare(image.device.index, torch.cuda.current_stream(image.device).cuda_stream, _Pieces(image.device),
+        _gemsplat.gpu_compare(image.device.index, torch.cuda.current_stream(image.device).cuda_stream, _pieces(image.device),
                               image.data_ptr(), target.data_ptr(), tuple(image.shape), margin, (l1, ssim), value.data_ptr(),
                               0 if gradient is None else gradient.data_ptr())
         if gradient is not None:

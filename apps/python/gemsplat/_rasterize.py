@@ -124,10 +124,19 @@ def _backend_of(means):
 
         return _numpy
     kind = type(means)
-    if kind.__module__.partition(".")[0] == "torch":
+    module = kind.__module__.partition(".")[0]
+    if module == "torch":
         from . import _torch
 
         return _torch
+    if module in ("jax", "jaxlib"):
+        from . import _jax
+
+        return _jax
+    if module == "cupy":
+        from . import _cupy
+
+        return _cupy
     raise UsageError(f"means is a {kind.__module__}.{kind.__qualname__}, which cannot be drawn; give a NumPy array, such as "
                      "numpy.asarray(means)")
 
