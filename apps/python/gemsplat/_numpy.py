@@ -31,8 +31,8 @@ def rasterize(arguments):
                        for view in range(arguments.views)], arguments)
 
 
-def footprints(arguments, *rule):
-    """Those of the first view, by name."""
+def footprints(arguments, _, *rule):
+    """Those of the only view, by name."""
     values, _ = _activated(arguments)
     return exact_footprints(_of_view(values, arguments, 0), _settings(arguments), *rule)
 

@@ -7,6 +7,7 @@ _arguments.py checks what they take. A module for each kind of array does the re
 from __future__ import annotations
 
 import inspect
+from dataclasses import replace
 from typing import Any, Callable, Iterable, Mapping, NamedTuple, Optional, Sequence, Tuple, Union
 
 import numpy as np
@@ -142,6 +143,7 @@ def _backend_of(means):
 
 
 _SIGNATURE = inspect.signature(rasterize)
+_DEFAULTS = {name: parameter.default for name, parameter in _SIGNATURE.parameters.items()}
 
 
 def _bound(*places, **keywords):
@@ -207,12 +209,23 @@ class Footprints(NamedTuple):
     radii: Any
 
 
-def footprints(shape, *, clip=0.0, tile=1, **given):
-    """The Footprints of what rasterize() takes for one view, without gradients and without waiting for a GPU.
+class Scene:
+    """What rasterize() takes for one view, checked once: for drop-ins, which ask for pictures and footprints of it."""
 
-    shape: square, of three standard deviations of the longer axis whatever the opacity (Kerbl et al. 2023); or box, around
-    the ellipse outside of which no fragment is drawn. A Gaussian is visible where either of its radii is above `clip`, and
-    the shape meets the picture, completed to whole tiles of so many pixels.
-    """
-    backend, arguments = _bound(outputs="alpha", **given)
-    return Footprints(**backend.footprints(arguments, shape, float(clip), tile))
+    def __init__(self, **given):
+        self._backend, self._arguments = _prepared({**_DEFAULTS, **given})
+
+    def draw(self, **taps):
+        """The Rendering. `taps`: screen and absolute_screen."""
+        arrays = {**self._arguments.arrays, **{name: tap for name, tap in taps.items() if tap is not None}}
+        return self._backend.rasterize(replace(self._arguments, arrays=arrays))
+
+    def footprints(self, shape, *, clip=0.0, tile=1, names=Footprints._fields):
+        """Footprints, of which only `names` may be read, without gradients and without waiting for a GPU.
+
+        shape: square, of three standard deviations of the longer axis whatever the opacity (Kerbl et al. 2023); or box, around
+        the ellipse outside of which no fragment is drawn. A Gaussian is visible where either of its radii is above `clip`, and
+        the shape meets the picture, completed to whole tiles of so many pixels.
+        """
+        found = self._backend.footprints(self._arguments, names, shape, float(clip), tile)
+        return Footprints(**{name: found.get(name) for name in Footprints._fields})

@@ -46,21 +46,22 @@ def rasterize(arguments):
     raise UsageError(f"means is on {device}; tensors are drawn on cuda and cpu")
 
 
-def footprints(arguments, *rule):
-    """Those of the first view, by name."""
+def footprints(arguments, names, *rule):
+    """Those of the only view, by name."""
     means = arguments.arrays["means"]
     if means.device.type == "cpu":
         arrays = {name: tensor.detach().numpy() for name, tensor in arguments.arrays.items()}
-        found = _numpy.footprints(replace(arguments, arrays=arrays), *rule)
+        found = _numpy.footprints(replace(arguments, arrays=arrays), names, *rule)
         return {name: torch.from_numpy(array).to(torch.int32 if name == "radii" else means.dtype)
                 for name, array in found.items()}
     count = arguments.count
-    found = {name: torch.empty((count, *row), dtype=torch.int32 if name == "radii" else torch.float32, device=means.device)
-             for name, row in {"means2d": (2,), "depths": (), "conics": (3,), "compensations": (), "radii": (2,)}.items()}
+    rows = {"means2d": (2,), "depths": (), "conics": (3,), "compensations": (), "radii": (2,)}
+    found = {name: torch.empty((count, *rows[name]), dtype=torch.int32 if name == "radii" else torch.float32, device=means.device)
+             for name in names}
     tensors = {name: _dense(name, tensor) for name, tensor in _gpu.arrays_of_view(arguments, 0).items()}
     call = _call(arguments, 0, _gpu.settings_of(arguments), needs_gradients=False)
     GpuOperation(_addresses(tensors), call).footprints(*_place(means.device), *rule,
-                                                       [tensor.data_ptr() for tensor in found.values()])
+                                                       [found[name].data_ptr() if name in found else 0 for name in rows])
     return found
 
 

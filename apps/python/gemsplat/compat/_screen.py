@@ -3,6 +3,8 @@
 
 from __future__ import annotations
 
+import functools
+
 import torch
 
 
@@ -19,10 +21,14 @@ class ScreenTap(torch.autograd.Function):
 
     @staticmethod
     def backward(ctx, gradient):
-        wanted = gradient.new_zeros((*gradient.shape[:-1], ctx.columns))
-        for axis, unit in enumerate(ctx.units):
-            wanted[..., axis] = gradient[..., axis] * unit
-        return wanted, None
+        if ctx.units != (1, 1):
+            gradient = gradient * _on_device(ctx.units, gradient.device, gradient.dtype)
+        return torch.nn.functional.pad(gradient, (0, ctx.columns - 2)) if ctx.columns > 2 else gradient, None
+
+
+@functools.lru_cache(64)
+def _on_device(units, device, dtype):
+    return torch.tensor(units, device=device, dtype=dtype)
 
 
 class AbsoluteTap(torch.autograd.Function):

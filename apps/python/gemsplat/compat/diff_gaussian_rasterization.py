@@ -11,8 +11,8 @@ from typing import NamedTuple, Optional
 
 import torch
 
-from .. import UsageError, rasterize
-from .._rasterize import footprints
+from .. import UsageError
+from .._rasterize import Scene
 from . import _report
 from ._screen import ScreenTap
 
@@ -72,7 +72,9 @@ class GaussianRasterizer(torch.nn.Module):
         """The radii of forward(), without a picture.   (N,) int32, pixels"""
         _report.count("diff_gaussian_rasterization.visible_filter")
         shape = _shape(_given(scales), _given(rotations), _given(cov3D_precomp), self.raster_settings)
-        return _radii(means3D, shape, *_matrices(self.raster_settings), self.raster_settings)
+        with torch.no_grad():
+            return _radii(_scene(self.raster_settings, *_matrices(self.raster_settings), means=means3D, opacities=means3D[:, 0],
+                                 **shape, outputs=("alpha",)))
 
 
 def rasterize_gaussians(means3D, means2D, sh, colors_precomp, opacities, scales, rotations, cov3Ds_precomp, raster_settings, *,
@@ -91,12 +93,10 @@ def rasterize_gaussians(means3D, means2D, sh, colors_precomp, opacities, scales,
     if settings.debug:
         _check(settings, viewmat, K)
     has_tap = means2D is not None and means2D.requires_grad and torch.is_grad_enabled()
-    pictures = rasterize(means3D, outputs=("image", *names), opacities=opacities, **shape, **colors, viewmats=viewmat, Ks=K,
-                    width=width, height=height, background=settings.bg.detach().to(means3D),
-                    screen=ScreenTap.apply(means2D, (width / 2, height / 2)) if has_tap else None, near=NEAR, far=FAR,
-                    blur=BLUR, antialiased=bool(settings.antialiasing), blend_rule="classic")
-    return (pictures.image.permute(2, 0, 1), _radii(means3D, shape, viewmat, K, settings),
-            *(getattr(pictures, name)[None] for name in names))
+    scene = _scene(settings, viewmat, K, means=means3D, opacities=opacities, **shape, **colors, outputs=("image", *names),
+                   background=settings.bg.detach().to(means3D), antialiased=bool(settings.antialiasing), blend_rule="classic")
+    pictures = scene.draw(screen=ScreenTap.apply(means2D, (width / 2, height / 2)) if has_tap else None)
+    return (pictures.image.permute(2, 0, 1), _radii(scene), *(getattr(pictures, name)[None] for name in names))
 
 
 def _given(tensor):
@@ -150,11 +150,13 @@ def _centered(sizes, tangents, device, dtype):
     return K.to(device), half.to(device)
 
 
-def _radii(means, shape, viewmat, K, settings):
-    with torch.no_grad():
-        return footprints("square", tile=_TILE, means=means, opacities=means[:, 0], **shape, viewmats=viewmat, Ks=K,
-                          width=int(settings.image_width), height=int(settings.image_height), near=NEAR, far=FAR,
-                          blur=BLUR).radii[:, 0].contiguous()
+def _scene(settings, viewmat, K, **given):
+    return Scene(viewmats=viewmat, Ks=K, width=int(settings.image_width), height=int(settings.image_height), near=NEAR, far=FAR,
+                 blur=BLUR, **given)
+
+
+def _radii(scene):
+    return scene.footprints("square", tile=_TILE, names=("radii",)).radii[:, 0].contiguous()
 
 
 def _check(settings, viewmat, K):

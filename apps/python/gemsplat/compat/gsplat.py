@@ -6,6 +6,7 @@ docs/guide/compat.md says what differs. Shapes: any batch axes "...", C views, N
 
 from __future__ import annotations
 
+import functools
 import importlib
 import inspect
 import itertools
@@ -15,8 +16,8 @@ from typing import Optional
 
 import torch
 
-from .. import UsageError, rasterize
-from .._rasterize import Footprints, footprints
+from .. import UsageError
+from .._rasterize import Footprints, Scene
 from . import _harmonics, _report
 from ._meta import Meta
 from ._screen import AbsoluteTap, ScreenTap
@@ -52,7 +53,7 @@ class _SparseGradient(torch.autograd.Function):
 def rasterization(means, quats, scales, opacities, colors, viewmats, Ks, width, height, near_plane=0.01, far_plane=1e10,
                   radius_clip=0.0, eps2d=0.3, sh_degree=None, packed=True, tile_size=_TILE, backgrounds=None, render_mode="RGB",
                   sparse_grad=False, absgrad=False, rasterize_mode="classic", channel_chunk=32, distributed=False,
-                  camera_model="pinhole", segmented=False, covars=None, **others):
+                  camera_model="pinhole", segmented=False, covars=None, renderer_config=None, **others):
     """Pictures (..., C, H, W, X), alphas (..., C, H, W, 1), and a dict of what is known of each Gaussian.
 
     means (..., N, 3), quats (..., N, 4), scales (..., N, 3), or covars (..., N, 3, 3); opacities (..., N).
@@ -63,7 +64,7 @@ def rasterization(means, quats, scales, opacities, colors, viewmats, Ks, width, 
     packed: the dict has the Gaussians of all pictures one behind the other, for which the host waits for the GPU.
     sparse_grad: with packed and without batch axes, means, quats and scales get sparse gradients of the Gaussians that are seen.
 
-    channel_chunk, segmented and global_z_order have no effect. What gemsplat does not draw is passed to an installed gsplat;
+    channel_chunk, segmented, global_z_order and a renderer_config of mixed batches have no effect. What gemsplat does not draw is passed to an installed gsplat;
     without one it throws NotImplementedError, which names the argument.
     """
     given = dict(locals())
@@ -80,23 +81,28 @@ def rasterization(means, quats, scales, opacities, colors, viewmats, Ks, width, 
             for name in _ARRAYS}
     settings = {"width": width, "height": height, "near": near_plane, "far": far_plane, "blur": eps2d,
                 "antialiased": rasterize_mode == "antialiased"}
-    rows = _rows(flat, radius_clip, settings)
+    places = list(itertools.product(range(len(flat["means"])), range(views)))
+    scenes = [_scene_of(flat, b, c, sh_degree, render_mode, settings) for b, c in places]
+    rows = _rows(flat, scenes, radius_clip, rasterize_mode)
     is_seen = rows["radii"] > 0 if rows["radii"].dim() == 3 else (rows["radii"] > 0).all(-1)
     is_differentiated = torch.is_grad_enabled() and any(tensor is not None and tensor.requires_grad for tensor in flat.values())
     meta, taps = _meta_of(rows, is_seen, batch, packed, is_differentiated, absgrad)
     meta.update(width=width, height=height, tile_size=_TILE, tile_width=math.ceil(width / _TILE),
                 tile_height=math.ceil(height / _TILE), n_batches=len(flat["means"]), n_cameras=views)
+    sparse = {}  # in place of what was given
     if sparse_grad and packed and not batch:
-        rows = is_seen[0].any(0).nonzero()[:, 0]
-        flat.update({name: _SparseGradient.apply(given[name], rows)[None] for name in ("means", "quats", "scales")
-                     if given[name] is not None})
+        seen = is_seen[0].any(0).nonzero()[:, 0]
+        sparse = {name: _SparseGradient.apply(given[of_gsplat], seen)
+                  for name, of_gsplat in (("means", "means"), ("rotations", "quats"), ("scales", "scales"))
+                  if given[of_gsplat] is not None}
     pairs = []
-    for b, c in itertools.product(range(len(flat["means"])), range(views)):
-        arrays = _view_of(flat, b, c, sh_degree, "RGB" in render_mode)
+    for (b, c), scene in zip(places, scenes):
+        arrays = {**sparse, **{name: tap[b, c] for name, tap in taps.items()}}
         if radius_clip > 0:
-            arrays["opacities"] = torch.where(is_seen[b, c], arrays["opacities"], arrays["opacities"].new_zeros(()))
-        arrays.update({name: tap[b, c] for name, tap in taps.items()})
-        pairs.append(_picture(arrays, render_mode, settings))
+            opacities = flat["opacities"][b]
+            arrays["opacities"] = torch.where(is_seen[b, c], opacities, opacities.new_zeros(()))
+        background = None if flat["backgrounds"] is None else flat["backgrounds"][b, c]
+        pairs.append(_picture(scene.draw(**arrays), background, render_mode))
     pictures, alphas = (_stacked(each).view(*batch, views, *each[0].shape) for each in zip(*pairs))
     return pictures, alphas, meta
 
@@ -155,12 +161,19 @@ def _reason_to_pass(given, others):
     for name, values in drawn.items():
         if given[name] not in values:
             return f"{name}={given[name]!r}"
-    known = inspect.signature(_originals[0][1]).parameters if _originals else {}
+    if type(given["renderer_config"]).__name__ not in ("NoneType", "RendererConfig_MixedBatch"):
+        return "renderer_config"
+    known = _parameters_of(_originals[0][1]) if _originals else {}
     for name, value in others.items():
         is_default = value is None or value is False or (name in known and value is known[name].default)
         if not is_default and name not in _WITHOUT_EFFECT:
             return name
     return None
+
+
+@functools.lru_cache
+def _parameters_of(function):
+    return inspect.signature(function).parameters
 
 
 def _pass_on(reason, given, others):
@@ -191,19 +204,17 @@ def _check_shapes(given, batch, count, views):
         raise UsageError(f"colors must have {(degree + 1)**2} coefficients or more for sh_degree={degree}, but have {of_one[1]}")
 
 
-def _rows(flat, clip, settings):
+def _rows(flat, scenes, clip, rasterize_mode):
     """What the dict tells of each Gaussian in each picture, (B, C, N, ...) by name: radii of gsplat 1.4 have no last axis."""
     shape = "square" if _api() == "1.4" else "box"
     with torch.no_grad():
-        parts = [footprints(shape, clip=clip, means=means, **_shape_of(flat, b), opacities=flat["opacities"][b], viewmats=viewmat,
-                            Ks=K, **settings)
-                 for b, means in enumerate(flat["means"]) for viewmat, K in zip(flat["viewmats"][b], flat["Ks"][b])]
+        parts = [scene.footprints(shape, clip=clip) for scene in scenes]
         pictures = flat["viewmats"].shape[:2]
         rows = {name: _stacked(part).view(*pictures, *part[0].shape)
                 for name, part in zip(Footprints._fields, zip(*parts))}
         opacities = flat["opacities"][:, None].expand(rows["depths"].shape)
         compensations = rows.pop("compensations")
-        rows["opacities"] = opacities * compensations if settings["antialiased"] else opacities
+        rows["opacities"] = opacities * compensations if rasterize_mode == "antialiased" else opacities
         if shape == "square":
             rows["radii"] = rows["radii"][..., 0]
         return rows
@@ -236,42 +247,42 @@ def _meta_of(rows, is_seen, batch, packed, is_differentiated, absgrad):
     return meta, {name: tap.reshape(*is_seen.shape, 2) for name, tap in taps.items()}
 
 
-def _view_of(flat, b, c, degree, has_colors):
-    """Arrays of rasterize() for one picture."""
+def _scene_of(flat, b, c, degree, render_mode, settings):
+    """One picture. Colors of other than three channels are features, which have no background of their own."""
     viewmat = flat["viewmats"][b, c]
     arrays = {"means": flat["means"][b], **_shape_of(flat, b), "opacities": flat["opacities"][b], "viewmats": viewmat,
               "Ks": flat["Ks"][b, c]}
-    if not has_colors:
-        return arrays
-    colors = flat["colors"][b]
-    if colors.dim() == (3 if degree is None else 4):
-        colors = colors[c]
-    if degree is None:
-        arrays["colors"] = colors
-    elif degree <= 3 and colors.shape[-1] == 3:
-        arrays.update(sh=colors if colors.shape[1] in (1, 4, 9, 16) else colors[:, :(degree + 1)**2], sh_degree=degree)
-    else:
-        center = -(viewmat[:3, :3] * viewmat[:3, 3, None]).sum(0)
-        arrays["colors"] = (_harmonics.evaluate(degree, flat["means"][b] - center, colors) + 0.5).clamp_min(0)
-    if flat["backgrounds"] is not None:
-        arrays["background"] = flat["backgrounds"][b, c]
-    return arrays
-
-
-def _picture(arrays, render_mode, settings):
-    """(H, W, X) and alpha (H, W, 1). Colors of other than three channels are features, which have no background of their own."""
-    background = arrays.get("background")
-    if "colors" in arrays and arrays["colors"].shape[-1] != 3:
-        arrays["features"] = arrays.pop("colors")
-        arrays.pop("background", None)
-    outputs = ["alpha", *(["image"] if "colors" in arrays or "sh" in arrays else []), *(["depth"] if "D" in render_mode else [])]
-    found = rasterize(outputs=outputs, blend_rule="classic", **arrays, **settings)._asdict()
-    alpha, channels = found["alpha"][..., None], []
-    if "features" in arrays:
-        channels.append(found["features"] if background is None else found["features"] + (1 - alpha) * background)
-    elif "image" in outputs:
-        channels.append(found["image"])
+    outputs = ["alpha"]
+    if "RGB" in render_mode:
+        colors = flat["colors"][b]
+        if colors.dim() == (3 if degree is None else 4):
+            colors = colors[c]
+        if degree is not None and degree <= 3 and colors.shape[-1] == 3:
+            arrays.update(sh=colors if colors.shape[1] in (1, 4, 9, 16) else colors[:, :(degree + 1)**2], sh_degree=degree)
+        elif degree is not None:
+            center = -(viewmat[:3, :3] * viewmat[:3, 3, None]).sum(0)
+            colors = (_harmonics.evaluate(degree, flat["means"][b] - center, colors) + 0.5).clamp_min(0)
+        if colors.shape[-1] == 3:
+            outputs.append("image")
+            if "sh" not in arrays:
+                arrays["colors"] = colors
+            if flat["backgrounds"] is not None:
+                arrays["background"] = flat["backgrounds"][b, c]
+        else:
+            arrays["features"] = colors
     if "D" in render_mode:
-        depth = found["depth"][..., None]
+        outputs.append("depth")
+    return Scene(outputs=outputs, blend_rule="classic", **arrays, **settings)
+
+
+def _picture(found, background, render_mode):
+    """(H, W, X) and alpha (H, W, 1)."""
+    alpha, channels = found.alpha[..., None], []
+    if found.features is not None:
+        channels.append(found.features if background is None else found.features + (1 - alpha) * background)
+    elif found.image is not None:
+        channels.append(found.image)
+    if "D" in render_mode:
+        depth = found.depth[..., None]
         channels.append(depth / alpha.clamp_min(1e-10) if "ED" in render_mode else depth)
     return channels[0] if len(channels) == 1 else torch.cat(channels, -1), alpha
