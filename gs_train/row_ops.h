@@ -38,12 +38,21 @@ class RowOps {
   /// needs.
   virtual RefineReport grow(TrainingModel& model, const GrowthRules& rules, std::uint64_t seed,
                             int step) = 0;
+  /// The same by actions that are given, one for each row, in host memory. Survivors keep their
+  /// statistics; those of new rows are zero. A child stays unless it is degenerate or not finite.
+  virtual RefineReport apply(TrainingModel& model, Span<const GrowthAction> actions,
+                             const SplitRules& split, std::uint64_t seed, int step) = 0;
   /// Makes each dead row a copy of a live one, then adds copies up to a count (Kheradmand et al.
   /// 2024). A row is drawn with a probability proportional to its opacity. It and its copies
   /// together look like the row before, and start with zero moments. Rows that are degenerate or
   /// not finite are dead. Clears the statistics. Without a live row it does nothing.
   virtual RefineReport relocate(TrainingModel& model, const RelocationRules& rules,
                                 std::uint64_t seed, int step) = 0;
+  /// The same by rows that are given, in host memory: row dead[k] becomes a copy of row source[k],
+  /// whose opacity and scale they share, the opacity above `least_opacity`. No row is dead twice, or
+  /// dead and a source.
+  virtual void replace(TrainingModel& model, Span<const std::uint32_t> dead,
+                       Span<const std::uint32_t> source, float least_opacity) = 0;
   /// Gives each row the 3D filter (math/filter_3d.h) of the camera that samples it most densely, and
   /// rows that no camera sees the largest filter of the others, or 0 if there are none. The rows
   /// have filters from then on.

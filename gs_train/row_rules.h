@@ -132,17 +132,6 @@ inline StatisticsSpan span_of(const DensityStatistics& statistics) {
           statistics.has_sums ? statistics.sums.data() : nullptr};
 }
 
-/// What a refinement does with a row. A row that is cloned stays beside its copy; one that is split
-/// is replaced by its children, or stays beside its only child (SplitRules::keeps_parent).
-enum class GrowthAction : std::uint8_t { keep, clone, split, prune };
-GS_HD bool grows(GrowthAction action) {
-  return action == GrowthAction::clone || action == GrowthAction::split;
-}
-GS_HD bool survives(GrowthAction action, const GrowthRules& rules) {
-  return action == GrowthAction::keep || action == GrowthAction::clone ||
-         (action == GrowthAction::split && rules.split.keeps_parent);
-}
-
 /// The row's action if it may not grow.
 GS_HD GrowthAction action_without_growth(const GaussiansSpan& rows,
                                          const StatisticsSpan& statistics, std::size_t i,

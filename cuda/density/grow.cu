@@ -110,8 +110,10 @@ void Growth::select(std::size_t count, const Predicate& predicate, Buffer<std::u
   });
 }
 
-void Growth::decide(const TrainingModel& model, const GrowthRules& rules, const Random& random,
+void Growth::decide(const TrainingModel& model, const GrowthRules& rules, std::uint64_t seed,
                     int step) {
+  GS_CHECK(model.statistics.has_sums || !(needs_fragment_sums(rules.score) || rules.prunes_unseen));
+  const Random random{seed, RandomStream::growth};
   const std::size_t count = model.count();
   const GaussiansSpan rows = model.gaussians.span();
   const StatisticsSpan statistics = span_of(model.statistics);
@@ -122,6 +124,12 @@ void Growth::decide(const TrainingModel& model, const GrowthRules& rules, const 
          workspace_.make_keys(count), counts_.data());
   const Span<const std::uint32_t> order = workspace_.sort(context_, "growth", kKeyBits);
   launch(limit_kernel, count, rows, statistics, rules, order, counts_.data(), action_.span());
+}
+
+void Growth::take(Span<const GrowthAction> actions) {
+  action_.resize_discard(actions.size);
+  action_.memory().upload(action_.data(), actions.data, actions.size * sizeof *actions.data);
+  counts_.fill_zero();
 }
 
 void Growth::choose_children(const TrainingModel& model, const GrowthRules& rules,
@@ -139,9 +147,7 @@ void Growth::choose_children(const TrainingModel& model, const GrowthRules& rule
 
 Growth::Result Growth::choose(const TrainingModel& model, const GrowthRules& rules,
                               std::uint64_t seed, int step, Buffer<std::uint32_t>& source) {
-  GS_CHECK(model.statistics.has_sums || !(needs_fragment_sums(rules.score) || rules.prunes_unseen));
   const std::size_t count = model.count();
-  decide(model, rules, {seed, RandomStream::growth}, step);
   GrowthCounts* const counts = counts_.data();
   select(count, Survives{action_.data(), rules}, source, &counts->survivors);
   select(count, HasGrowthAction{action_.data(), GrowthAction::clone}, clones_, &counts->clones);

@@ -26,8 +26,11 @@ class Growth {
     RefineReport report;
     std::size_t survivors = 0, first_child = 0;
   };
-  /// Chooses the rows, and lists in `source` the row that each new row comes from. Changes nothing
-  /// of the model. Waits twice, where rows are split.
+  /// First either decides what becomes of each row, or takes what is given.
+  void decide(const TrainingModel& model, const GrowthRules& rules, std::uint64_t seed, int step);
+  void take(Span<const GrowthAction> actions);
+  /// Lists in `source` the row that each new row comes from. Changes nothing of the model. Waits
+  /// twice, where rows are split.
   Result choose(const TrainingModel& model, const GrowthRules& rules, std::uint64_t seed, int step,
                 Buffer<std::uint32_t>& source);
   /// After the gather by `source`: turns the copies of parents into children, and changes the
@@ -42,7 +45,6 @@ class Growth {
   template <class Predicate>
   void select(std::size_t count, const Predicate& predicate, Buffer<std::uint32_t>& chosen,
               std::uint32_t* found);
-  void decide(const TrainingModel& model, const GrowthRules& rules, const Random& random, int step);
   void choose_children(const TrainingModel& model, const GrowthRules& rules, const Random& random,
                        int step, std::size_t parents);
 

@@ -53,6 +53,11 @@ __global__ void draw_kernel(Span<const std::uint64_t> sums, Random random, int s
   atomicAdd(&drawn[source[k]], 1u);
 }
 
+__global__ void count_kernel(Span<const std::uint32_t> source, std::uint32_t* drawn) {
+  const std::size_t k = row_of_thread();
+  if (k < source.size) atomicAdd(&drawn[source[k]], 1u);
+}
+
 // Each row that was drawn becomes one of its copies: opacity and scale are shared among them.
 __global__ void share_kernel(GaussiansSpan rows, Span<const std::uint32_t> drawn,
                              float least_opacity) {
@@ -165,6 +170,21 @@ std::size_t Relocation::add_copies(TrainingModel& model, const RelocationRules& 
   resize_rows(model, before + source_.size());
   copy_rows(model, nullptr, before);
   return source_.size();
+}
+
+void Relocation::replace(TrainingModel& model, Span<const std::uint32_t> dead,
+                         Span<const std::uint32_t> source, float least_opacity) {
+  const auto upload = [](Span<const std::uint32_t> rows, Buffer<std::uint32_t>& to) {
+    to.resize_discard(rows.size);
+    to.memory().upload(to.data(), rows.data, rows.size * sizeof(std::uint32_t));
+  };
+  upload(dead, dead_);
+  upload(source, source_);
+  drawn_.resize_discard(model.count());
+  drawn_.fill_zero();
+  launch(count_kernel, source.size, Span<const std::uint32_t>(source_.span()), drawn_.data());
+  share_sources(model, least_opacity);
+  copy_rows(model, dead_.data(), 0);
 }
 
 RefineReport Relocation::run(TrainingModel& model, const RelocationRules& rules, std::uint64_t seed,

@@ -17,6 +17,9 @@ class Relocation {
   /// Waits twice: to learn whether any row is alive, and how many are dead.
   RefineReport run(TrainingModel& model, const RelocationRules& rules, std::uint64_t seed,
                    int step);
+  /// RowOps::replace().
+  void replace(TrainingModel& model, Span<const std::uint32_t> dead,
+               Span<const std::uint32_t> source, float least_opacity);
 
  private:
   template <class... Parameters, class... Arguments>

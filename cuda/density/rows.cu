@@ -89,16 +89,28 @@ class CudaRowOps final : public RowOps {
                     int step) override {
     StageScope scope(context_, "grow");
     if (model.count() == 0) return {};
-    const Growth::Result result = growth_.choose(model, rules, seed, step, source_);
-    gather_refined(model, result.survivors);
-    growth_.finish(model.gaussians.span(), result, rules, seed, step, source_);
-    return result.report;
+    growth_.decide(model, rules, seed, step);
+    return refine(model, rules, seed, step, false);
+  }
+
+  RefineReport apply(TrainingModel& model, Span<const GrowthAction> actions,
+                     const SplitRules& split, std::uint64_t seed, int step) override {
+    StageScope scope(context_, "apply");
+    if (model.count() == 0) return {};
+    growth_.take(actions);
+    return refine(model, rules_of_given(split), seed, step, true);
   }
 
   RefineReport relocate(TrainingModel& model, const RelocationRules& rules, std::uint64_t seed,
                         int step) override {
     StageScope scope(context_, "relocate");
     return relocation_.run(model, rules, seed, step);
+  }
+
+  void replace(TrainingModel& model, Span<const std::uint32_t> dead,
+               Span<const std::uint32_t> source, float least_opacity) override {
+    StageScope scope(context_, "replace");
+    relocation_.replace(model, dead, source, least_opacity);
   }
 
   void measure_filter(TrainingModel& model, const std::vector<Camera>& cameras,
@@ -195,15 +207,24 @@ class CudaRowOps final : public RowOps {
     return count - source_.size();
   }
 
-  // Gathers by source_; the rows after the survivors are new: their moments start at zero, as all
-  // statistics do.
-  void gather_refined(TrainingModel& model, std::size_t survivors) {
+  // What growth_ has decided or taken.
+  RefineReport refine(TrainingModel& model, const GrowthRules& rules, std::uint64_t seed, int step,
+                      bool keeps_statistics) {
+    const Growth::Result result = growth_.choose(model, rules, seed, step, source_);
+    gather_refined(model, result.survivors, keeps_statistics);
+    growth_.finish(model.gaussians.span(), result, rules, seed, step, source_);
+    return result.report;
+  }
+
+  // Gathers by source_; the rows after the survivors are new: their moments start at zero, and so do
+  // their statistics, or those of all rows.
+  void gather_refined(TrainingModel& model, std::size_t survivors, bool keeps_statistics) {
     const Span<const std::uint32_t> source = source_.span();
     reserve_rows(model, source.size);  // from here on nothing can fail
     for (const Column& column : model.columns()) {
       const std::size_t gathered = column.role == RowRole::parameter ? source.size
-                                   : column.role == RowRole::moment  ? survivors
-                                                                     : 0;
+                                   : column.role == RowRole::moment || keeps_statistics ? survivors
+                                                                                        : 0;
       gather(context_, borrowed_, *column.rows, {source.data, gathered}, source.size);
     }
   }

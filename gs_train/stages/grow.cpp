@@ -68,13 +68,19 @@ std::vector<std::uint32_t> kept_children(const GaussiansSpan& rows, const Growth
 
 RefineReport grow(TrainingModel& model, const GrowthRules& rules, std::uint64_t seed, int step) {
   GS_CHECK(model.statistics.has_sums || !(needs_fragment_sums(rules.score) || rules.prunes_unseen));
-  const Random draws{seed, RandomStream::split_gaussians};
   std::vector<GrowthAction> action = actions(model, rules);
   limit_growth(action, model, rules, {seed, RandomStream::growth}, step);
+  const RefineReport report = apply(model, {action.data(), action.size()}, rules, seed, step);
+  clear_columns(model, RowRole::statistic);
+  return report;
+}
 
+RefineReport apply(TrainingModel& model, Span<const GrowthAction> action, const GrowthRules& rules,
+                   std::uint64_t seed, int step) {
+  const Random draws{seed, RandomStream::split_gaussians};
   std::vector<std::uint32_t> survivors, clones, parents;
   RefineReport report;
-  for (std::uint32_t i = 0; i < action.size(); ++i) {
+  for (std::uint32_t i = 0; i < action.size; ++i) {
     if (survives(action[i], rules)) survivors.push_back(i);
     if (action[i] == GrowthAction::clone) clones.push_back(i);
     if (action[i] == GrowthAction::split) parents.push_back(i);
@@ -92,7 +98,7 @@ RefineReport grow(TrainingModel& model, const GrowthRules& rules, std::uint64_t 
   for (const std::uint32_t child : children) source.push_back(parents[child / each]);
   const Columns columns = model.columns();
   gather_rows(columns, {source.data(), source.size()});  // from here on nothing can fail
-  start_new_rows(columns, survivors.size());
+  start_new_rows(columns, survivors.size(), survivors.size());
 
   const GaussiansSpan rows = model.gaussians.span();
   const std::size_t first_child = survivors.size() + clones.size();

@@ -11,6 +11,10 @@
 namespace gs {
 namespace {
 
+Span<const std::uint32_t> numbers_in(const std::vector<std::uint32_t>& rows) {
+  return {rows.data(), rows.size()};
+}
+
 void clear_moments(const Columns& columns, std::size_t i) {
   for (const Column& column : columns)
     if (column.role == RowRole::moment)
@@ -48,8 +52,7 @@ std::vector<std::uint32_t> draw(const std::vector<std::uint64_t>& sums, std::siz
 
 /// Gives each row that was drawn the opacity and scale that it shares with its copies, and zero
 /// moments.
-void share_sources(TrainingModel& model, const std::vector<std::uint32_t>& source,
-                   float least_opacity) {
+void share_sources(TrainingModel& model, Span<const std::uint32_t> source, float least_opacity) {
   std::vector<int> drawn(model.count());
   for (const std::uint32_t i : source) ++drawn[i];
   const Gaussians& rows = model.gaussians;
@@ -66,9 +69,9 @@ void share_sources(TrainingModel& model, const std::vector<std::uint32_t>& sourc
 
 /// Row to(k) becomes a copy of row source[k], with zero moments.
 template <class To>
-void copy_rows(TrainingModel& model, const std::vector<std::uint32_t>& source, const To& to) {
+void copy_rows(TrainingModel& model, Span<const std::uint32_t> source, const To& to) {
   const Columns columns = model.columns();
-  parallel_for(source.size(), 1024, [&](std::size_t k) {
+  parallel_for(source.size, 1024, [&](std::size_t k) {
     for (const Column& column : columns)
       if (column.role == RowRole::parameter)
         std::copy_n(column.rows->row(source[k]), column.rows->row_bytes(), column.rows->row(to(k)));
@@ -82,8 +85,7 @@ std::size_t move_dead_rows(TrainingModel& model, const RelocationRules& rules, c
   const std::vector<std::uint32_t> dead = dead_rows(sums);
   if (dead.empty() || sums.back() == 0) return 0;
   const std::vector<std::uint32_t> source = draw(sums, dead.size(), random, step);
-  share_sources(model, source, rules.dead_opacity);
-  copy_rows(model, source, [&](std::size_t k) { return dead[k]; });
+  replace(model, numbers_in(dead), numbers_in(source), rules.dead_opacity);
   return dead.size();
 }
 
@@ -94,13 +96,19 @@ std::size_t add_copies(TrainingModel& model, const RelocationRules& rules, const
   if (std::int64_t(before) >= rules.grow_to || sums.empty() || sums.back() == 0) return 0;
   const std::vector<std::uint32_t> source =
       draw(sums, std::size_t(rules.grow_to) - before, random, step);
-  share_sources(model, source, rules.dead_opacity);
+  share_sources(model, numbers_in(source), rules.dead_opacity);
   resize_rows(model, before + source.size());
-  copy_rows(model, source, [&](std::size_t k) { return before + k; });
+  copy_rows(model, numbers_in(source), [&](std::size_t k) { return before + k; });
   return source.size();
 }
 
 }  // namespace
+
+void replace(TrainingModel& model, Span<const std::uint32_t> dead, Span<const std::uint32_t> source,
+             float least_opacity) {
+  share_sources(model, source, least_opacity);
+  copy_rows(model, source, [&](std::size_t k) { return dead[k]; });
+}
 
 RefineReport relocate(TrainingModel& model, const RelocationRules& rules, std::uint64_t seed,
                       int step) {

@@ -41,9 +41,19 @@ class ScalarRowOps final : public RowOps {
     return gs::grow(model, rules, seed, step);
   }
 
+  RefineReport apply(TrainingModel& model, Span<const GrowthAction> actions,
+                     const SplitRules& split, std::uint64_t seed, int step) override {
+    return gs::apply(model, actions, rules_of_given(split), seed, step);
+  }
+
   RefineReport relocate(TrainingModel& model, const RelocationRules& rules, std::uint64_t seed,
                         int step) override {
     return gs::relocate(model, rules, seed, step);
+  }
+
+  void replace(TrainingModel& model, Span<const std::uint32_t> dead,
+               Span<const std::uint32_t> source, float least_opacity) override {
+    gs::replace(model, dead, source, least_opacity);
   }
 
   void measure_filter(TrainingModel& model, const std::vector<Camera>& cameras,
@@ -128,10 +138,10 @@ class ScalarRowOps final : public RowOps {
 
 }  // namespace
 
-void start_new_rows(const Columns& columns, std::size_t first) {
+void start_new_rows(const Columns& columns, std::size_t first, std::size_t first_statistic) {
   for (const Column& column : columns) {
     if (column.role == RowRole::moment) column.rows->zero_from(first);
-    if (column.role == RowRole::statistic) column.rows->fill_zero();
+    if (column.role == RowRole::statistic) column.rows->zero_from(first_statistic);
   }
 }
 

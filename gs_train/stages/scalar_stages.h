@@ -51,19 +51,23 @@ void add_weighted(const Gaussians& from, float weight, Gaussians& to);
 /// The sums over fragments of the last backward pass, or of blend_values().
 void add_fragment_sums(const RenderPass& pass, Span<FragmentSums> to);
 
-/// relocate.cpp, behind RowOps::relocate().
+/// relocate.cpp, behind RowOps::relocate() and replace().
 RefineReport relocate(TrainingModel& model, const RelocationRules& rules, std::uint64_t seed,
                       int step);
+void replace(TrainingModel& model, Span<const std::uint32_t> dead, Span<const std::uint32_t> source,
+             float least_opacity);
 
-/// grow.cpp, behind RowOps::grow().
+/// grow.cpp, behind RowOps::grow() and apply().
 RefineReport grow(TrainingModel& model, const GrowthRules& rules, std::uint64_t seed, int step);
+RefineReport apply(TrainingModel& model, Span<const GrowthAction> action, const GrowthRules& rules,
+                   std::uint64_t seed, int step);
 
 /// filter_3d.cpp, behind RowOps::measure_filter().
 void measure_filter(TrainingModel& model, const std::vector<Camera>& cameras, float near_plane);
 
-/// After a refinement: the moments of the rows from `first` on, which are new, and all statistics
-/// become zero.
-void start_new_rows(const Columns& columns, std::size_t first);
+/// After a refinement: the moments of the rows from `first` on, which are new, and the statistics of
+/// those from `first_statistic` on become zero.
+void start_new_rows(const Columns& columns, std::size_t first, std::size_t first_statistic = 0);
 
 /// Puts rows into a new order, or keeps some of them: row i becomes what row source[i] was, in
 /// every column.

@@ -134,6 +134,30 @@ TEST_F(CudaGrow, MakesTheSameChildren) {
       }
 }
 
+TEST_F(CudaGrow, AppliesGivenActionsAsTheScalarTwin) {
+  for (const std::size_t count : {0, 1, 257, 3000})
+    for (const unsigned parts : {2u, 3u}) {
+      TrainingModel host = random_model(count, 5), device = on_gpu(host);
+      std::vector<GrowthAction> actions;
+      Draws draws(6);
+      for (std::size_t i = 0; i < count; ++i) actions.push_back(GrowthAction(draws.below(4)));
+      SplitRules split;
+      split.parts = parts;
+      const Span<const GrowthAction> given{actions.data(), count};
+      const RefineReport expected = cpu().rows().apply(host, given, split, kSeed, kStep);
+      const RefineReport report = gpu().rows().apply(device, given, split, kSeed, kStep);
+      EXPECT_EQ(report.pruned, expected.pruned);
+      const TrainingModel actual = on_host(device);
+      ASSERT_EQ(actual.count(), host.count());
+      EXPECT_TRUE(same_bits(actual.gaussians.sh_rest, host.gaussians.sh_rest));  // the origins
+      EXPECT_TRUE(same_bits(actual.moments, host.moments));
+      EXPECT_TRUE(same_bits(actual.statistics.visits, host.statistics.visits));
+      EXPECT_TRUE(same_bits(actual.statistics.sums, host.statistics.sums));
+      expect_near(actual.gaussians.mean, host.gaussians.mean);
+      expect_near(actual.gaussians.log_scale, host.gaussians.log_scale);
+    }
+}
+
 TEST_F(CudaGrow, LowersOpacitiesAsTheScalarTwin) {
   for (const OpacityPolicy policy :
        {OpacityPolicy::none, OpacityPolicy::reset, OpacityPolicy::halve})

@@ -208,6 +208,23 @@ TEST_F(CudaMcmc, AbsoluteGradientsLeaveThoseOfTheParametersAlone) {
   for (std::size_t i = 0; i < a.size(); ++i) EXPECT_GE(a[i], std::abs(p[i]) * 0.99f - 1e-4f) << i;
 }
 
+TEST_F(CudaMcmc, ReplacesGivenRowsAsTheScalarTwin) {
+  TrainingModel host = random_model(1000, 3), device = on_gpu(host);
+  std::vector<std::uint32_t> dead, source;
+  for (std::uint32_t i = 0; i < 300; ++i) dead.push_back(3 * i), source.push_back(3 * (i % 50) + 1);
+  const Span<const std::uint32_t> to{dead.data(), dead.size()}, from{source.data(), source.size()};
+  cpu().rows().replace(host, to, from, 0.005f);
+  gpu().rows().replace(device, to, from, 0.005f);
+  const TrainingModel actual = on_host(device);
+  EXPECT_TRUE(same_bits(actual.gaussians.mean, host.gaussians.mean));
+  EXPECT_TRUE(same_bits(actual.gaussians.sh_rest, host.gaussians.sh_rest));
+  EXPECT_TRUE(same_bits(actual.moments, host.moments));
+  for (std::size_t i = 0; i < host.count(); ++i)
+    if (const float wanted = host.gaussians.logit_opacity[i]; std::isfinite(wanted))
+      EXPECT_NEAR(actual.gaussians.logit_opacity[i], wanted,
+                  2e-6f * std::max(1.0f, std::abs(wanted)));
+}
+
 TEST_F(CudaMcmc, MemorySaysHowMuchIsFree) {
   EXPECT_GT(gpu().memory().free_bytes(), std::size_t(1) << 26);
 }

@@ -5,6 +5,7 @@
 #pragma once
 
 #include <cmath>
+#include <limits>
 
 #ifndef __CUDA_ARCH__
 #include <bit>
@@ -115,11 +116,12 @@ inline std::size_t share_of(std::size_t count, double share) {
 struct SplitRules {
   SplitPlacement place = SplitPlacement::draw;
   float offset = 0, along = 1, across = 1;  // axis: standard deviations; factors of the scales
-  bool keeps_parent = false;                // which then has one child, not two
+  bool keeps_parent = false;                // which then has one child
   float opacity_factor = 1;
+  unsigned parts = 2;  // children of one that goes; on the axis there are two
 
   GS_HD bool changes_opacity() const { return opacity_factor != 1; }
-  GS_HD unsigned children() const { return keeps_parent ? 1 : 2; }
+  GS_HD unsigned children() const { return keeps_parent ? 1 : parts; }
   bool operator==(const SplitRules&) const = default;
 };
 
@@ -218,6 +220,25 @@ struct GrowthRules {
   bool prunes_unseen = false;
   SplitRules split = {};
 };
+
+/// What a refinement does with a row. A row that is cloned stays beside its copy; one that is split
+/// is replaced by its children, or stays beside its only child (SplitRules::keeps_parent).
+enum class GrowthAction : std::uint8_t { keep, clone, split, prune };
+GS_HD bool grows(GrowthAction action) {
+  return action == GrowthAction::clone || action == GrowthAction::split;
+}
+GS_HD bool survives(GrowthAction action, const GrowthRules& rules) {
+  return action == GrowthAction::keep || action == GrowthAction::clone ||
+         (action == GrowthAction::split && rules.split.keeps_parent);
+}
+
+/// The rules of rows whose actions are given: children that can be drawn stay.
+inline GrowthRules rules_of_given(const SplitRules& split) {
+  GrowthRules rules;
+  rules.limits = {0, 0, 0, std::numeric_limits<float>::infinity(), 0};
+  rules.split = split;
+  return rules;
+}
 
 /// How many rows may be added to those that stay. One that is split counts as one that stays.
 GS_HD std::int64_t allowed_growth(const GrowthRules& rules, std::int64_t staying) {

@@ -3,6 +3,7 @@
 #include <stdexcept>
 
 #include "gs_train/density/density_control.h"
+#include "gs_train/row_rules.h"
 #include "tests/support/scene_run.h"
 
 namespace gs {
@@ -70,6 +71,65 @@ TEST(Grow, ClearsTheMomentsThatItsRuleNames) {
   make_scalar_row_ops()->lower_opacity(model, {OpacityPolicy::halve, 0.01f, MomentClearing::all});
   EXPECT_TRUE(moments_are(float_moments(model).logit_opacity, 1, 0));
   EXPECT_TRUE(moments_are(float_moments(model).sh_rest, 2, 0));
+}
+
+// ---- actions that are given --------------------------------------------------------------------
+
+/// Five rows that differ, with moments and statistics of their own.
+TrainingModel numbered_model() {
+  TrainingModel model = random_model(200, 1);
+  std::vector<std::uint32_t> sound;
+  for (std::uint32_t i = 0; sound.size() < 5; ++i)
+    if (!is_invisible(model.gaussians.span(), i, 0)) sound.push_back(i);
+  gather_rows(model.columns(), {sound.data(), sound.size()});
+  for (std::size_t i = 0; i < 5; ++i)
+    model.gaussians.sh_rest[i].coefficient[kShRestCount - 1].z = float(i);
+  number_moments(model, 1);
+  number_rows(model.statistics.visits, 1);
+  return model;
+}
+
+TEST(Apply, DoesWithEachRowWhatItIsTold) {
+  using enum GrowthAction;
+  TrainingModel model = numbered_model();
+  const Vec3f parent = model.gaussians.log_scale[3];
+  const GrowthAction actions[] = {keep, prune, clone, split, keep};
+  const RefineReport report = make_scalar_row_ops()->apply(model, {actions, 5}, {}, kSeed, kStep);
+  EXPECT_THAT(origins(model), ElementsAre(0, 2, 4, 2, 3, 3));
+  EXPECT_THAT(model.statistics.visits.download(), ElementsAre(1, 3, 5, 0, 0, 0));
+  for (std::size_t i = 0; i < 6; ++i)
+    EXPECT_TRUE(moments_are(model, i, i < 3 ? std::uint32_t(origin(model, i) + 1) : 0)) << i;
+  EXPECT_EQ(model.gaussians.log_scale[4], split_log_scale(parent));
+  EXPECT_NE(model.gaussians.mean[4], model.gaussians.mean[5]);
+  EXPECT_EQ(report.cloned + report.split + report.pruned, 3u);
+}
+
+TEST(Apply, SplitsIntoAsManyPartsAsTheRulesSay) {
+  TrainingModel model = numbered_model();
+  const std::vector<GrowthAction> actions(5, GrowthAction::split);
+  SplitRules rules;
+  rules.parts = 3;
+  make_scalar_row_ops()->apply(model, {actions.data(), 5}, rules, kSeed, kStep);
+  EXPECT_THAT(origins(model), ElementsAre(0, 0, 0, 1, 1, 1, 2, 2, 2, 3, 3, 3, 4, 4, 4));
+}
+
+TEST(Apply, OfTheActionsOfARefinementIsThatRefinement) {
+  for (const bool has_time : {false, true}) {
+    TrainingModel refined = random_model(500, 4, has_time), model = random_model(500, 4, has_time);
+    GrowthRules rules = like(kLimits);
+    rules.limits.prune_opacity = 0;
+    rules.limits.prune_scale = std::numeric_limits<float>::infinity();
+    std::vector<GrowthAction> actions;
+    for (std::size_t i = 0; i < model.count(); ++i)
+      actions.push_back(growth_action(model.gaussians.span(), span_of(model.statistics), i, rules));
+    const RefineReport expected = grow_by(refined, rules);
+    EXPECT_GT(expected.cloned * expected.split * expected.pruned, 0u);
+    const RefineReport report = make_scalar_row_ops()->apply(
+        model, {actions.data(), actions.size()}, rules.split, kSeed, kStep);
+    clear_columns(model, RowRole::statistic);
+    EXPECT_TRUE(same_bits(model, refined));
+    EXPECT_EQ(report.pruned, expected.pruned);
+  }
 }
 
 // ---- who grows ---------------------------------------------------------------------------------

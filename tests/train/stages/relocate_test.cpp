@@ -182,5 +182,15 @@ TEST(Relocate, DrawsTheSameForTheSameSeedAndStepOnAnyNumberOfThreads) {
   EXPECT_NE(origins(one), origins(relocated(2, 600)));
 }
 
+TEST(Replace, MakesRowsCopiesOfTheirSources) {
+  TrainingModel model = model_with({0.2f, 0.5f, 0.3f, 0.4f}),
+                drawn = model_with({kDead, 0.5f, kDead, kDead});
+  const std::uint32_t dead[] = {0, 2, 3}, source[] = {1, 1, 1};
+  make_scalar_row_ops()->replace(model, {dead, 3}, {source, 3}, 0.005f);
+  relocate_rows(drawn, kMoveOnly);
+  clear_columns(model, RowRole::statistic);
+  EXPECT_TRUE(same_bits(model, drawn));
+}
+
 }  // namespace
 }  // namespace gs
