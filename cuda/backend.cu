@@ -107,6 +107,16 @@ class CudaBackend final : private Gpus, private StepLauncher, private Device, pu
   void use(const RunChoices& choices) override {
     finish_pending();
     photometric_.use(choices.photometric);
+    if (choices.own_loss.compare) {
+      for_each([&](Gpu& gpu) {
+        gpu.loss = make_function_loss(
+            choices.own_loss, gpu.memory,
+            [&gpu](const View& view, int reduction) { return gpu.photos.photo(view, reduction); },
+            [&gpu] { gpu.context.synchronize(); });
+      });
+      loss_row_ = nullptr;
+      return;
+    }
     const LossRow* const row = row_named(kLosses, choices.loss, "loss.kind");
     if (row == loss_row_) return;  // the same loss keeps its last value
     for_each([row](Gpu& gpu) { gpu.use(*row); });
@@ -281,7 +291,8 @@ class CudaBackend final : private Gpus, private StepLauncher, private Device, pu
       const std::optional<PoseRow> row = row_of(photo);
       RenderSettings settings = photo.settings;
       settings.fragment_statistic = step.density.fragment_statistic();
-      settings.blends_depth = step.loss_settings.depth_weight > 0 && photo.view->has_depth_map;
+      settings.blends_depth = first().loss->sees_depth() ||
+                              (step.loss_settings.depth_weight > 0 && photo.view->has_depth_map);
       const DevicePose* const pose = row ? poses_.refine(*row, i) : nullptr;
       Gpu& gpu = drawer_of(i);
       const OnDevice here(gpu.device());
@@ -313,7 +324,7 @@ class CudaBackend final : private Gpus, private StepLauncher, private Device, pu
     }
     gpu.photo_buffers.select(turn_of(i), rows, model_->count(), gpu.renderer, gpu.pass);
     StepReport* const report = steps_.reports().of_step(number);
-    if (others_)  // these do not learn of a step that has to be repeated
+    if (others_ || !loss_row_)  // these do not learn of a step that has to be repeated
       gpu.renderer.finish_counted(settings, gpu.pass, report, number);
     else
       gpu.renderer.finish_projected(settings, gpu.pass,
@@ -338,9 +349,14 @@ class CudaBackend final : private Gpus, private StepLauncher, private Device, pu
   static PictureGradient gradient_of_picture(Gpu& gpu, const TrainingPhoto& photo,
                                              const LossSettings& loss_settings,
                                              const RenderSettings& settings) {
+    PictureGradient dL{gpu.dL_dimage.span()};
+    if (gpu.loss->sees_depth()) {
+      gpu.loss->set_depth_gradient(dL);
+      return dL;
+    }
     const View& view = *photo.view;
     const DepthMaps::Map* const map = settings.blends_depth ? &gpu.depth_maps.of(view) : nullptr;
-    if (!map || map->values.empty()) return {gpu.dL_dimage.span()};
+    if (!map || map->values.empty()) return dL;
     return gpu.depth.compare(
         gpu.context,
         {map->values.data(), gpu.photos.last().mask, view.camera.width, photo.reduction, map->kind},
@@ -435,7 +451,7 @@ class CudaBackend final : private Gpus, private StepLauncher, private Device, pu
 
   const std::size_t chunk_rows_;
   const std::unique_ptr<Processes> others_;  // null: this process is alone
-  const LossRow* loss_row_ = kLosses;
+  const LossRow* loss_row_ = kLosses;        // null: the program has a loss of its own
   PhotometricStage photometric_;
   PoseStage poses_;
   bool shards_are_in_use_ = false;  // they have the rows of model_

@@ -20,6 +20,9 @@ namespace gs {
 struct RunChoices {
   std::string loss = "l1_ssim";                                   // of Features::losses
   std::shared_ptr<const PhotometricModel> photometric = nullptr;  // null: none
+  // In place of the loss, for one process. It compares pictures as they are, without a photometric
+  // model.
+  OwnLoss own_loss = {};
 };
 
 /// Everything that the trainer needs from a device. The program makes it; it outlives the trainer.

@@ -12,7 +12,12 @@
 //      this loss is refused when the run starts.
 #pragma once
 
+#include <functional>
+#include <memory>
+#include <string>
+
 #include "gs_core/buffer.h"
+#include "gs_core/math/loss/area_filter.h"
 #include "gs_core/scene.h"
 #include "gs_render/render_pass.h"
 #include "gs_train/photometric/appearance.h"
@@ -37,6 +42,30 @@ struct LossSettings {
   const PhotoOnDevice* photo_on_device = nullptr;
 };
 
+/// What a loss of the program itself gets of one photo of a step, in the memory of the backend. It
+/// is valid during the call. Copies by that Memory come in the order of the device's work; whoever
+/// reads or writes by other means waits first.
+struct ComparedPicture {
+  const std::string& name;  // of the view
+  const Camera& camera;     // of the picture
+  const float* image;       // (3, H, W)
+  PhotoBytes photo;         // (H, W, 3)  of the same size, with its mask
+  float* dL_dimage;         // (3, H, W)  to be written
+  // (H, W)  null unless the loss sees depth: what is left for the background, and sums of weights
+  // times depths; the gradients by alpha = 1 - transmittance and by the depths, to be written
+  const float *transmittance, *depth;
+  float *dL_dalpha, *dL_ddepth;
+  const std::function<void()>& wait;  // for the device
+};
+/// Writes the gradient and returns the loss. What it throws ends the step, which has changed nothing
+/// then.
+using LossFunction = std::function<double(const ComparedPicture&)>;
+/// A loss of the program. One that sees depth takes the place of the depth loss, too.
+struct OwnLoss {
+  LossFunction compare = nullptr;  // null: there is none
+  bool sees_depth = false;
+};
+
 /// A backend has one at a time, the one that Backend::use() named.
 class Loss {
  public:
@@ -47,6 +76,18 @@ class Loss {
                                 const LossSettings& settings, Buffer<float>& dL_dimage) = 0;
   /// The loss of the last call. On a device this waits for it; the trainer asks only when it logs.
   virtual double value() = 0;
+  /// True where it compares alpha and depth as well. Then passes have depths, the settings' depth
+  /// loss rests, and set_depth_gradient() gives what the last call has left.
+  virtual bool sees_depth() const { return false; }
+  virtual void set_depth_gradient(PictureGradient&) const {}
 };
+
+/// The loss of a function, whose gradients lie in `memory`.
+///
+/// photo_of   the photo of a view, reduced so many times
+/// wait       for the device
+using FindPhoto = std::function<PhotoBytes(const View&, int reduction)>;
+std::unique_ptr<Loss> make_function_loss(OwnLoss own, Memory& memory, FindPhoto photo_of,
+                                         std::function<void()> wait);
 
 }  // namespace gs

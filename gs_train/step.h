@@ -16,6 +16,8 @@ struct DensityStep {
   bool gather_statistics = false;  // of visibility and image-plane gradients
   Regularizers regularizers = {};  // in the loss
   PositionNoise noise = {};        // on the means, after the update
+  bool absolute_gradient =
+      false;  // statistics sum absolute values over pixels, as "absgs" has them
   // With the statistics, the sums over fragments of the score "force"
   GrowthScore score = GrowthScore::gradient;
 

@@ -17,6 +17,7 @@ void train_step(StepStages& on, TrainingModel& model, const TrainingStep& step) 
     for (const auto& term : on.terms) term->show(model, photo, on.pass);        // depth, gains
     on.loss->forward_backward(on.pass, *photo.view, photo.loss, on.dL_dimage);  // 5
     photo.dL.image = on.dL_dimage.span();
+    if (on.loss->sees_depth()) on.loss->set_depth_gradient(photo.dL);
     on.renderer->backward(gaussians, photo.camera, photo.settings, on.pass,  // 6, 7
                           photo.dL, on.gradients.span(), on.dL_dmean2d.span());
     for (const auto& term : on.terms)  // gains, poses
@@ -38,7 +39,9 @@ StepPhoto StepStages::load(const TrainingModel& model, const TrainingPhoto& phot
   StepPhoto loaded{photo, std::move(view), reduced(photo.view->camera, photo.reduction),
                    photo.settings, loss_settings};
   loaded.settings.fragment_statistic = statistic;
+  if (loss->sees_depth()) loaded.loss.depth_weight = 0;
   for (const auto& term : terms) term->prepare(model, loaded);
+  if (loss->sees_depth()) loaded.settings.blends_depth = true;
   return loaded;
 }
 

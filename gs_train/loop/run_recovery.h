@@ -51,6 +51,9 @@ class RunRecovery {
   /// last checkpoint, or to its start.
   bool checkpoint_or_roll_back(int before, bool is_stopped);
 
+  /// How far the run is, as checkpoints have it. Waits for the device.
+  RunProgress progress();
+
   /// The view that a step trains on in place of `view`: the next one where that one keeps breaking
   /// the model.
   std::size_t instead_of(std::size_t view) const { return guard_.instead_of(view); }
@@ -68,7 +71,6 @@ class RunRecovery {
   bool fits(const std::string& what, const std::function<void()>& f);
   void release_memory(const std::string& what);
   void restore(TrainingState from);
-  RunProgress progress();
   bool save();
   void keep_checkpoint();
   bool checkpoint_is_due(int before, bool is_stopped) const;

@@ -120,11 +120,7 @@ Trainer::Trainer(const Scene& scene, const Config& config, Backend& backend, Tra
   std::int64_t& cap = run_.config.density.max_gaussians;
   const bool is_auto = cap == kAutoCount;
   if (is_auto) cap = affordable_gaussians(scene, run_.model, backend.memory(), run_.config);
-  run_.density = make_density_control(run_.config, run_.schedule, scene.extent);
-  run_.density->set_region(region_of(run_.config.density, scene.world_offset));
-  run_.density->set_photos({scene.train_views.size(), [this](std::size_t photo, int step) {
-                              return photo_of(recovery_.instead_of(photo), step);
-                            }});
+  control_density_by(make_density_control(run_.config, run_.schedule, scene.extent));
   if (is_auto) run_.density->set_growth_cap(cap);  // so that checkpoints keep it
   // What fits is more than most runs come to.
   if (!is_auto && &backend.memory() != &host_memory() && rises_to_cap(run_.config))
@@ -142,24 +138,40 @@ Trainer::Trainer(const Scene& scene, const Config& config, Backend& backend, Tra
   recovery_.resume(std::move(from));
 }
 
+void Trainer::control_density_by(std::unique_ptr<DensityControl> density) {
+  if (run_.density) density->set_growth_cap(run_.density->growth_cap());
+  run_.density = std::move(density);
+  run_.density->set_region(region_of(run_.config.density, run_.scene.world_offset));
+  run_.density->set_photos({run_.scene.train_views.size(), [this](std::size_t photo, int step) {
+                              return photo_of(recovery_.instead_of(photo), step);
+                            }});
+}
+
 // ---- the loop ----------------------------------------------------------------------------------
 
 void Trainer::run() {
-  start();
-  for (bool is_stopped = false; !run_.is_over() && !is_stopped;) {
-    const int before = run_.step;
-    advance(end_of_batch());
-    is_stopped = stop_requested_;
-    // Log, evaluate, save: never inside a step
-    for (int step = before + 1; step <= run_.step; ++step)
-      if (recovery_.is_sound() && step < run_.schedule.steps())
-        notify([&](Observer& observer) { observer.after_step(step, *this); });
-    if (recovery_.checkpoint_or_roll_back(before, is_stopped)) {
-      start();
-      for (Observer* observer : observers_) observer->after_rollback(run_.step, *this);
-    }
+  begin();
+  for (bool goes_on = !run_.is_over(); goes_on;) goes_on = take();
+  end();
+}
+
+bool Trainer::take() {
+  const int before = run_.step;
+  advance(end_of_batch());
+  const bool is_stopped = stop_requested_;
+  // Log, evaluate, save: never inside a step
+  for (int step = before + 1; step <= run_.step; ++step)
+    if (recovery_.is_sound() && step < run_.schedule.steps())
+      notify([&](Observer& observer) { observer.after_step(step, *this); });
+  if (recovery_.checkpoint_or_roll_back(before, is_stopped)) {
+    begin();
+    for (Observer* observer : observers_) observer->after_rollback(run_.step, *this);
   }
-  finish();
+  return !run_.is_over() && !is_stopped;
+}
+
+void Trainer::end() {
+  finish_model();
   if (run_.is_over()) notify([&](Observer& observer) { observer.after_step(run_.step, *this); });
   notify([&](Observer& observer) { observer.after_run(*this); });
 }
@@ -211,8 +223,10 @@ void Trainer::take_batch(int last_step) {
   }
   LossSettings loss{run_.config.loss.lambda_dssim};
   loss.depth_weight = run_.schedule.depth_weight(last_step);
-  run_.backend.step(
-      run_.model, {{batch_.data(), batch_.size()}, loss, update, run_.density->of_step(last_step)});
+  const DensityStep density = run_.density->of_step(last_step);
+  if (density.absolute_gradient)
+    for (TrainingPhoto& photo : batch_) photo.settings.absolute_gradient = true;
+  run_.backend.step(run_.model, {{batch_.data(), batch_.size()}, loss, update, density});
 }
 
 TrainingPhoto Trainer::photo_of(std::size_t row, int step) {
@@ -245,14 +259,14 @@ void Trainer::maintain(int step) {
 
 // ---- before and after it -----------------------------------------------------------------------
 
-void Trainer::start() {
+void Trainer::begin() {
   prefetch_decode(run_.step + 1, run_.step + int(kPhotosAhead));
   if (run_.step > 0) return;
   sort_by_morton();
   if (run_.config.model.filter_3d) recovery_.guarded("the 3D filter", [&] { measure_filter(); });
 }
 
-void Trainer::finish() {
+void Trainer::finish_model() {
   const TrainingTime time(run_);
   recovery_.begin_finish();
   run_.backend.synchronize(run_.model);

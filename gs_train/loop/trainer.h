@@ -60,6 +60,15 @@ class Trainer {
   /// memory) where memory is short even after all caches were released; the checkpoints have the
   /// state then.
   void run();
+  /// The parts of run(), for programs that take the steps themselves: begin(), take() while steps
+  /// are left, and end(). What density control or a loss throws comes out of take(), which can be
+  /// called again.
+  void begin();
+  /// Takes the next step, or batch. Returns whether steps are left.
+  bool take();
+  void end();
+  /// Density control of the program itself, in place of the method that density.strategy names.
+  void control_density_by(std::unique_ptr<DensityControl> density);
   /// Asks run() to end as if the next step, or batch, were the last. Safe to call from a signal handler.
   void stop() { stop_requested_ = true; }
   bool stopped_early() const { return stop_requested_; }
@@ -74,6 +83,10 @@ class Trainer {
   int step() const { return run_.step; }
   /// The model after all steps so far. Waits for the device.
   const TrainingModel& model() { return run_.synchronized_model(); }
+  /// The same, for changes between two steps such as density control makes.
+  TrainingModel& model_to_change() { return run_.synchronized_model(); }
+  /// What a checkpoint has besides the model, before end(). Waits for the device.
+  RunProgress progress() { return recovery_.progress(); }
   /// The number of Gaussians. Does not wait.
   std::size_t gaussian_count() const { return run_.model.count(); }
   /// How many were removed at the end because photos look through them (floaters.h).
@@ -95,7 +108,6 @@ class Trainer {
 
  private:
   Trainer(const Scene& scene, const Config& config, Backend& backend, TrainingModel model);
-  void start();
   int end_of_batch() const;
   void advance(int last_step);
   void take_batch(int last_step);
@@ -103,7 +115,7 @@ class Trainer {
   RenderSettings settings_of(int step);
   void control_density(int step);
   void maintain(int step);
-  void finish();
+  void finish_model();
   void sort_by_morton();
   void measure_filter();
   void remove_floaters();

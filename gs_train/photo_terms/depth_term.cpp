@@ -12,7 +12,7 @@ class DepthTerm final : public PhotoTerm {
     photo.settings.blends_depth = photo.loss.depth_weight > 0 && !photo.view->depth.empty();
   }
   void show(const TrainingModel&, StepPhoto& photo, RenderPass& pass) override {
-    if (!photo.settings.blends_depth) return;
+    if (!photo.settings.blends_depth || !(photo.loss.depth_weight > 0)) return;
     compare_depth(*photo.view, photo.loss.depth_weight, pass, dL_);
     photo.dL.depth = dL_.depth.span();
     photo.dL.alpha = dL_.alpha.span();

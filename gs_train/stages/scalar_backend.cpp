@@ -15,14 +15,22 @@ struct LossRow {
 };
 constexpr LossRow kLosses[] = {{"l1_ssim", make_l1_ssim_loss}};
 
+PhotoBytes photo_of_reduced_view(const View& view, int) {
+  return {view.photo.pixels.data(), view.mask.empty() ? nullptr : view.mask.pixels.data()};
+}
+
 }  // namespace
 
 ScalarBackend::ScalarBackend()
     : Backend({names_of(kLosses), photometric_models()}), rows_(make_scalar_row_ops()) {}
 
 void ScalarBackend::use(const RunChoices& choices) {
-  if (loss_name_ != choices.loss) on_.loss = row_named(kLosses, choices.loss, "loss.kind")->make();
-  loss_name_ = choices.loss;
+  const std::string name = choices.own_loss.compare ? "" : choices.loss;
+  if (choices.own_loss.compare)
+    on_.loss = make_function_loss(choices.own_loss, host_memory(), photo_of_reduced_view, [] {});
+  else if (loss_name_ != name)
+    on_.loss = row_named(kLosses, name, "loss.kind")->make();
+  loss_name_ = name;
   on_.terms = make_photo_terms(choices.photometric);
 }
 

@@ -7,6 +7,7 @@
 #include "gs_train/poses/poses.h"
 #include "tests/cuda/fused_step.h"
 #include "tests/support/gains.h"
+#include "tests/support/own_loss.h"
 
 // The linker redirects these calls to this file (-Wl,--wrap), which counts them.
 namespace {
@@ -149,6 +150,29 @@ TEST_F(CudaStep, FusedStepWithA3dFilterIsTheScalarOne) {
       EXPECT_TRUE(same_bits(on_host(actual).gaussians.filter_scale,
                             expected.gaussians.filter_scale));  // no step changes it
     }
+}
+
+TEST_F(CudaStep, ByALossOfTheProgramIsTheScalarOne) {
+  const std::vector<View> views = some_views(131, 77, 3);
+  for (const bool sees_depth : {false, true}) {
+    TrainingModel expected = model_of(random_gaussians(kTypical, 3000, views[0].camera, 3));
+    TrainingModel actual = on_gpu(expected);
+    bool throws = true;
+    for (Backend* const backend : {&cpu(), &gpu()})
+      backend->use({.own_loss = {[&, l1 = l1_loss_in(backend->memory())](const auto& compared) {
+                                   if (throws) throw std::runtime_error("no loss");
+                                   return l1(compared);
+                                 },
+                                 sees_depth}});
+    for (Backend* const backend : {&cpu(), &gpu()}) {  // which leaves everything as it is
+      TrainingModel& model = backend == &gpu() ? actual : expected;
+      EXPECT_THROW(backend->step(model, views[0], {}, {0.2f}, kRates, {true}), std::runtime_error);
+    }
+    throws = false;
+    step_both(expected, actual, views, {}, kRates, {true});
+    expect_same(on_host(actual), expected, 1e-2);
+    EXPECT_NEAR(gpu().loss().value(), cpu().loss().value(), 2e-3 * cpu().loss().value());
+  }
 }
 
 // Twenty thousand Gaussians of a hundred tiles each exceed the first estimate.

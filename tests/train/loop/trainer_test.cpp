@@ -5,6 +5,7 @@
 #include <spdlog/fmt/fmt.h>
 
 #include "gs_core/config/config_words.h"
+#include "tests/support/own_loss.h"
 #include "tests/support/scene_run.h"
 
 namespace gs {
@@ -213,6 +214,121 @@ TEST_F(SmallRun, KeepsShDegreesThatWereNotReachedAtZero) {
   const Gaussians gaussians = gaussians_after(config);
   for (std::size_t i = 0; i < gaussians.count(); ++i)
     EXPECT_TRUE(row_is(gaussians.sh_rest, i, 0.0f));
+}
+
+// ---- parts of a program's own --------------------------------------------------------------------
+
+TEST_F(SmallRun, TakenStepByStepIsTheWholeRun) {
+  Config config = short_run();
+  config.train.iterations = 30;
+  Trainer trainer(scene_, config, *backend_);
+  trainer.begin();
+  int steps = 1;
+  while (trainer.take()) EXPECT_EQ(trainer.step(), steps++);
+  trainer.end();
+  EXPECT_TRUE(same_bits(trainer.model(), trained(config)));
+}
+
+TEST_F(SmallRun, WithALossOfItsOwnTrainsAsWithTheSameOfTheBackend) {
+  Config config = short_run();
+  config.loss.lambda_dssim = 0;
+  config.train.iterations = 40;
+  config.train.resolution_ramp = {2};
+  config.train.resolution_least = 1;
+  Trainer own(scene_, config, *backend_);
+  std::vector<double> losses;
+  backend_->use({.own_loss = {[&, l1 = l1_loss_in(host_memory())](const ComparedPicture& compared) {
+                   losses.push_back(l1(compared));
+                   return losses.back();
+                 }}});
+  own.run();
+  const double psnr = psnr_of(own.model().gaussians, own.evaluation_settings());
+  EXPECT_EQ(losses.size(), 40u);
+  EXPECT_EQ(own.loss(), losses.back());
+  EXPECT_NEAR(psnr, psnr_of(gaussians_after(config), own.evaluation_settings()), 0.2);
+}
+
+TEST_F(SmallRun, WithALossThatSeesDepthPullsBackAlphaAndDepthAsWell) {
+  Config config = short_run();
+  config.train.iterations = 40;
+  config.density.from_step = 30000;
+  const auto mean_alpha_after = [&](bool sees_depth) {
+    Trainer trainer(scene_, config, *backend_);
+    backend_->use({.own_loss = {l1_loss_in(host_memory()), sees_depth}});
+    trainer.run();
+    RenderPass pass(host_memory());
+    backend_->renderer().forward(trainer.model().gaussians.span(), scene_.train_views[0].camera,
+                                 trainer.evaluation_settings(), pass);
+    double sum = 0;
+    for (const float left : pass.transmittance) sum += 1 - double(left);
+    return sum / double(pass.pixel_count());
+  };
+  EXPECT_LT(mean_alpha_after(true), 0.9 * mean_alpha_after(false));
+}
+
+TEST_F(SmallRun, CanTakeAStepAgainWhoseLossHasThrown) {
+  Config config = short_run();
+  config.train.iterations = 20;
+  bool throws = false;
+  const auto run = [&](int failing_step) {
+    Trainer trainer(scene_, config, *backend_);
+    backend_->use(
+        {.own_loss = {[&, l1 = l1_loss_in(host_memory())](const ComparedPicture& compared) {
+           if (throws) throw std::runtime_error("no loss");
+           return l1(compared);
+         }}});
+    trainer.begin();
+    for (bool goes_on = true; goes_on;) {
+      throws = trainer.step() + 1 == failing_step;
+      if (throws) {
+        EXPECT_THROW(trainer.take(), std::runtime_error);
+      }
+      throws = false;
+      goes_on = trainer.take();
+    }
+    trainer.end();
+    return copy_to(host_memory(), trainer.model());
+  };
+  const TrainingModel plain = run(0);
+  EXPECT_TRUE(same_bits(run(1), plain));
+  EXPECT_TRUE(same_bits(run(11), plain));
+}
+
+/// Asks for absolute gradients, and says which steps it saw.
+class WatchingControl final : public DensityControl {
+ public:
+  explicit WatchingControl(std::vector<int>& steps) : DensityControl(0), steps_(steps) {}
+  DensityStep of_step(int) const override {
+    return {.gather_statistics = true, .absolute_gradient = true};
+  }
+  RefineReport after_step(TrainingModel&, Backend&, int step) override {
+    steps_.push_back(step);
+    return {};
+  }
+
+ private:
+  std::vector<int>& steps_;
+};
+
+TEST_F(SmallRun, IsControlledByTheProgramWhereItBringsItsOwnDensityControl) {
+  Config config = short_run();
+  config.train.iterations = 5;
+  Trainer trainer(scene_, config, *backend_);
+  std::vector<int> steps;
+  trainer.control_density_by(std::make_unique<WatchingControl>(steps));
+  trainer.begin();
+  trainer.take();
+  const std::vector<float> absolute = trainer.model().statistics.gradient_norm.download();
+  config.density.strategy = "absgs";
+  config.density.from_step = 0;
+  Trainer like(scene_, config, *backend_);
+  like.begin();
+  like.take();
+  EXPECT_EQ(absolute, like.model().statistics.gradient_norm.download());
+  EXPECT_GT(absolute[0], 0);
+  while (trainer.take()) {
+  }
+  EXPECT_THAT(steps, ElementsAre(1, 2, 3, 4, 5));
 }
 
 TEST(Trainer, ALossThatTheBackendLacksIsRefusedWhenARunIsMade) {
