@@ -45,6 +45,7 @@ PYBIND11_MODULE(_gemsplat, module) {
   bind_jax(module);
   bind_progress(module);
   bind_train(module);
+  bind_trainer(module);
   bind_edit(module);
   bind_jobs(module);
   module.attr("__name__") = own_name;

@@ -47,6 +47,7 @@ void bind_gpu_operator(pybind11::module_& module);
 void bind_jax(pybind11::module_& module);
 void bind_progress(pybind11::module_& module);
 void bind_train(pybind11::module_& module);
+void bind_trainer(pybind11::module_& module);
 void bind_edit(pybind11::module_& module);
 void bind_jobs(pybind11::module_& module);
 

@@ -51,8 +51,8 @@ void CallbackObserver::look(bool is_due, Trainer& trainer) {
 void bind_progress(py::module_& module) {
   py::class_<Progress, std::shared_ptr<Progress>> progress(
       module, "Progress",
-      "A run after a step. It can be used only while the callback that got it runs, in the same "
-      "thread.");
+      "A run after a step. It can be used only while the callback that got it runs, or until the "
+      "Trainer's next step, in the same thread.");
   progress.def_property_readonly(
       "step", [](const Progress& self) { return self.trainer().step(); }, "Steps done, from 1.");
   progress.def_property_readonly(

@@ -17,8 +17,8 @@ namespace gs::python {
 /// The trained model as the run would leave it if it ended now; a copy. Waits for the device.
 ModelPointer model_of(Trainer& trainer);
 
-/// The object that a callback gets: the run after a step. It is valid while the callback runs, in
-/// its thread.
+/// The object that a callback gets: the run after a step. It is valid while the callback runs, or
+/// until the next step of a gemsplat.Trainer, in its thread.
 class Progress {
  public:
   explicit Progress(Trainer& trainer) : trainer_(&trainer), thread_(std::this_thread::get_id()) {}
@@ -26,7 +26,8 @@ class Progress {
   Trainer& trainer() const {
     if (!trainer_ || std::this_thread::get_id() != thread_)
       throw UsageError(
-          "progress can be used only while the callback that got it runs, in the same thread");
+          "progress can be used only while the callback that got it runs, or until the trainer's "
+          "next step, in the same thread");
     return *trainer_;
   }
 

@@ -7,7 +7,7 @@
 #include "apps/python/devices.h"
 #include "apps/python/module.h"
 #include "apps/python/progress.h"
-#include "gs_app/jobs/keywords.h"
+#include "apps/python/training.h"
 #include "gs_app/run/make_backend.h"
 #include "gs_app/session/train_session.h"
 #include "gs_core/error.h"
@@ -45,23 +45,11 @@ struct Result {
   std::optional<fs::path> output;
 };
 
-// The arguments over a start. A loaded scene brings its own [dataset].
-Config config_of(const Arguments& arguments, Config config) {
-  apply_settings(config, Json::parse(arguments.config));
-  arguments.keywords.apply_to(config);
-  if (!config.dataset.source.empty()) config.dataset.source = absolute_path(config.dataset.source);
-  if (arguments.scene) config.dataset = arguments.scene->dataset;
-  validate(config);
-  return config;
+Config config_of(const Arguments& arguments, Config start) {
+  return config_of_run(arguments.scene, arguments.config, arguments.keywords, std::move(start));
 }
 
 // ---- without a folder --------------------------------------------------------------------------
-
-Evaluation evaluation_of(Trainer& trainer, Lpips* lpips) {
-  return evaluate(trainer.backend().renderer(), trainer.model().gaussians.span(),
-                  trainer.scene().test_views, trainer.evaluation_settings(), {},
-                  evaluation_options(trainer, {true, lpips}));
-}
 
 Result result_of(Trainer& trainer) {
   Result result;
@@ -180,6 +168,22 @@ py::dict train(const ScenePointer& scene, const std::string& config, const std::
 }
 
 }  // namespace
+
+Config config_of_run(const ScenePointer& scene, const std::string& config,
+                     const FilledVerb& keywords, Config start) {
+  apply_settings(start, Json::parse(config));
+  keywords.apply_to(start);
+  if (!start.dataset.source.empty()) start.dataset.source = absolute_path(start.dataset.source);
+  if (scene) start.dataset = scene->dataset;
+  validate(start);
+  return start;
+}
+
+Evaluation evaluation_of(Trainer& trainer, Lpips* lpips) {
+  return evaluate(trainer.backend().renderer(), trainer.model().gaussians.span(),
+                  trainer.scene().test_views, trainer.evaluation_settings(), {},
+                  evaluation_options(trainer, {true, lpips}));
+}
 
 void bind_train(py::module_& module) { module.def("train", train); }
 

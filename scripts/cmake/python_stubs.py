@@ -58,7 +58,8 @@ def signature_text(function):
 
 def member(name, value):
     if isinstance(value, property):
-        return ["    @property", f"    def {name}{signature_text(value.fget)}: ..."]
+        setter = [f"    @{name}.setter", f"    def {name}{signature_text(value.fset)}: ..."] if value.fset else []
+        return ["    @property", f"    def {name}{signature_text(value.fget)}: ...", *setter]
     static = ["    @staticmethod"] if isinstance(value, staticmethod) else []
     return [*static, f"    def {name}{signature_text(getattr(value, '__func__', value))}: ..."]
 
@@ -69,7 +70,7 @@ def class_of(name, kind):
         return [f"class {name}(NamedTuple):", *(f"    {field}: {hint.__forward_arg__}" for field, hint in fields)]
     if issubclass(kind, Exception):
         return [f"class {name}({', '.join(base.__name__ for base in kind.__bases__)}): ..."]
-    shown = {key: value for key, value in vars(kind).items() if not key.startswith("_") or key == "__len__"
+    shown = {key: value for key, value in vars(kind).items() if not key.startswith("_") or key in ("__len__", "__enter__", "__exit__")
              or (key == "__init__" and inspect.isfunction(value))}
     return [f"class {name}:", *(line for key, value in shown.items() for line in member(key, value))]
 

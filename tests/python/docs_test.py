@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Runs the Python of docs/reference/python.md, docs/guide/differentiable.md and docs/guide/compat.md."""
+"""Runs the Python of docs/reference/python.md and of docs/guide: differentiable.md, trainer.md, compat.md."""
 
 import contextlib
 import importlib.util
@@ -28,11 +28,13 @@ def outputs_of(page):
 
 
 class Docs(TestCase):
-    def test_the_programs_of_the_docs_run_in_their_order(self):
+    def run_in_folder(self):
         os.symlink(SOURCE / "examples", self.folder / "examples")
-        before = os.getcwd()
-        self.addCleanup(os.chdir, before)
+        self.addCleanup(os.chdir, os.getcwd())
         os.chdir(self.folder)
+
+    def test_the_programs_of_the_docs_run_in_their_order(self):
+        self.run_in_folder()
         printed = outputs_of("reference/python.md")
         self.assertEqual(len(printed), 5)
         self.assertRegex(printed[0], r"^20 0\.\d+ \d+\n(.*\n)+100 .*\n<gemsplat.Evaluation: .* over 5 views>\n\(90, 120, 3\) ")
@@ -50,6 +52,10 @@ class Docs(TestCase):
         arrays = ["colors", "log_scales", "logit_opacities", "means", "rotations"]
         self.assertEqual(outputs_of("guide/differentiable.md"),
                          [f"(48, 64, 3) {arrays}\n", "float32 True\n", "(48, 64, 3) True\n"])
+
+    def test_the_programs_of_the_guide_to_trainers_run(self):
+        self.run_in_folder()
+        self.assertEqual(outputs_of("guide/trainer.md"), ["True True\n", "True\n"])
 
     @unittest.skipUnless(importlib.util.find_spec("torch"), "PyTorch is not installed")
     def test_the_program_of_the_guide_to_drop_ins_runs(self):

@@ -28,5 +28,6 @@ from . import jobs
 from ._arrays import (Evaluation, Picture, Result, ViewMetrics, evaluate, export, load, load_cameras, merge,
                      nearest_distances, render, report, train)
 from ._rasterize import Rendering, jvp, photometric_loss, rasterize, vjp
+from ._trainer import Rows, StepView, Trainer
 
 __all__ = [name for name in dir() if not name.startswith("_")] + ["__version__"]

@@ -84,7 +84,7 @@ def takes(verb, names):
 
         @functools.wraps(function)
         def call(*arguments, **keywords):
-            _check(function.__name__, keywords, list(signature.parameters))
+            _check(function.__qualname__.replace(".__init__", ""), keywords, list(signature.parameters))
             return function(*arguments, **keywords)
 
         call.__signature__ = signature
