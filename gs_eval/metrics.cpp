@@ -3,6 +3,9 @@
 
 #include <algorithm>
 #include <cmath>
+#include <mutex>
+#include <utility>
+#include <vector>
 
 #include "gs_core/error.h"
 #include "gs_core/math/loss/photo_weight.h"
@@ -69,9 +72,30 @@ double psnr_of(const ImageF& render, At&& at) {
   return mse > 0 ? std::min(-10 * std::log10(mse), kIdenticalPsnr) : kIdenticalPsnr;
 }
 
+/// Arrays of the bands of SSIM, kept from one to the next: the system takes twice as long to give and
+/// take their pages as the means under the window take.
+class BandArrays {
+ public:
+  Buffer<float> take() {
+    const std::scoped_lock lock(mutex_);
+    if (idle_.empty()) return Buffer<float>();
+    Buffer<float> array = std::move(idle_.back());
+    idle_.pop_back();
+    return array;
+  }
+  void give_back(Buffer<float> array) {
+    const std::scoped_lock lock(mutex_);
+    idle_.push_back(std::move(array));
+  }
+
+ private:
+  std::mutex mutex_;
+  std::vector<Buffer<float>> idle_;
+};
+
 /// Rows of a picture go through the window together with those that it reaches on both sides.
 template <class At>
-double ssim_of(const ImageF& render, At&& at) {
+double ssim_of(const ImageF& render, BandArrays& arrays, At&& at) {
   constexpr std::size_t kRowsPerBand = 48;
   const std::size_t width = std::size_t(render.width);
   const auto add_rows = [&](int begin, int end, Share* shares) {
@@ -79,7 +103,8 @@ double ssim_of(const ImageF& render, At&& at) {
     const int last = std::min(end + kSsimRadius, render.height);
     const std::size_t plane = width * std::size_t(last - first), n = 3 * plane;
     const std::size_t above = width * std::size_t(first);
-    Buffer<float> moments(5 * n, host_memory()), scratch;
+    Buffer<float> moments = arrays.take(), scratch = arrays.take();
+    moments.resize_discard(5 * n);
     for (std::size_t i = 0; i < plane; ++i)
       for (int c = 0; c < 3; ++c) {
         const ComparedValue value = at(above + i, c);
@@ -98,6 +123,8 @@ double ssim_of(const ImageF& render, At&& at) {
                                             moments[3 * n + i], moments[4 * n + i]});
           ++shares[y - begin].weight;
         }
+    arrays.give_back(std::move(moments));
+    arrays.give_back(std::move(scratch));
   };
   return sum_of_rows(render.height, kRowsPerBand, add_rows).mean();
 }
@@ -175,14 +202,14 @@ auto values_under(const ImageF& shown, const View& view, const Vec3f& background
 }
 
 PictureMetrics photometric_metrics(const Planes& planes, const View& view, const Vec3f& background,
-                                   Appearance& appearance) {
+                                   Appearance& appearance, BandArrays& arrays) {
   const ImageF shown = shown_image(planes, appearance);
   const auto values = values_under(shown, view, background, appearance);
-  return {psnr_of(shown, values), ssim_of(shown, values)};
+  return {psnr_of(shown, values), ssim_of(shown, arrays, values)};
 }
 
 template <class At>
-PictureMetrics corrected_metrics(const ImageF& render, At&& at) {
+PictureMetrics corrected_metrics(const ImageF& render, BandArrays& arrays, At&& at) {
   ColorFit fits[3];
   for (std::size_t i = 0; i < render.pixels.size(); ++i) {
     const ComparedValue value = at(i / 3, int(i % 3));
@@ -194,7 +221,7 @@ PictureMetrics corrected_metrics(const ImageF& render, At&& at) {
     value.x = lines[c].corrected(value.x);
     return value;
   };
-  return {psnr_of(render, corrected), ssim_of(render, corrected)};
+  return {psnr_of(render, corrected), ssim_of(render, arrays, corrected)};
 }
 
 // A view that is drawn. Its arrays keep their memory from one view to the next.
@@ -203,6 +230,7 @@ struct DrawnView {
   ImageF render;                                              // the same, clamped
   std::unique_ptr<Appearance> appearance, solved_appearance;  // may be null
   ComparedPictures compared;                                  // scratch
+  BandArrays bands;                                           // scratch
 
   void take(const RenderPass& pass) {
     planes.resize(pass.image.size());
@@ -228,17 +256,18 @@ ViewMetrics measured(const View& view, DrawnView& drawn, const Vec3f& background
                          drawn.compared, values);
   };
   const auto as_it_is = values_of(render, view, background, Vec3f(1));
-  ViewMetrics metrics{view.name, psnr_of(render, as_it_is), ssim_of(render, as_it_is)};
+  ViewMetrics metrics{view.name, psnr_of(render, as_it_is), ssim_of(render, drawn.bands, as_it_is)};
   metrics.time = view.camera.time;
   if (options.metrics.is_perceptual) metrics.perceptual = perceptual(render, as_it_is);
   metrics.perceptual_exposure = metrics.perceptual;
-  if (options.is_corrected) metrics.corrected = corrected_metrics(render, as_it_is);
+  if (options.is_corrected) metrics.corrected = corrected_metrics(render, drawn.bands, as_it_is);
   if (drawn.appearance)
-    metrics.photometric = photometric_metrics(planes, view, background, *drawn.appearance);
+    metrics.photometric =
+        photometric_metrics(planes, view, background, *drawn.appearance, drawn.bands);
   if (view.has_exposure()) {
     const auto take = [&](const ImageF& exposed, const auto& values) {
       metrics.psnr_exposure = psnr_of(exposed, values);
-      metrics.ssim_exposure = ssim_of(exposed, values);
+      metrics.ssim_exposure = ssim_of(exposed, drawn.bands, values);
       if (options.metrics.is_perceptual) metrics.perceptual_exposure = perceptual(exposed, values);
     };
     if (drawn.solved_appearance) {
@@ -304,7 +333,8 @@ double psnr(const ImageF& render, const Image8& photo) {
 
 double ssim(const ImageF& render, const Image8& photo) {
   check_sizes(render, photo);
-  return ssim_of(render, plain_values(render, photo));
+  BandArrays arrays;
+  return ssim_of(render, arrays, plain_values(render, photo));
 }
 
 PerceptualMetrics perceptual_metrics(const ImageF& render, const Image8& photo) {
@@ -322,7 +352,8 @@ double psnr(const ImageF& render, const View& view, const Vec3f& background) {
 double ssim(const ImageF& render, const View& view, const Vec3f& background) {
   check_sizes(render, view.photo);
   const ImageF exposed = under_exposure(render, view.exposure);
-  return ssim_of(exposed, values_of(exposed, view, background, view.exposure));
+  BandArrays arrays;
+  return ssim_of(exposed, arrays, values_of(exposed, view, background, view.exposure));
 }
 
 PerceptualMetrics perceptual_metrics(const ImageF& render, const View& view,

@@ -4,11 +4,23 @@
 
 #include "cuda/backend.h"
 #include "cuda/device/context.cuh"
+#include "gs_core/threads/parallel.h"
 
 namespace gs::cuda {
 namespace {
 
 std::atomic<std::size_t> allocated{0}, peak{0};
+
+// The system gives new memory its pages when they are first written: to all threads much sooner than to
+// the one that copies, which waits for them three times as long as for the bytes. What the memory holds
+// is lost.
+void take_pages(void* host, std::size_t bytes) {
+  constexpr std::size_t kPage = 4096, kPagesAtATime = 512, kLeastBytes = 16 << 20;
+  if (bytes < kLeastBytes) return;
+  volatile char* const first = static_cast<char*>(host);
+  parallel_for((bytes - 1) / kPage + 1, kPagesAtATime,
+               [&](std::size_t i) { first[i * kPage] = 0; });
+}
 
 }  // namespace
 
@@ -52,6 +64,7 @@ void DeviceMemory::upload(void* to, const void* from_host, std::size_t bytes) {
 }
 
 void DeviceMemory::download(void* to_host, const void* from, std::size_t bytes) {
+  take_pages(to_host, bytes);
   check(cudaMemcpyAsync(to_host, from, bytes, cudaMemcpyDeviceToHost, context_.stream()),
         "a download");
   context_.synchronize();

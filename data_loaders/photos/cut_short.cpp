@@ -7,6 +7,7 @@
 #include <string>
 #include <string_view>
 
+#include "data_loaders/photos/picture_bytes.h"
 #include "gs_core/system/byte_reader.h"
 
 namespace gs {
@@ -17,13 +18,6 @@ using namespace std::string_view_literals;
 constexpr std::size_t kTail = 1 << 16;   // bytes at the end of a large JPEG that are searched
 constexpr std::size_t kLarge = 1 << 20;  // bytes; smaller files are walked through
 constexpr std::string_view kEndOfImage = "\xFF\xD9"sv;  // never in the coded data before the end
-
-std::uint64_t big(std::string_view bytes, std::size_t at, std::size_t count) {
-  std::uint64_t value = 0;
-  for (std::size_t i = 0; i < count; ++i)
-    value = value << 8 | static_cast<unsigned char>(bytes[at + i]);
-  return value;
-}
 
 /// ITU-T T.81, B.1.1: segments have lengths; in the coded data behind a start of scan, FF is
 /// followed by 00 or by a restart marker.
@@ -76,11 +70,7 @@ bool heif_ends(std::string_view file) {
   return has_data || at == file.size();
 }
 
-bool webp_ends(std::string_view head, std::size_t size) {
-  std::uint64_t length = 0;
-  for (std::size_t i = 4; i-- > 0;) length = length << 8 | static_cast<unsigned char>(head[4 + i]);
-  return length + 8 <= size;
-}
+bool webp_ends(std::string_view head, std::size_t size) { return little(head, 4, 4) + 8 <= size; }
 
 std::string_view next(ByteReader& reader, std::size_t bytes) {
   return {reinterpret_cast<const char*>(reader.peek(bytes)), bytes};

@@ -3,6 +3,8 @@
 
 #include <spdlog/fmt/fmt.h>
 
+#include <future>
+
 #include "gs_app/report/report_curves.h"
 #include "gs_app/report/report_histograms.h"
 #include "gs_app/report/report_page.h"
@@ -14,6 +16,7 @@
 #include "gs_core/system/text/json.h"
 #include "gs_core/system/text/plain_message.h"
 #include "gs_core/system/text/read_json.h"
+#include "gs_core/threads/start_threads.h"
 #include "gs_model/formats/ply/ply.h"
 
 namespace gs {
@@ -71,8 +74,12 @@ Json report_of(const RunFolder& folder, Json results, const EndedRun* run) {
   report.update(profile_columns(folder.profile(), kMostCurveRows));
   const std::optional<int> step = run ? run->step : folder.newest_step();
   if (run) {
+    Json histograms;
+    std::future<void> counted =
+        in_background([&] { histograms = model_histograms(run->model); });  // beside the pictures
     report["views"] = report_views(folder, *step, run->pictures, notes);
-    report["histograms"] = model_histograms(run->model);
+    counted.get();
+    report["histograms"] = std::move(histograms);
   } else if (step) {
     report["views"] = report_views(folder, *step, {}, notes);
     report["histograms"] = model_histograms(read_gaussian_ply(folder.ply(*step)));

@@ -2,6 +2,7 @@
 #include "gs_app/session/last_checkpoint.h"
 
 #include <memory>
+#include <utility>
 
 #include "gs_core/error.h"
 #include "gs_core/system/log.h"
@@ -28,14 +29,15 @@ std::shared_ptr<const TrainingModel> host_copy_of(const TrainingModel& model) {
 bool LastCheckpoint::save(const RunProgress& progress, const TrainingModel& model) {
   wait();
   const bool is_copied = progress.step == last_step_ && &model.memory() != &host_memory();
-  const std::shared_ptr<const TrainingModel> copy = is_copied ? host_copy_of(model) : nullptr;
+  std::shared_ptr<const TrainingModel> copy = is_copied ? host_copy_of(model) : nullptr;
   if (!copy) return folder_.save(progress, model);
-  written_ = in_background([this, progress, copy] {
+  written_ = in_background([this, progress, copy = std::move(copy)]() mutable {
     try {
       folder_.save(progress, *copy);
     } catch (const std::exception& error) {  // memory ran out
       log_warning("no checkpoint of step {}: {}", progress.step, plain_message(error));
     }
+    copy.reset();  // its pages go now, and not while the program ends
   });
   return true;
 }

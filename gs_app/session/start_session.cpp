@@ -15,6 +15,8 @@
 #include "gs_core/config/scene_settings.h"
 #include "gs_core/error.h"
 #include "gs_core/system/log.h"
+#include "gs_core/threads/parallel.h"
+#include "gs_core/threads/start_threads.h"
 
 namespace gs {
 namespace {
@@ -85,16 +87,26 @@ void TrainSession::clear_folder_for_photos() {
     move_trained_run_aside(*folder_, *lock_, inputs());
 }
 
-// A photo is drawn by one GPU.
-void TrainSession::make_backend() {
-  const TrainConfig& train = config_.train;
-  const ProcessPlace* const place = request_.place ? &*request_.place : nullptr;
-  if (place && config_.photometric.model == kAutoPhotometricModel)
+// A GPU takes a quarter of a second to open, in which the scene is read.
+void TrainSession::start_backend() {
+  if (request_.place && config_.photometric.model == kAutoPhotometricModel)
     throw UsageError(
         "photometric.model = auto may come out differently in each process; name a model where "
         "several train");
-  backend_ = make_training_backend(train, place, config_.model.output);
-  const int gpus = train.ranks * (place ? place->count : 1);
+  backend_is_made_ = in_background(
+      [this, train = config_.train, place = request_.place, output = config_.model.output] {
+        backend_ = make_training_backend(train, place ? &*place : nullptr, output);
+      });
+}
+
+// Waits for it. A photo is drawn by one GPU.
+void TrainSession::take_backend() {
+  if (!backend_is_made_.valid()) return;
+  backend_is_made_.get();
+  backend_->device().make_current();  // for this thread
+  log_info("training on {} with {} threads", backend_->name(), thread_count());
+  const TrainConfig& train = config_.train;
+  const int gpus = train.ranks * (request_.place ? request_.place->count : 1);
   if (const int most = std::min(gpus, kMostBatch); train.batch < most)
     log_warning(
         "train.batch is {}, so that {} of {} GPUs wait while photos are drawn; a new run with "
@@ -106,9 +118,15 @@ void TrainSession::get_scene() {
   scene_ = request_.scene;
   if (!scene_ && !resumed_ && folder_)
     has_made_scene_ = reconstruct_bare_photos(
-        config_, *folder_, [&] { clear_folder_for_photos(); }, hooks_);
+        config_, *folder_,
+        [&] {
+          take_backend();
+          clear_folder_for_photos();
+        },
+        hooks_);
   describe_scene();
   if (!scene_) scene_ = &loaded_scene_.emplace(load_run_scene(config_, hooks_));
+  take_backend();
   choose_photometric_model(config_, *scene_);
   if (lpips_)
     lpips_->check_sizes(scene_->test_views.empty() ? scene_->train_views : scene_->test_views);

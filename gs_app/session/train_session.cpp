@@ -19,7 +19,6 @@
 #include "gs_app/session/save_poses.h"
 #include "gs_core/error.h"
 #include "gs_core/system/log.h"
-#include "gs_core/threads/parallel.h"
 #include "gs_core/threads/start_threads.h"
 #include "gs_model/formats/formats.h"
 #include "gs_model/formats/ply/ply.h"
@@ -95,8 +94,7 @@ SessionEnd TrainSession::run() {
   if (!is_finished()) lpips_ = make_lpips(config_.eval);  // early, before hours of training
   hooks_.use_threads(config_.train.threads);
   if (is_finished()) request_.place.reset();  // the others have nothing to do
-  make_backend();
-  log_info("training on {} with {} threads", backend_->name(), thread_count());
+  start_backend();
   clock_.end("start");
   get_scene();
   clock_.end("scene");
@@ -132,7 +130,7 @@ SessionEnd TrainSession::follow() {
   choose_run(CheckpointPart::whole);
   if (is_finished()) return SessionEnd::nothing_left;
   hooks_.use_threads(config_.train.threads);
-  make_backend();
+  start_backend();
   get_scene();
   if (resumed_)
     make_resumed_trainer();

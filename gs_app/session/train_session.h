@@ -59,11 +59,12 @@ enum class SessionEnd {
 /// backend, scene, trainer and observers stay as they are at the end of the run.
 ///
 /// The parts of a run, in this order:
-///   find the run to resume, lock the folder, read the network of LPIPS, make the backend,
-///   reconstruct bare photos, load the scene, make the trainer, write the run's description, train,
-///   save the model, evaluate, write results and report, export
-/// The last checkpoint and the last model are written in the background meanwhile. Results come
-/// after them.
+///   find the run to resume, lock the folder, read the network of LPIPS, reconstruct bare photos,
+///   load the scene, make the trainer, write the run's description, train, save the model, evaluate,
+///   write results and report, export
+/// The backend is made in the background while the scene is loaded, and before photos are
+/// reconstructed. The last checkpoint and the last model are written in the background, too.
+/// Results come after them.
 class TrainSession {
  public:
   /// Throws UsageError or Error where a format of `exports` cannot be written.
@@ -91,7 +92,8 @@ class TrainSession {
   void lock_folder();
   void check_output() const;
   void clear_folder_for_photos();
-  void make_backend();
+  void start_backend();
+  void take_backend();
   void get_scene();
   void describe_scene();
   void record_scene();
@@ -126,6 +128,7 @@ class TrainSession {
   std::optional<OutputLock> lock_;
   std::unique_ptr<Lpips> lpips_;  // null where it is not measured
   std::unique_ptr<Backend> backend_;
+  std::future<void> backend_is_made_;  // by a thread, until take_backend()
   std::optional<Scene> loaded_scene_;
   const Scene* scene_ = nullptr;  // the loaded one, or that of the request
   bool has_made_scene_ = false;   // in the run's folder, from bare photos

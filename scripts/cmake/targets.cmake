@@ -134,7 +134,8 @@ function(gs_allow_unnamed_types target)
 endfunction()
 
 # gs_compile_together(target [EXCEPT folders...]): the compiler reads the files of a folder at once, and their
-# headers once. That halves a whole build. So names in unnamed namespaces are unique within a folder.
+# headers once. That halves a whole build. So names in unnamed namespaces are unique within a folder, and
+# other ones than those of its headers, which they would hide from the files that follow.
 # GS_UNITY=OFF compiles each file alone, which is quicker for somebody who changes single files. Code whose
 # speed matters is compiled alone in both: its folders are those of EXCEPT.
 function(gs_compile_together target)

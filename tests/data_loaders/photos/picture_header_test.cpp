@@ -60,6 +60,10 @@ TEST_F(PictureHeaders, SmallPhotosAreReadAndAllowed) {
   EXPECT_EQ(refusal_of(jpeg), "");
 }
 
+TEST_F(PictureHeaders, ANumberInWhichTheFileEndsIsZero) {
+  EXPECT_EQ(header_of("\x89PNG\r\n\x1A\n\0\0\0\x0DIHDR\xFF\xFF"s).width, 0u);
+}
+
 TEST_F(PictureHeaders, HugePicturesInTinyFilesAreRefused) {
   const std::string gif = "GIF89a\xFF\xFF\xFF\xFF"s + std::string(80, '\0');
   const std::string large_gif = "GIF89a\x00\x40\x00\x40"s + std::string(80, '\0');
