@@ -103,6 +103,7 @@ class CudaBackend final : private Gpus, private StepLauncher, private Device, pu
   }
   Memory& memory() override { return first().memory; }
   Device& device() override { return *this; }
+  void* stream() override { return first().context.stream(); }
   Renderer& renderer() override { return first().renderer; }
   void use(const RunChoices& choices) override {
     finish_pending();

@@ -22,6 +22,8 @@ class Device {
   /// Makes it the current one of the calling thread. A thread that may have used another GPU calls
   /// it before it works with this backend.
   virtual void make_current() {}
+  /// The stream of its work (cudaStream_t); null where there is none.
+  virtual void* stream() { return nullptr; }
   virtual Memory& memory() = 0;
 
   /// Announces the views that steps will use, so that their photos can be uploaded, up to

@@ -25,7 +25,7 @@ class FunctionLoss final : public Loss {
     value_ = own_.compare({view.name, camera, pass.image.data(), photo, dL_dimage.data(),
                            transmittance, depth, dL_dalpha_.data(), dL_ddepth_.data(), wait_});
   }
-  double value() override { return value_; }
+  double value() override { return own_.value ? own_.value() : value_; }
   bool sees_depth() const override { return own_.sees_depth; }
   void set_depth_gradient(PictureGradient& dL) const override {
     dL.alpha = dL_dalpha_.span();

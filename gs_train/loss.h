@@ -43,8 +43,8 @@ struct LossSettings {
 };
 
 /// What a loss of the program itself gets of one photo of a step, in the memory of the backend. It
-/// is valid during the call. Copies by that Memory come in the order of the device's work; whoever
-/// reads or writes by other means waits first.
+/// is valid during the call. Copies by that Memory, and what is done on Device::stream(), come in the
+/// order of the device's work; whoever reads or writes by other means waits first.
 struct ComparedPicture {
   const std::string& name;  // of the view
   const Camera& camera;     // of the picture
@@ -64,6 +64,8 @@ using LossFunction = std::function<double(const ComparedPicture&)>;
 struct OwnLoss {
   LossFunction compare = nullptr;  // null: there is none
   bool sees_depth = false;
+  // The loss of the last call, for a `compare` that cannot return it without waiting; null: it does.
+  std::function<double()> value = nullptr;
 };
 
 /// A backend has one at a time, the one that Backend::use() named.

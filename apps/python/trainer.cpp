@@ -51,17 +51,21 @@ class StepPicture {
       pictures[i].read(memory_, from[i], (i == 0 ? 3 : 1) * pixels() * sizeof(float));
     photo[0].read(memory_, compared_.photo.photo, 3 * pixels());
     if (has_mask()) photo[1].read(memory_, compared_.photo.mask, pixels());
-    compared_.wait();
+    wait_for(photo[0]);
   }
   // By image, alpha and depth.
   void write(const std::vector<Place>& gradients) const {
     float* const to[] = {compared_.dL_dimage, compared_.dL_dalpha, compared_.dL_ddepth};
     for (std::size_t i = 0; i < gradients.size(); ++i)
       gradients[i].write(memory_, to[i], (i == 0 ? 3 : 1) * pixels() * sizeof(float));
-    compared_.wait();
+    wait_for(gradients[0]);
   }
 
  private:
+  // Arrays of a device are used on its stream.
+  void wait_for(const Place& place) const {
+    if (place.is_on_host) compared_.wait();
+  }
   std::size_t pixels() const {
     return std::size_t(compared_.camera.width) * std::size_t(compared_.camera.height);
   }
@@ -306,7 +310,11 @@ class TrainerCore {
       backend_->use(
           {config_.loss.kind,
            nullptr,
-           {[this](const ComparedPicture& compared) { return compare(compared); }, sees_depth_}});
+           {[this](const ComparedPicture& compared) { return compare(compared); }, sees_depth_,
+            [this] {
+              const py::gil_scoped_acquire gil;
+              return double(py::float_(value_));  // of a tensor, for which the host waits
+            }}});
     if (after_step_.is_none()) return;
     auto control = std::make_unique<PythonControl>(needs_, opened_, config_);
     control_ = control.get();
@@ -317,14 +325,15 @@ class TrainerCore {
     const py::gil_scoped_acquire gil;
     const auto picture = std::make_shared<StepPicture>(compared, backend_->memory());
     const int step = trainer_->step() + 1 + loss_calls_++ % config_.train.batch;
-    const double value = loss_(picture, step).cast<double>();
+    value_ = loss_(picture, step);
     backend_->device().make_current();  // the loss may have used another GPU
-    return value;
+    return 0;
   }
 
   ScenePointer scene_;
   Config config_;
   const py::object loss_;
+  py::object value_ = py::float_(0.0);  // that it has returned last
   const bool sees_depth_;
   const py::object needs_, after_step_;
   // after_step_, while rows can be used
@@ -379,6 +388,9 @@ void bind_trainer(py::module_& module) {
   known("extent", [](const TrainerCore& self) { return self.scene().extent; });
   known("seed", [](const TrainerCore& self) { return self.config().train.seed; });
   known("device", [](const TrainerCore& self) { return self.trainer().backend().name(); });
+  known("stream", [](const TrainerCore& self) {
+    return reinterpret_cast<std::uintptr_t>(self.backend().device().stream());
+  });
   known("moves", [](const TrainerCore& self) { return self.config().model.dynamic; });
 }
 

@@ -7,6 +7,7 @@ kinds of them; nothing here is linked to PyTorch, and it is imported where it is
 
 from __future__ import annotations
 
+import contextlib
 import weakref
 from typing import Any, Callable, Mapping, NamedTuple, Optional, Union
 
@@ -297,11 +298,14 @@ class Trainer:
         self.close()
 
     def _compare(self, picture, step):
+        with self._arrays.beside(self._core.stream):
+            return self._pulled_back(picture, step)
+
+    def _pulled_back(self, picture, step):
         arrays, camera = self._arrays, picture.camera
         size = camera.height, camera.width
         planes = [arrays.empty(shape) for shape in ((3, *size), size, size)[:3 if self._sees_depth else 1]]
         photo = [arrays.empty((*size, 3), "uint8")] + ([arrays.empty(size, "uint8")] if picture.has_mask else [])
-        arrays.wait()
         picture.read(*([arrays.place(array) for array in pictures] for pictures in (planes, photo)))
         shown = [arrays.share_of_255(array) for array in photo]
         view = StepView(camera.name, camera, shown[0], shown[1] if picture.has_mask else None)
@@ -315,9 +319,8 @@ class Trainer:
         pulled = [arrays.taken("the gradient of a loss", 0 * of if by is None else by, tuple(of.shape))
                   for by, of in zip(gradients, pictures)]
         pulled[0] = arrays.planes_of(pulled[0])
-        arrays.wait()
         picture.write([arrays.place(array) for array in pulled])
-        return float(value)
+        return value
 
     def _needs(self, step):
         words = self._strategy.needs(step) if hasattr(self._strategy, "needs") else ("mean2d", "visible")
@@ -352,6 +355,9 @@ class _NumPy:
 
     def wait(self):
         pass
+
+    def beside(self, _):
+        return contextlib.nullcontext()
 
     def share_of_255(self, array):
         return array / np.float32(255)
@@ -392,6 +398,19 @@ class _Torch:
         """Until torch has done what it was asked for: the trainer works on a stream of its own."""
         if self._device.type == "cuda":
             self._torch.cuda.current_stream(self._device).synchronize()
+
+    @contextlib.contextmanager
+    def beside(self, stream):
+        """What torch does in it is done on the trainer's stream, and in the order of the caller's own."""
+        if not stream:
+            yield
+            return
+        cuda = self._torch.cuda
+        theirs, ours = cuda.current_stream(self._device), cuda.ExternalStream(stream, self._device)
+        ours.wait_stream(theirs)
+        with cuda.stream(ours):
+            yield
+        theirs.wait_stream(ours)
 
     def share_of_255(self, tensor):
         return tensor.to(self._torch.float32) / 255

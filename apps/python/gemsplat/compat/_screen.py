@@ -22,13 +22,17 @@ class ScreenTap(torch.autograd.Function):
     @staticmethod
     def backward(ctx, gradient):
         if ctx.units != (1, 1):
-            gradient = gradient * _on_device(ctx.units, gradient.device, gradient.dtype)
+            gradient = gradient * constants(ctx.units, gradient.device, gradient.dtype)
         return torch.nn.functional.pad(gradient, (0, ctx.columns - 2)) if ctx.columns > 2 else gradient, None
 
 
 @functools.lru_cache(64)
-def _on_device(units, device, dtype):
-    return torch.tensor(units, device=device, dtype=dtype)
+def constants(numbers, device, dtype):
+    """A tensor of these numbers, for which the host does not wait. Nobody changes it."""
+    tensor = torch.empty(len(numbers), device=device, dtype=dtype)
+    for at, number in enumerate(numbers):
+        tensor[at].fill_(number)
+    return tensor
 
 
 class AbsoluteTap(torch.autograd.Function):

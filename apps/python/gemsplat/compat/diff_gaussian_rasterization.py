@@ -6,7 +6,6 @@ docs/guide/compat.md says what differs. Shapes: N Gaussians, pictures of H x W p
 
 from __future__ import annotations
 
-import functools
 from typing import NamedTuple, Optional
 
 import torch
@@ -14,7 +13,7 @@ import torch
 from .. import UsageError
 from .._rasterize import Scene
 from . import _report
-from ._screen import ScreenTap
+from ._screen import ScreenTap, constants
 
 VARIANTS = {"2023": (), "aa": ("inverse_depth",), "accel": ("inverse_depth",), "depth_alpha": ("depth", "alpha")}
 NEAR, FAR, BLUR = 0.2, 1e10, 0.3  # world units, and pixels^2
@@ -132,22 +131,14 @@ def _matrices(settings):
     Of the rows of a projection matrix the third of the view matrix is a part. It moves the center of the picture by as much
     of the half of its size.
     """
-    viewmatrix, sizes = settings.viewmatrix, (int(settings.image_width), int(settings.image_height))
-    base, half = _centered(sizes, (float(settings.tanfovx), float(settings.tanfovy)), viewmatrix.device, viewmatrix.dtype)
+    viewmatrix, half = settings.viewmatrix, (int(settings.image_width) / 2, int(settings.image_height) / 2)
+    kind = viewmatrix.device, viewmatrix.dtype
+    base = constants((half[0] / float(settings.tanfovx), 0, half[0], 0, half[1] / float(settings.tanfovy), half[1], 0, 0, 1), *kind)
     with torch.no_grad():
         offset = (settings.projmatrix[:3, :2] * viewmatrix[:3, 2:3]).sum(0)  # 0 where the center is that of the picture
-        K = base.clone()
-        K[:2, 2].addcmul_(half, offset)
+        K = base.clone().view(3, 3)
+        K[:2, 2].addcmul_(constants(half, *kind), offset)
     return viewmatrix.T, K
-
-
-@functools.lru_cache(64)
-def _centered(sizes, tangents, device, dtype):
-    """The intrinsics with the center in the middle, and the half of the picture's sizes."""
-    half = torch.tensor(sizes, dtype=dtype) / 2
-    K = torch.diag(torch.tensor([*(size / (2 * tangent) for size, tangent in zip(sizes, tangents)), 1], dtype=dtype))
-    K[:2, 2] = half
-    return K.to(device), half.to(device)
 
 
 def _scene(settings, viewmat, K, **given):
