@@ -97,9 +97,9 @@ def rasterization(means, quats, scales, opacities, colors, viewmats, Ks, width, 
                   if given[of_gsplat] is not None}
     pairs = []
     for (b, c), scene in zip(places, scenes):
-        arrays = {**sparse, **{name: tap[b, c] for name, tap in taps.items()}}
+        arrays = {**sparse, **{name: _part(_part(tap, b), c) for name, tap in taps.items()}}
         if radius_clip > 0:
-            opacities = flat["opacities"][b]
+            opacities = _part(flat["opacities"], b)
             arrays["opacities"] = torch.where(is_seen[b, c], opacities, opacities.new_zeros(()))
         background = None if flat["backgrounds"] is None else flat["backgrounds"][b, c]
         pairs.append(_picture(scene.draw(**arrays), background, render_mode))
@@ -220,6 +220,11 @@ def _rows(flat, scenes, clip, rasterize_mode):
         return rows
 
 
+def _part(tensor, index):
+    """tensor[index], whose gradient is no copy where there is one part alone."""
+    return tensor.squeeze(0) if len(tensor) == 1 else tensor[index]
+
+
 def _stacked(tensors):
     return torch.stack(tensors) if len(tensors) > 1 else tensors[0][None]
 
@@ -227,8 +232,8 @@ def _stacked(tensors):
 def _shape_of(flat, b):
     """Of rasterize(): scales and rotations, or covariances."""
     if flat["covars"] is None:
-        return {"scales": flat["scales"][b], "rotations": flat["quats"][b]}
-    covars = flat["covars"][b]
+        return {"scales": _part(flat["scales"], b), "rotations": _part(flat["quats"], b)}
+    covars = _part(flat["covars"], b)
     return {"covariances": torch.stack([covars[:, row, column] for row in range(3) for column in range(row, 3)], -1)}
 
 
@@ -250,18 +255,18 @@ def _meta_of(rows, is_seen, batch, packed, is_differentiated, absgrad):
 def _scene_of(flat, b, c, degree, render_mode, settings):
     """One picture. Colors of other than three channels are features, which have no background of their own."""
     viewmat = flat["viewmats"][b, c]
-    arrays = {"means": flat["means"][b], **_shape_of(flat, b), "opacities": flat["opacities"][b], "viewmats": viewmat,
-              "Ks": flat["Ks"][b, c]}
+    arrays = {"means": _part(flat["means"], b), **_shape_of(flat, b), "opacities": _part(flat["opacities"], b),
+              "viewmats": viewmat, "Ks": flat["Ks"][b, c]}
     outputs = ["alpha"]
     if "RGB" in render_mode:
-        colors = flat["colors"][b]
+        colors = _part(flat["colors"], b)
         if colors.dim() == (3 if degree is None else 4):
-            colors = colors[c]
+            colors = _part(colors, c)
         if degree is not None and degree <= 3 and colors.shape[-1] == 3:
             arrays.update(sh=colors if colors.shape[1] in (1, 4, 9, 16) else colors[:, :(degree + 1)**2], sh_degree=degree)
         elif degree is not None:
             center = -(viewmat[:3, :3] * viewmat[:3, 3, None]).sum(0)
-            colors = (_harmonics.evaluate(degree, flat["means"][b] - center, colors) + 0.5).clamp_min(0)
+            colors = (_harmonics.evaluate(degree, arrays["means"] - center, colors) + 0.5).clamp_min(0)
         if colors.shape[-1] == 3:
             outputs.append("image")
             if "sh" not in arrays:
