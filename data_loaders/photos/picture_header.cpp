@@ -143,19 +143,19 @@ void read_tiff(const PictureFile& file, std::string_view start, PictureHeader& h
       std::max<std::uint64_t>(samples, 1) * std::max<std::uint64_t>(bits / 8, 1) + 4;
 }
 
-void read_webp(std::string_view start, PictureHeader& header) {
-  const std::string_view kind = start.substr(12, 4);
+/// A chunk of WebP (RFC 9649) and what it holds.
+void read_webp(std::string_view kind, std::string_view chunk, PictureHeader& header) {
   header.bytes_per_pixel = 8;
   if (kind == "VP8X") {
-    header.width = little(start, 24, 3) + 1;
-    header.height = little(start, 27, 3) + 1;
+    header.width = little(chunk, 4, 3) + 1;
+    header.height = little(chunk, 7, 3) + 1;
   } else if (kind == "VP8L") {
-    const std::uint64_t packed = little(start, 21, 4);
+    const std::uint64_t packed = little(chunk, 1, 4);
     header.width = (packed & 0x3FFF) + 1;
     header.height = (packed >> 14 & 0x3FFF) + 1;
   } else {
-    header.width = little(start, 26, 2) & 0x3FFF;
-    header.height = little(start, 28, 2) & 0x3FFF;
+    header.width = little(chunk, 6, 2) & 0x3FFF;
+    header.height = little(chunk, 8, 2) & 0x3FFF;
   }
 }
 
@@ -215,13 +215,17 @@ PictureHeader read_picture_header(const fs::path& path) {
   } else if (start.starts_with("BM")) {
     read_bmp(start, header);
   } else if (start.starts_with("RIFF") && start.find("WEBP") == 8) {
-    read_webp(start, header);
+    read_webp(start.substr(12, 4), start.substr(std::min<std::size_t>(20, start.size())), header);
   } else if (start.size() > 12 && start.substr(4, 4) == "ftyp") {
     read_heif(long_start(), header);
   } else if (start.starts_with("\0\0\0\x0CjP"sv) || start.starts_with("\xFF\x4F\xFF\x51")) {
     read_jpeg_2000(long_start(), header);
   } else if (start.starts_with("\x76\x2F\x31\x01")) {
     read_exr_header(file, header);
+  } else if (start.size() > 4 && start[0] == '/' && (start[4] & 0xE0) == 0) {
+    read_webp("VP8L", start, header);  // libwebp also opens what a chunk holds
+  } else if (start.find("\x9D\x01\x2A") == 3) {
+    read_webp("VP8 ", start, header);
   }
   return header;
 }

@@ -69,10 +69,12 @@ TEST_F(PictureHeaders, HugePicturesInTinyFilesAreRefused) {
   const std::string large_gif = "GIF89a\x00\x40\x00\x40"s + std::string(80, '\0');
   const std::string odd_gif = "GIFxyz\xFF\xFF\xFF\xFF"s + std::string(80, '\0');
   const std::string webp = "RIFF\0\0\0\0WEBPVP8X\x0A\0\0\0\0\0\0\0\xFF\x3F\0\xFF\x3F\0"s;
+  const std::string webp_chunk = "/\xFF\xFF\xFF\x0F"s,
+                    lossy_chunk = "\x10\0\0\x9D\x01\x2A\xFF\x3F\xFF\x3F"s;
   const std::string tiff =
       "II*\0\x08\0\0\0\x02\0\0\x01\x03\0\x01\0\0\0\xFF\xFF\0\0\x01\x01\x03\0\x01\0\0\0\xFF\xFF\0\0"s;
   for (const std::string& bytes :
-       {gif, large_gif, odd_gif, webp, tiff, jpeg_of(20'000, 20'000, 10)})
+       {gif, large_gif, odd_gif, webp, webp_chunk, lossy_chunk, tiff, jpeg_of(20'000, 20'000, 10)})
     EXPECT_THAT(refusal_of(bytes), AllOf(HasSubstr("photo.jpg"), HasSubstr("its header says")));
 }
 
