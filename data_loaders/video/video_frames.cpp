@@ -6,6 +6,7 @@
 #include <algorithm>
 
 #include "gs_core/error.h"
+#include "gs_core/math/constants.h"
 
 #ifdef GS_HAVE_VIDEO
 #include <opencv2/core.hpp>
@@ -30,6 +31,14 @@ int reader_of_videos() {
   return std::ranges::find(known, cv::CAP_FFMPEG) != known.end() ? cv::CAP_FFMPEG : cv::CAP_ANY;
 }
 
+/// Before anything is made of frames of a size that no photo has.
+void check_size(const fs::path& video, double width, double height) {
+  if (width <= kMaxPictureSide && height <= kMaxPictureSide) return;
+  cannot_read_video(
+      video, fmt::format("its frames have {:.0f}x{:.0f} pixels, and a side has at most {}", width,
+                         height, kMaxPictureSide));
+}
+
 cv::VideoCapture open_capture(const fs::path& video) {
   std::error_code error;
   if (!fs::is_regular_file(video, error)) cannot_read_video(video, "there is no such file");
@@ -37,6 +46,7 @@ cv::VideoCapture open_capture(const fs::path& video) {
   cv::VideoCapture capture;
   if (!capture.open(video.string(), reader_of_videos()))
     cannot_read_video(video, "it is damaged, or has a format that OpenCV does not know");
+  check_size(video, capture.get(cv::CAP_PROP_FRAME_WIDTH), capture.get(cv::CAP_PROP_FRAME_HEIGHT));
   capture.set(cv::CAP_PROP_ORIENTATION_AUTO, 1);
   return capture;
 }
@@ -57,6 +67,7 @@ class OpenCvReader final : public VideoReader {
     cv::Mat frame;
     if (!capture_.retrieve(frame) || frame.empty())
       cannot_read_video(video_, "a frame cannot be decoded");
+    check_size(video_, frame.cols, frame.rows);
     return picture_of(frame);
   }
 
