@@ -118,11 +118,12 @@ check_native_is_refused() {
 }
 
 check_wrong_usage() {
-  local flag
+  local flag words
   if copy_sysroot "$work" "$work/sysroot" 2>"$work/error"; then die "release.sh links with a system that has no C library"; fi
   grep -q 'has no libc6-dev' "$work/error" || die "$(cat "$work/error")"
   for flag in "--out" "--sysroot" "--python" "--python /" "--architectures" "--nonsense" "rpm"; do
-    if "$root/scripts/release.sh" $flag >/dev/null 2>"$work/error"; then die "release.sh takes $flag"; fi
+    read -ra words <<<"$flag"
+    if "$root/scripts/release.sh" "${words[@]}" >/dev/null 2>"$work/error"; then die "release.sh takes $flag"; fi
     grep -q '^error: ' "$work/error" || die "$flag: $(cat "$work/error")"
   done
 }
