@@ -99,5 +99,12 @@ __device__ inline void multiply_add_exactly(float (&d)[4], const float (&a)[4],
                                             const float (&b)[2]) {
   multiply_add_in_parts(d, d, a, b);
 }
+/// D += A B with both sides in two parts, whose smallest product is left out.
+__device__ inline void multiply_add_both_in_parts(float (&d)[4], const float (&a)[4],
+                                                  const float (&b)[2]) {
+  const float rest[2] = {b[0] - tf32_part(b[0]), b[1] - tf32_part(b[1])};
+  multiply_add_16x8x8(d, a, rest);
+  multiply_add_exactly(d, a, b);
+}
 
 }  // namespace gs::cuda

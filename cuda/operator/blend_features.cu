@@ -13,7 +13,7 @@
 // sub-tile and 32 channels, and walks the list of the tile once. Of a lane's pixel, the weights and
 // what dL/d(alpha) needs are numbers, not vectors: q takes the place of a color's share. Gradients
 // of splats by different channels add up. Left- and right-hand sides are both split into two TF32
-// parts, of which the smallest product is left out.
+// parts.
 #include "cuda/operator/stages.cuh"
 #include "cuda/render/blend/fragment_products.cuh"
 
@@ -59,14 +59,6 @@ template <int kChannels>
 struct BackwardShared : WarpShared {
   alignas(8) float dL_dF[kChannels][kPixelStride];
 };
-
-/// D += A B with both sides in two parts.
-__device__ void multiply_add_both_in_parts(float (&d)[4], const float (&a)[4],
-                                           const float (&b)[2]) {
-  const float rest[2] = {b[0] - tf32_part(b[0]), b[1] - tf32_part(b[1])};
-  multiply_add_16x8x8(d, a, rest);
-  multiply_add_exactly(d, a, b);
-}
 
 /// How many warps share the channels of a sub-tile, so many each.
 __host__ __device__ inline int shares_of(int channels, int of_warp) {
