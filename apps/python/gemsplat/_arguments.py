@@ -98,6 +98,15 @@ def is_per_view(name, array):
     return longest[0] == "C" and len(array.shape) == len(longest)
 
 
+def of_shape_of(name, array, wanted):
+    """The array, a gradient or change of a picture, or an array of Arguments. Throws UsageError where the shape is another."""
+    if wanted is None:
+        raise UsageError(f"there is no gradient by {name}, which was not drawn")
+    if array.shape != wanted.shape:
+        raise UsageError(f"the gradient or change of {name} must have the shape {wanted.shape}, but has {array.shape}")
+    return array
+
+
 def matrices_of(cameras):
     """viewmats (C, 4, 4) and Ks (C, 3, 3) of cameras, as NumPy arrays of float64."""
     Ks = [[[camera.fx, 0, camera.cx], [0, camera.fy, camera.cy], [0, 0, 1]] for camera in cameras]

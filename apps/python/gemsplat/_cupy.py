@@ -8,7 +8,7 @@ from __future__ import annotations
 import cupy
 
 from . import _gpu
-from ._arguments import is_per_view
+from ._arguments import is_per_view, of_shape_of
 from ._gemsplat import GpuOperation, UsageError
 
 
@@ -48,7 +48,8 @@ def vjp(arguments):
     def pull(image=None, alpha=None, depth=None, inverse_depth=None, features=None):
         given = {"image": image, "alpha": alpha, "depth": depth, "inverse_depth": inverse_depth, "features": features}
         with device:
-            given = {name: _like(name, value, getattr(rendering, name)) for name, value in given.items() if value is not None}
+            given = {name: of_shape_of(name, cupy.asarray(value, cupy.float32), getattr(rendering, name))
+                     for name, value in given.items() if value is not None}
             sums = {name: cupy.zeros_like(array) for name, array in arguments.arrays.items()}
             for drawn in passes:
                 drawn.pull(given, sums)
@@ -63,15 +64,6 @@ def jvp(arguments, tangents):
 
 def _rendering(arguments, draw):
     return _gpu.rendering(arguments, draw, cupy, lambda array: array.astype(cupy.int32))
-
-
-def _like(name, value, wanted):
-    if wanted is None:
-        raise UsageError(f"there is no gradient by {name}, which was not drawn")
-    array = cupy.asarray(value, cupy.float32)
-    if array.shape != wanted.shape:
-        raise UsageError(f"the gradient by {name} must have the shape {wanted.shape}, but has {array.shape}")
-    return array
 
 
 def _pieces():

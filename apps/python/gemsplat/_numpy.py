@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ._arguments import is_per_view, matrices_of
+from ._arguments import is_per_view, matrices_of, of_shape_of
 from ._classes import real_array
 from ._gemsplat import UsageError, exact_footprints, exact_gradients, exact_picture, exact_slopes
 from ._rasterize import Rendering
@@ -120,12 +120,7 @@ def _add(sums, gradients, view):
 
 def _like(name, value, wanted):
     """An array of float64 of the shape of `wanted`."""
-    if wanted is None:
-        raise UsageError(f"there is no gradient by {name}, which was not drawn")
-    array = np.asarray(value, np.float64)
-    if array.shape != wanted.shape:
-        raise UsageError(f"the gradient or change of {name} must have the shape {wanted.shape}, but has {array.shape}")
-    return array
+    return of_shape_of(name, np.asarray(value, np.float64), wanted)
 
 
 def _stacked(pictures, name, arguments):
