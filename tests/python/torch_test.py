@@ -17,7 +17,7 @@ import numpy as np
 
 import gemsplat
 from drawing import FORMS, HEIGHT, SETTINGS, WIDTH, arrays_for, draw
-from gemsplat._rasterize import Scene
+from gemsplat._rasterize import CheckedView
 from support import SOURCE, TestCase
 
 HAS_GPU = torch is not None and torch.cuda.is_available() and gemsplat.cuda_device_count() > 0
@@ -126,7 +126,7 @@ class OnTheGpuTest(TestCase):
             for shape, settings in (("square", {"tile": 16}), ("box", {"clip": 2.0, "antialiased": True}), ("box", {"far": 3.2})):
                 with self.subTest(shape, given=[*others], **settings):
                     expected, found = (
-                        Scene(width=WIDTH, height=HEIGHT, outputs="alpha", **{**given, "screen": None},
+                        CheckedView(width=WIDTH, height=HEIGHT, outputs="alpha", **{**given, "screen": None},
                               **{name: value for name, value in settings.items() if name not in ("tile", "clip")}).footprints(
                                   shape, **{name: value for name, value in settings.items() if name in ("tile", "clip")})
                         for given in (arguments(100, dtype=torch.float64, **others), arguments(100, "cuda", **others)))

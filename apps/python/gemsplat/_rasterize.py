@@ -209,15 +209,15 @@ class Footprints(NamedTuple):
     radii: Any
 
 
-class Scene:
+class CheckedView:
     """What rasterize() takes for one view, checked once: for drop-ins, which ask for pictures and footprints of it."""
 
     def __init__(self, **given):
         self._backend, self._arguments = _prepared({**_DEFAULTS, **given})
 
-    def draw(self, **taps):
-        """The Rendering. `taps`: screen and absolute_screen."""
-        arrays = {**self._arguments.arrays, **{name: tap for name, tap in taps.items() if tap is not None}}
+    def draw(self, **arrays):
+        """The Rendering, with these arrays, unless they are None, beside those given or in their place. Shapes are not checked."""
+        arrays = {**self._arguments.arrays, **{name: array for name, array in arrays.items() if array is not None}}
         return self._backend.rasterize(replace(self._arguments, arrays=arrays))
 
     def footprints(self, shape, *, clip=0.0, tile=1, names=Footprints._fields):

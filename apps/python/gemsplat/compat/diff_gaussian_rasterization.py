@@ -11,7 +11,7 @@ from typing import NamedTuple, Optional
 import torch
 
 from .. import UsageError
-from .._rasterize import Scene
+from .._rasterize import CheckedView
 from . import _report
 from ._screen import ScreenTap, constants
 
@@ -142,7 +142,7 @@ def _matrices(settings):
 
 
 def _scene(settings, viewmat, K, **given):
-    return Scene(viewmats=viewmat, Ks=K, width=int(settings.image_width), height=int(settings.image_height), near=NEAR, far=FAR,
+    return CheckedView(viewmats=viewmat, Ks=K, width=int(settings.image_width), height=int(settings.image_height), near=NEAR, far=FAR,
                  blur=BLUR, **given)
 
 

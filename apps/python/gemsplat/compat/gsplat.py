@@ -17,7 +17,7 @@ from typing import Optional
 import torch
 
 from .. import UsageError
-from .._rasterize import Footprints, Scene
+from .._rasterize import CheckedView, Footprints
 from . import _harmonics, _report
 from ._meta import Meta
 from ._screen import AbsoluteTap, ScreenTap
@@ -64,8 +64,8 @@ def rasterization(means, quats, scales, opacities, colors, viewmats, Ks, width, 
     packed: the dict has the Gaussians of all pictures one behind the other, for which the host waits for the GPU.
     sparse_grad: with packed and without batch axes, means, quats and scales get sparse gradients of the Gaussians that are seen.
 
-    channel_chunk, segmented, global_z_order and a renderer_config of mixed batches have no effect. What gemsplat does not draw is passed to an installed gsplat;
-    without one it throws NotImplementedError, which names the argument.
+    channel_chunk, segmented, global_z_order and a renderer_config of mixed batches have no effect. What gemsplat does not draw
+    is passed to an installed gsplat; without one it throws NotImplementedError, which names the argument.
     """
     given = dict(locals())
     del given["others"]
@@ -277,7 +277,7 @@ def _scene_of(flat, b, c, degree, render_mode, settings):
             arrays["features"] = colors
     if "D" in render_mode:
         outputs.append("depth")
-    return Scene(outputs=outputs, blend_rule="classic", **arrays, **settings)
+    return CheckedView(outputs=outputs, blend_rule="classic", **arrays, **settings)
 
 
 def _picture(found, background, render_mode):
