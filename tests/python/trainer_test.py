@@ -31,6 +31,19 @@ def l1(image, view, step):
     return np.abs(difference).mean(), np.sign(difference) / difference.size
 
 
+def failing_once(compare, fails_at):
+    """The loss `compare`, but for the first call of a step."""
+    failed = []
+
+    def loss(image, view, step):
+        if step == fails_at and not failed:
+            failed.append(step)
+            raise ZeroDivisionError("mine")
+        return compare(image, view, step)
+
+    return loss
+
+
 def gray_png(pixels):
     def chunk(name, data):
         return struct.pack(">I", len(data)) + name + data + struct.pack(">I", zlib.crc32(name + data))
@@ -235,15 +248,7 @@ class Losses(Trainers):
 
     def test_an_exception_stops_the_step_before_anything_changes(self):
         def run(fails_at):
-            failed = []
-
-            def loss(image, view, step):
-                if step == fails_at and not failed:
-                    failed.append(step)
-                    raise ZeroDivisionError("mine")
-                return l1(image, view, step)
-
-            trainer = self.trainer(self.CONFIG, loss=loss)
+            trainer = self.trainer(self.CONFIG, loss=failing_once(l1, fails_at))
             if fails_at:
                 if fails_at > 1:
                     trainer.run(fails_at - 1)
@@ -611,14 +616,7 @@ class OnAGpu(Trainers):
 
     def test_an_exception_stops_the_step_before_anything_changes(self):
         def run(fails_at):
-            failed = []
-
-            def loss(image, view, step):
-                if step == fails_at and not failed:
-                    failed.append(step)
-                    raise ZeroDivisionError("mine")
-                return (image - view.image).abs().mean()
-
+            loss = failing_once(lambda image, view, step: (image - view.image).abs().mean(), fails_at)
             trainer = self.trainer(self.ADAPTIVE, loss=loss, framework="torch", **self.options)
             if fails_at:
                 trainer.run(fails_at - 1)
