@@ -11,9 +11,9 @@ namespace {
 
 std::atomic<std::size_t> allocated{0}, peak{0};
 
-// The system gives new memory its pages when they are first written: to all threads much sooner than to
-// the one that copies, which waits for them three times as long as for the bytes. What the memory holds
-// is lost.
+// The system gives new memory its pages when they are first written. All threads get them much sooner
+// than the one that copies, which waits for them three times as long as for the bytes. What the
+// memory holds is lost.
 void take_pages(void* host, std::size_t bytes) {
   constexpr std::size_t kPage = 4096, kPagesAtATime = 512, kLeastBytes = 16 << 20;
   if (bytes < kLeastBytes) return;
