@@ -92,6 +92,23 @@ class TrainingTest(TestCase):
             optimizer.zero_grad(set_to_none=True)
         self.assertLess(float(errors[-1]), 0.5 * float(errors[0]))
 
+    @unittest.skipUnless(hasattr(torch, "compile"), "there is no PyTorch of 2.0 or later")
+    def test_drop_ins_are_drawn_beside_the_graphs_of_torch_compile(self):
+        for device in DEVICES:
+            arrays = gaussians(device=device, dtype=torch.float32)
+            means2D = torch.zeros_like(arrays["means"], requires_grad=True)
+
+            def loss():
+                color, _ = dgr.GaussianRasterizer(settings(arrays["means"], debug=False))(**{**self.inputs(arrays), "means2D": means2D})
+                colors, alphas, _ = draw_by_gsplat(arrays, render_mode="RGB+ED")
+                photometric = gemsplat.photometric_loss(color.movedim(0, -1), colors[0, ..., :3].detach())
+                return loss_of(color, colors, alphas) + photometric
+
+            found, expected = (torch.autograd.grad(each(), [*arrays.values(), means2D])
+                               for each in (torch.compile(loss, backend="aot_eager"), loss))
+            for one, other in zip(found, expected):
+                near_in_all(one, other, 1e-4)
+
     def inputs(self, arrays):
         return {"means3D": arrays["means"], "means2D": None, "opacities": arrays["opacities"].clamp(0.01, 0.99), "shs": arrays["sh"],
                 "scales": arrays["scales"].clamp_min(0.01), "rotations": arrays["rotations"]}

@@ -108,7 +108,22 @@ def rasterize(means: ArrayLike, rotations: Optional[ArrayLike] = None, *, scales
     Rows that cannot be drawn, such as those with NaN, are not visible. Throws UsageError, which names
     the argument.
     """
-    backend, arguments = _prepared(locals())
+    given = {"means": means, "rotations": rotations, "scales": scales, "log_scales": log_scales, "covariances": covariances,
+             "opacities": opacities, "logit_opacities": logit_opacities, "colors": colors, "sh0": sh0, "sh_rest": sh_rest, "sh": sh,
+             "features": features, "cameras": cameras, "viewmats": viewmats, "Ks": Ks, "width": width, "height": height,
+             "background": background, "screen": screen, "absolute_screen": absolute_screen, "sh_degree": sh_degree,
+             "outputs": outputs, "near": near, "far": far, "blur": blur, "antialiased": antialiased, "blend_rule": blend_rule,
+             "smooth": smooth, "max_instances": max_instances}
+    if _module_of(means) == "torch":
+        from . import _torch_graph
+
+        return _torch_graph.rasterize(given)
+    return drawn(given)
+
+
+def drawn(given):
+    """The Rendering of what rasterize() takes, by name."""
+    backend, arguments = _prepared(given)
     return backend.rasterize(arguments)
 
 
@@ -124,8 +139,7 @@ def _backend_of(means):
         from . import _numpy
 
         return _numpy
-    kind = type(means)
-    module = kind.__module__.partition(".")[0]
+    kind, module = type(means), _module_of(means)
     if module == "torch":
         from . import _torch
 
@@ -140,6 +154,10 @@ def _backend_of(means):
         return _cupy
     raise UsageError(f"means is a {kind.__module__}.{kind.__qualname__}, which cannot be drawn; give a NumPy array, such as "
                      "numpy.asarray(means)")
+
+
+def _module_of(array):
+    return type(array).__module__.partition(".")[0]
 
 
 _SIGNATURE = inspect.signature(rasterize)
@@ -188,7 +206,7 @@ def photometric_loss(image: Any, target: Any, *, ssim_weight: float = 0.2, paddi
     compute it and its gradient, which is by image alone.
     padding: same, where zeros lie around the pictures; or valid, where windows that reach beyond them do not count.
     """
-    if type(image).__module__.partition(".")[0] != "torch":
+    if _module_of(image) != "torch":
         raise UsageError(f"image must be a tensor of PyTorch, and not a {type(image).__name__}")
     from . import _loss
 

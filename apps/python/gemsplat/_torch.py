@@ -15,6 +15,10 @@ from ._gemsplat import GpuOperation, UsageError
 from ._rasterize import Rendering
 
 
+# Decorates what torch.compile leaves out of its graphs; PyTorch before 2.1 has none.
+eagerly = getattr(getattr(torch, "compiler", None), "disable", lambda function: function)
+
+
 def arrays_of(given):
     """Tensors of the device and the dtype of means; lists and numbers become tensors."""
     means = given["means"]
