@@ -17,7 +17,7 @@ from compat_support import (BACKGROUND, DEVICES, HEIGHT, K, VIEW, WIDTH, chosen,
 from support import TestCase
 
 if torch is not None:
-    from gemsplat.compat import _harmonics, diff_gaussian_rasterization as dgr, fused_ssim, gsplat, simple_knn
+    from gemsplat.compat import _harmonics, _screen, diff_gaussian_rasterization as dgr, fused_ssim, gsplat, simple_knn
 
 
 @unittest.skipUnless(torch, "PyTorch is not installed")
@@ -26,6 +26,23 @@ class OtherModulesTest(TestCase):
         directions = torch.randn(200_000, 3, dtype=torch.float64, generator=torch.Generator().manual_seed(1))
         values = _harmonics.basis(4, torch.nn.functional.normalize(directions, dim=-1))
         near(values.T @ values * (4 * math.pi / len(values)), torch.eye(25).double(), 0.03)
+
+    @unittest.skipUnless("cuda" in DEVICES, "there is no PyTorch with a GPU, or gemsplat was built without CUDA")
+    def test_constants_are_written_before_any_stream_or_graph_reads_them(self):
+        device = torch.device("cuda", 0)
+        busy, other = torch.cuda.Stream(), torch.cuda.Stream()
+        with torch.cuda.stream(busy):
+            torch.cuda._sleep(10**9)  # clock cycles
+            _screen.constants((3, 5), device, torch.float32)
+        with torch.cuda.stream(other):
+            self.assertEqual(_screen.constants((3, 5), device, torch.float32).tolist(), [3, 5])
+        torch.cuda.synchronize()
+        graph = torch.cuda.CUDAGraph()
+        with torch.cuda.graph(graph):
+            recorded = _screen.constants((7, 9), device, torch.float32) + 0
+        self.assertEqual(_screen.constants((7, 9), device, torch.float32).tolist(), [7, 9])
+        graph.replay()
+        self.assertEqual(recorded.tolist(), [7, 9])
 
     def test_distances_are_those_of_gemsplat(self):
         points = torch.randn(60, 3, generator=torch.Generator().manual_seed(1), requires_grad=True)
