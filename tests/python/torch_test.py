@@ -213,6 +213,13 @@ class OnTheGpuTest(TestCase):
             for one, other in zip(first, others):
                 self.assertTrue(torch.equal(one, other))
 
+    def test_a_call_can_ask_for_the_same_bits(self):
+        arrays = arguments(3000, "cuda", means=np.random.default_rng(3).uniform(-0.3, 0.3, (3000, 3)))
+        _, first = gradients(arrays, deterministic=True)
+        for _ in range(3):
+            for name, slope in gradients(arrays, deterministic=True)[1].items():
+                self.assertTrue(torch.equal(slope, first[name]), name)
+
     def test_saved_tensors_may_be_moved(self):
         arrays = arguments(100, "cuda")
         _, expected = gradients(arrays)
@@ -377,7 +384,7 @@ class CompiledTest(TestCase):
         self.addCleanup(torch.use_deterministic_algorithms, False)
         for device in self.DEVICES:
             arrays = arguments(20, device)
-            settings = " ".join(arrays), " ".join(self.OUTPUTS), WIDTH, HEIGHT, None, 0.2, 1e4, None, False, "classic", False, 999
+            settings = " ".join(arrays), " ".join(self.OUTPUTS), WIDTH, HEIGHT, None, 0.2, 1e4, None, False, "classic", False, 999, None
             torch.library.opcheck(_torch_graph._draw, (list(arrays.values()), *settings))
             tensors = [tensor.detach() for tensor in arrays.values()]
             by = [torch.ones(HEIGHT, WIDTH, 3, device=device)]

@@ -60,7 +60,8 @@ def rasterize(means: ArrayLike, rotations: Optional[ArrayLike] = None, *, scales
               background: Optional[ArrayLike] = None, screen: Optional[ArrayLike] = None,
               absolute_screen: Optional[ArrayLike] = None, sh_degree: Optional[int] = None, outputs: Union[str, Sequence[str]] = ("image",), near: float = 0.2,
               far: float = 10000.0, blur: Optional[float] = None, antialiased: bool = False,
-              blend_rule: str = "faster_gs", smooth: bool = False, max_instances: Optional[int] = None) -> Rendering:
+              blend_rule: str = "faster_gs", smooth: bool = False, max_instances: Optional[int] = None,
+              deterministic: Optional[bool] = None) -> Rendering:
     """Draws N Gaussians in C views. vjp() and jvp() differentiate it by every array.
 
     NumPy arrays are drawn on the CPU by the exact renderer, each Gaussian at each pixel, in float64.
@@ -104,6 +105,8 @@ def rasterize(means: ArrayLike, rotations: Optional[ArrayLike] = None, *, scales
     max_instances: the most pairs of a Gaussian and a tile of 16 pixels that it meets, for which a GPU has
     room. Nothing then waits for the GPU, and CUDA graphs can record the call. Where there are more,
     overflowed is True, pictures lack Gaussians, and gradients are zero. By default they are counted.
+    deterministic: gradients of a GPU have the same bits each time, and features take a pass for three of
+    them. None: where torch.use_deterministic_algorithms() says so. The CPU's always have.
 
     Rows that cannot be drawn, such as those with NaN, are not visible. Throws UsageError, which names
     the argument.
@@ -113,7 +116,7 @@ def rasterize(means: ArrayLike, rotations: Optional[ArrayLike] = None, *, scales
              "features": features, "cameras": cameras, "viewmats": viewmats, "Ks": Ks, "width": width, "height": height,
              "background": background, "screen": screen, "absolute_screen": absolute_screen, "sh_degree": sh_degree,
              "outputs": outputs, "near": near, "far": far, "blur": blur, "antialiased": antialiased, "blend_rule": blend_rule,
-             "smooth": smooth, "max_instances": max_instances}
+             "smooth": smooth, "max_instances": max_instances, "deterministic": deterministic}
     if _module_of(means) == "torch":
         from . import _torch_graph
 

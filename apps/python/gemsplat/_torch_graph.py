@@ -13,9 +13,10 @@ from ._rasterize import Rendering, drawn
 from ._torch import _PULLED, arrays_of, eagerly
 
 _is_compiling = getattr(getattr(torch, "compiler", None), "is_compiling", lambda: False)
-_SETTINGS = ("width", "height", "sh_degree", "near", "far", "blur", "antialiased", "blend_rule", "smooth", "max_instances")
+_SETTINGS = ("width", "height", "sh_degree", "near", "far", "blur", "antialiased", "blend_rule", "smooth", "max_instances",
+             "deterministic")
 _SCHEMA = ("str names, str outputs, SymInt width, SymInt height, SymInt? sh_degree, float near, float far, float? blur, "
-           "bool antialiased, str blend_rule, bool smooth, SymInt max_instances")
+           "bool antialiased, str blend_rule, bool smooth, SymInt max_instances, bool? deterministic")
 
 
 def rasterize(given):
