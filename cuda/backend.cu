@@ -157,7 +157,7 @@ class CudaBackend final : private Gpus, private StepLauncher, private Device, pu
     step.photometric = photometric_.update_of(model.photometric, update);
     step.poses = poses_.update_of(model.poses, update);
     const bool gains_are_due = step.photometric.is_due, poses_are_due = step.poses.is_due;
-    steps_.launch(std::move(step), model.count());
+    steps_.launch(std::move(step), model.count(), !loss_row_);
     model.adam_steps += update.rule.steps;
     if (gains_are_due) model.photometric.adam_steps += update.photo_rule.steps;
     if (poses_are_due) model.poses.adam_steps += update.photo_rule.steps;
@@ -325,13 +325,21 @@ class CudaBackend final : private Gpus, private StepLauncher, private Device, pu
     }
     gpu.photo_buffers.select(turn_of(i), rows, model_->count(), gpu.renderer, gpu.pass);
     StepReport* const report = steps_.reports().of_step(number);
-    if (others_ || !loss_row_)  // these do not learn of a step that has to be repeated
+    // Other processes do not learn of a step that has to be repeated, and a loss of the program sees
+    // what it lacked. A view that was not seen before may have any number.
+    if (others_ || (!loss_row_ && !steps_.forecast().has_seen(*photo.view)))
       gpu.renderer.finish_counted(settings, gpu.pass, report, number);
     else
       gpu.renderer.finish_projected(settings, gpu.pass,
                                     steps_.forecast().capacity_for(photo, model_->count()), report,
                                     number);
-    gpu.loss->forward_backward(gpu.pass, *photo.view, loss_settings, gpu.dL_dimage);
+    try {
+      gpu.loss->forward_backward(gpu.pass, *photo.view, loss_settings, gpu.dL_dimage);
+    } catch (...) {
+      // A loss of the program may say so of a picture that lacks Gaussians. It sees the step again.
+      if (loss_row_ || !steps_.reports().wait(gpu.context, number).halted) throw;
+      return;
+    }
     blend_backward(gpu.context, settings, gradient_of_picture(gpu, photo, loss_settings, settings),
                    gpu.renderer.workspace(), gpu.pass);
   }
@@ -434,6 +442,10 @@ class CudaBackend final : private Gpus, private StepLauncher, private Device, pu
   }
 
   void wait_for_launches() override { streams().synchronize(); }
+  void wait_for_reports(const PendingStep& step) override {
+    for (std::size_t i = 0; i < step.batch.size(); ++i)
+      steps_.reports().wait(drawer_of(i).context, step.number_of(i));
+  }
   void clear_failed_step() override {
     for_each([](Gpu& gpu) { gpu.clear_gradients(); });
     clear_sums();

@@ -58,7 +58,8 @@ struct ComparedPicture {
   const std::function<void()>& wait;  // for the device
 };
 /// Writes the gradient and returns the loss. What it throws ends the step, which has changed nothing
-/// then.
+/// then. A device may call it again for a step whose first picture lacks Gaussians, because there was
+/// too little room for them; what the first call writes, returns or throws does not count then.
 using LossFunction = std::function<double(const ComparedPicture&)>;
 /// A loss of the program. One that sees depth takes the place of the depth loss, too.
 struct OwnLoss {

@@ -26,6 +26,7 @@ class InstanceForecast {
     double& most = most_per_gaussian_[photo.reduction];
     most = std::max(most, double(instances) / double(gaussians));
   }
+  bool has_seen(const View& view) const { return visits_.contains(&view); }
   std::uint32_t capacity_for(const TrainingPhoto& photo, std::size_t gaussians) const {
     const double limit = std::max(double(kLeastCapacity), kMostPerGaussian * double(gaussians));
     double capacity = first_capacity(gaussians);

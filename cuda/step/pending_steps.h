@@ -3,7 +3,9 @@
 // but buffers and sorts need a number beforehand, for which there is a forecast
 // (instance_forecast.h). Where the forecast is too small, the device raises a flag, and no step
 // changes the model from then on. When the host sees the flag in a report, it launches those steps
-// again, in order, with larger buffers. The result is that of a sufficient forecast.
+// again, in order, with larger buffers. The result is that of a sufficient forecast. A loss of the
+// program sees such a step again; so its report is awaited before the next step begins, while the
+// device works on what follows the report.
 #pragma once
 
 #include <deque>
@@ -50,6 +52,8 @@ class StepLauncher {
   virtual void enqueue(const PendingStep& step) = 0;
   /// Waits for all launches.
   virtual void wait_for_launches() = 0;
+  /// Waits for the reports of a step that was launched.
+  virtual void wait_for_reports(const PendingStep& step) = 0;
   /// After a step that failed, and wait_for_launches(): sums and gradients are zero again.
   virtual void clear_failed_step() = 0;
   /// After steps that were halted: sums and gradients are zero again, and no step is halted any
@@ -61,9 +65,10 @@ class PendingSteps {
  public:
   explicit PendingSteps(StepLauncher& launcher) : launcher_(launcher) {}
 
-  /// Launches a step for a model of so many Gaussians. Waits while the host is too far ahead.
-  /// Where this throws, the step is dropped; earlier ones are launched later.
-  void launch(PendingStep step, std::size_t gaussians) {
+  /// Launches a step for a model of so many Gaussians. Waits while the host is too far ahead, and if
+  /// `is_settled` until the step has fitted into its buffers. Where this throws, the step is dropped;
+  /// earlier ones are launched later.
+  void launch(PendingStep step, std::size_t gaussians, bool is_settled) {
     gaussians_ = gaussians;
     const std::size_t photos = step.batch.size();
     GS_CHECK(photos >= 1 && photos <= std::size_t(kMostBatch));
@@ -73,6 +78,10 @@ class PendingSteps {
     last_photo_ += std::uint32_t(photos);
     try {
       launch_pending();
+      while (is_settled && !pending_.empty()) {
+        launcher_.wait_for_reports(pending_.front());
+        read_reports();
+      }
     } catch (...) {
       pending_.pop_back();
       last_photo_ -= std::uint32_t(photos);

@@ -27,6 +27,12 @@ Summary: Trains 3D Gaussians from photos
 License: Apache-2.0
 Requires-Python: =={python}.*
 Requires-Dist: numpy (>=1.22)
+Provides-Extra: torch
+Requires-Dist: torch (>=2.4) ; extra == 'torch'
+Provides-Extra: jax
+Requires-Dist: jax (>=0.11.2) ; extra == 'jax'
+Provides-Extra: cupy
+Requires-Dist: cupy-cuda12x (>=13) ; extra == 'cupy'
 """
 
 

@@ -37,6 +37,10 @@ GS_COUNT(cudaMemcpy, waits, (void* to, const void* from, size_t bytes, cudaMemcp
 namespace gs {
 namespace {
 
+// Of a hundred tiles each.
+constexpr Recipe kLarge{
+    .sigma_low = 30, .sigma_high = 60, .opacity_low = 0.02f, .opacity_high = 0.05f};
+
 class CudaStep : public FusedStepTest {
  protected:
   /// Once `warm_up` has grown the buffers, `steady` may neither wait nor allocate.
@@ -56,10 +60,8 @@ class CudaStep : public FusedStepTest {
   /// Trains `count` Gaussians again and again, in `steps` deterministic steps.
   void expect_the_same_bytes_each_time(const std::vector<View>& views, std::size_t count,
                                        int steps) {
-    const Recipe large{
-        .sigma_low = 30, .sigma_high = 60, .opacity_low = 0.02f, .opacity_high = 0.05f};
     RenderSettings settings;
-    for (const Recipe& recipe : {kTypical, large}) {  // large ones fill several segments of a list
+    for (const Recipe& recipe : {kTypical, kLarge}) {  // large ones fill several segments of a list
       const TrainingModel start = model_of(random_gaussians(recipe, count, views[0].camera, 3));
       const auto after_steps = [&](bool deterministic, bool meets_views_anew) {
         TrainingModel model = on_gpu(start);
@@ -175,12 +177,43 @@ TEST_F(CudaStep, ByALossOfTheProgramIsTheScalarOne) {
   }
 }
 
-// Twenty thousand Gaussians of a hundred tiles each exceed the first estimate.
+// The views are known with few instances when a model of many comes. What the loss throws at a
+// picture that lacks Gaussians does not count.
+TEST_F(CudaStep, ALossOfTheProgramSeesAStepAgainThatHadTooLittleRoom) {
+  const std::vector<View> views = some_views(320, 240, 3);
+  const TrainingModel few = model_of(random_gaussians(kTypical, 20000, views[0].camera, 3));
+  const TrainingModel many = model_of(random_gaussians(kLarge, 20000, views[0].camera, 3));
+  RenderSettings settings;
+  settings.deterministic = true;
+  gpu().device().upload_views(views, 1 << 30);
+  int calls = 0, failing_call = 0;
+  gpu().use({.own_loss = {[&, l1 = l1_loss_in(gpu().memory())](const auto& compared) {
+               if (++calls == failing_call) throw std::runtime_error("it lacks Gaussians");
+               return l1(compared);
+             }}});
+  const auto after_steps = [&](const TrainingModel& start) {
+    TrainingModel model = on_gpu(start);
+    calls = 0;
+    for (int step = 0; step < 6; ++step)
+      gpu().step(model, views[std::size_t(step % 3)], settings, {0.2f}, kRates, {true});
+    gpu().synchronize(model);
+    return on_host(model);
+  };
+  after_steps(few);
+  EXPECT_EQ(calls, 6);
+  failing_call = 1;
+  const TrainingModel crowded = after_steps(many);
+  EXPECT_EQ(calls, 9);  // each view was known with too few
+  failing_call = 0;
+  const TrainingModel roomy = after_steps(many);
+  EXPECT_EQ(calls, 6);
+  EXPECT_TRUE(same_bits(crowded, roomy));
+}
+
+// Twenty thousand large Gaussians exceed the first estimate.
 TEST_F(CudaStep, TooLittleRoomLosesNothing) {
   const std::vector<View> views = some_views(320, 240, 3);
-  const Recipe large{
-      .sigma_low = 30, .sigma_high = 60, .opacity_low = 0.02f, .opacity_high = 0.05f};
-  const TrainingModel start = model_of(random_gaussians(large, 20000, views[0].camera, 3));
+  const TrainingModel start = model_of(random_gaussians(kLarge, 20000, views[0].camera, 3));
   TrainingModel crowded = on_gpu(start), roomy = on_gpu(start);
   // The forecast knows these views when the second model comes.
   for (TrainingModel* const model : {&crowded, &roomy}) {

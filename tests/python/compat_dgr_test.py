@@ -181,6 +181,44 @@ class DiffGaussianRasterizationTest(TestCase):
             (color.sum() + inverse.sum()).backward()
             optimizer.step(radii > 0, 20)
 
+    def test_a_model_of_anchors_trains(self):
+        """The two calls of Scaffold-GS: which anchors are seen, and a picture of the Gaussians that a network makes of these."""
+        for device in DEVICES:
+            with self.subTest(device):
+                anchors = gaussians(device=device, dtype=torch.float32)
+                with torch.no_grad():
+                    anchors["means"][::4, 2] -= 20  # behind the camera
+                rasterizer = dgr.GaussianRasterizer(raster_settings=settings(anchors["means"], sh_degree=1))
+                radii = rasterizer.visible_filter(means3D=anchors["means"], scales=anchors["scales"], rotations=anchors["rotations"],
+                                                  cov3D_precomp=None)
+                _, expected_radii = self.draw(anchors, given=rasterizer.raster_settings)
+                self.assertTrue(torch.equal(radii, expected_radii))
+                matrices = covariances(anchors)
+                triangles = torch.stack([matrices[:, row, column] for row in range(3) for column in range(row, 3)], -1)
+                self.assertTrue(torch.equal(rasterizer.visible_filter(anchors["means"], cov3D_precomp=triangles) > 0, radii > 0))
+                seen = radii > 0
+                self.assertFalse(bool(seen[::4].any()))
+                count = 2 * int(seen.sum())  # Gaussians
+                self.assertGreater(count, 10)
+                weights = torch.full((8, 3), 0.1, device=device, requires_grad=True)
+                features = torch.sin(torch.arange(8 * count, device=device, dtype=torch.float32)).view(count, 8)
+                means = (anchors["means"][seen][:, None] + 0.1 * features.view(-1, 2, 8)[..., :3]).flatten(0, 1)
+                shape = {name: anchors[name][seen].repeat_interleave(2, 0) for name in ("scales", "rotations", "opacities")}
+                colors = torch.sigmoid(features @ weights)
+                means2D = torch.zeros_like(means, requires_grad=True) + 0
+                means2D.retain_grad()
+                color, radii = rasterizer(means3D=means, means2D=means2D, shs=None, colors_precomp=colors,
+                                          opacities=shape["opacities"], scales=shape["scales"], rotations=shape["rotations"],
+                                          cov3D_precomp=None)
+                image = expected({"means": means, "colors": colors, **shape}).image
+                near(color.permute(1, 2, 0), image, 1e-4)
+                trained = [weights, anchors["means"]]
+                wanted = torch.autograd.grad(loss_of(image), trained, retain_graph=True)
+                loss_of(color.permute(1, 2, 0)).backward()
+                for tensor, slope in zip(trained, wanted):
+                    near_in_all(tensor.grad, slope, 1e-3)
+                self.assertGreater(float(means2D.grad[radii > 0, :2].norm(dim=-1).max()), 0)
+
     def test_sparse_adam_moves_what_was_seen(self):
         parameter = torch.nn.Parameter(torch.tensor([[1.0, 2.0], [3.0, 4.0], [5.0, 6.0]]))
         optimizer = dgr.SparseGaussianAdam([{"params": [parameter], "lr": 0.1}], lr=0.0, eps=1e-15)

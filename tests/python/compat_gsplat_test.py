@@ -222,6 +222,51 @@ class GsplatTest(TestCase):
                 colors, alphas, _ = draw_by_gsplat(arrays, render_mode=mode, radius_clip=1.0, **given)
                 (colors.sum() + alphas.sum()).backward()
 
+    def test_a_model_of_nerfstudio_trains(self):
+        """The call of splatfacto (nerfstudio 1.1, api 1.4) with a camera of its own, and what it and density control read."""
+        gemsplat.compat.install("gsplat", api="1.4")
+        self.addCleanup(gemsplat.compat.uninstall)
+        from gsplat.rendering import rasterization
+
+        pose = torch.tensor([[0.98, 0, -0.199, 0.2], [0, 1, 0, -0.1], [0.199, 0, 0.98, 3], [0, 0, 0, 1]])  # camera to world
+        view = torch.linalg.inv(pose @ torch.diag(torch.tensor([1.0, -1, -1, 1])))  # its axes are those of OpenGL
+        for device in DEVICES:
+            given = gaussians(device=device, dtype=torch.float32)
+            arrays = {"means": given["means"], "rotations": given["rotations"], "scales": given["scales"].log(),
+                      "opacities": given["opacities"].clamp(max=0.9).logit(), "sh": given["sh"]}
+            arrays = {name: array.detach().requires_grad_() for name, array in arrays.items()}
+            matrices = {"viewmats": view[None].to(device), "Ks": torch.tensor([K], device=device)}
+            background = torch.tensor(BACKGROUND, device=device)
+            for mode, rule, degree in (("RGB", "classic", 3), ("RGB+ED", "antialiased", 1), ("RGB+ED", "classic", None)):
+                with self.subTest(device, mode=mode, rule=rule, degree=degree):
+                    colors = arrays["sh"] if degree is not None else arrays["sh"][:, 0].sigmoid()
+                    scales, opacities = arrays["scales"].exp(), arrays["opacities"].sigmoid()
+                    render, alpha, info = rasterization(
+                        means=arrays["means"], quats=arrays["rotations"], scales=scales, opacities=opacities.squeeze(-1), colors=colors,
+                        **matrices, width=WIDTH, height=HEIGHT, packed=False, near_plane=0.01, far_plane=1e10, render_mode=mode,
+                        sh_degree=degree, sparse_grad=False, absgrad=True, rasterize_mode=rule)
+                    info["means2d"].retain_grad()
+                    image = render[:, ..., :3] + (1 - alpha) * background
+                    self.assertEqual((image.shape, alpha.shape), ((1, HEIGHT, WIDTH, 3), (1, HEIGHT, WIDTH, 1)))
+                    drawn = expected({"means": arrays["means"], "rotations": arrays["rotations"], "scales": scales,
+                                      "opacities": opacities, **({"colors": colors} if degree is None else {"sh": colors})},
+                                     ("image", "alpha", "depth"), near=0.01, viewmats=matrices["viewmats"][0],
+                                     antialiased=rule == "antialiased", sh_degree=degree)
+                    near(image[0], drawn.image, 1e-4)
+                    if mode == "RGB+ED":
+                        near(render[0, ..., 3], drawn.depth / drawn.alpha.clamp_min(1e-10), 1e-3)
+                    slope = torch.autograd.grad(loss_of(drawn.image), list(arrays.values()), retain_graph=True)
+                    loss_of(image[0]).backward()
+                    for array, by_array in zip(arrays.values(), slope):
+                        near_in_all(array.grad, by_array, 1e-3)
+                        array.grad = None
+                    means2d, radii = info["means2d"], info["radii"]
+                    self.assertEqual((tuple(radii.shape), info["width"], info["height"], info["n_cameras"]), ((1, 20), WIDTH, HEIGHT, 1))
+                    seen = radii > 0
+                    self.assertGreater(int(seen.sum()), 5)
+                    self.assertTrue((means2d.absgrad[seen] >= means2d.grad[seen].abs() * (1 - 1e-4) - 1e-6).all())
+                    self.assertGreater(float(means2d.absgrad[seen].norm(dim=-1).max()), 0)
+
     def test_older_versions_have_one_radius(self):
         gemsplat.compat.install("gsplat", api="1.4")
         self.addCleanup(gemsplat.compat.uninstall)

@@ -17,7 +17,7 @@ from compat_support import (BACKGROUND, DEVICES, HEIGHT, K, VIEW, WIDTH, chosen,
 from support import TestCase
 
 if torch is not None:
-    from gemsplat.compat import _harmonics, diff_gaussian_rasterization as dgr, fused_ssim, gsplat, simple_knn
+    from gemsplat.compat import _harmonics, _screen, diff_gaussian_rasterization as dgr, fused_ssim, gsplat, simple_knn
 
 
 @unittest.skipUnless(torch, "PyTorch is not installed")
@@ -26,6 +26,23 @@ class OtherModulesTest(TestCase):
         directions = torch.randn(200_000, 3, dtype=torch.float64, generator=torch.Generator().manual_seed(1))
         values = _harmonics.basis(4, torch.nn.functional.normalize(directions, dim=-1))
         near(values.T @ values * (4 * math.pi / len(values)), torch.eye(25).double(), 0.03)
+
+    @unittest.skipUnless("cuda" in DEVICES, "there is no PyTorch with a GPU, or gemsplat was built without CUDA")
+    def test_constants_are_written_before_any_stream_or_graph_reads_them(self):
+        device = torch.device("cuda", 0)
+        busy, other = torch.cuda.Stream(), torch.cuda.Stream()
+        with torch.cuda.stream(busy):
+            torch.cuda._sleep(10**9)  # clock cycles
+            _screen.constants((3, 5), device, torch.float32)
+        with torch.cuda.stream(other):
+            self.assertEqual(_screen.constants((3, 5), device, torch.float32).tolist(), [3, 5])
+        torch.cuda.synchronize()
+        graph = torch.cuda.CUDAGraph()
+        with torch.cuda.graph(graph):
+            recorded = _screen.constants((7, 9), device, torch.float32) + 0
+        self.assertEqual(_screen.constants((7, 9), device, torch.float32).tolist(), [7, 9])
+        graph.replay()
+        self.assertEqual(recorded.tolist(), [7, 9])
 
     def test_distances_are_those_of_gemsplat(self):
         points = torch.randn(60, 3, generator=torch.Generator().manual_seed(1), requires_grad=True)
@@ -91,6 +108,23 @@ class TrainingTest(TestCase):
             optimizer.step(radii > 0, len(radii))
             optimizer.zero_grad(set_to_none=True)
         self.assertLess(float(errors[-1]), 0.5 * float(errors[0]))
+
+    @unittest.skipUnless(hasattr(torch, "compile"), "there is no PyTorch of 2.0 or later")
+    def test_drop_ins_are_drawn_beside_the_graphs_of_torch_compile(self):
+        for device in DEVICES:
+            arrays = gaussians(device=device, dtype=torch.float32)
+            means2D = torch.zeros_like(arrays["means"], requires_grad=True)
+
+            def loss():
+                color, _ = dgr.GaussianRasterizer(settings(arrays["means"], debug=False))(**{**self.inputs(arrays), "means2D": means2D})
+                colors, alphas, _ = draw_by_gsplat(arrays, render_mode="RGB+ED")
+                photometric = gemsplat.photometric_loss(color.movedim(0, -1), colors[0, ..., :3].detach())
+                return loss_of(color, colors, alphas) + photometric
+
+            found, expected = (torch.autograd.grad(each(), [*arrays.values(), means2D])
+                               for each in (torch.compile(loss, backend="aot_eager"), loss))
+            for one, other in zip(found, expected):
+                near_in_all(one, other, 1e-4)
 
     def inputs(self, arrays):
         return {"means3D": arrays["means"], "means2D": None, "opacities": arrays["opacities"].clamp(0.01, 0.99), "shs": arrays["sh"],

@@ -29,7 +29,7 @@ FORMS = {
                       "colors": np.linspace(0, 1, 600).reshape(2, 100, 3), "sh": None},
 }
 SETTINGS = ({}, {"blend_rule": "classic"}, {"antialiased": True}, {"blur": 0.5, "near": 2.8},
-            {"outputs": ("image", "alpha", "depth")}, {"outputs": ("inverse_depth",)})
+            {"outputs": ("image", "alpha", "depth")}, {"outputs": ("inverse_depth",)}, {"deterministic": True})
 
 
 def arrays_for(count, seed=1, **others):

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """gemsplat.rasterize() of JAX arrays beside the exact renderer, on the CPU and on a GPU; without JAX by a stand-in for it."""
 
+import json
 import os
 import re
 import subprocess
@@ -62,6 +63,10 @@ class StandInTest(TestCase):
                 self.assertEqual(getattr(rendering, name) is None, picture is None, name)
             if picture is not None:
                 assert_near(self, getattr(rendering, name), picture, 1e-5, name)
+        if settings.get("deterministic") and "features" in arrays:  # three at a time are drawn as colors
+            passes = [json.loads(text) for text, _ in ours._draw.calls[1:]]
+            self.assertEqual([call["deterministic"] and "colors" in call["wanted"] for call in passes],
+                             [True] * -(-arrays["features"].shape[1] // 3))
         # What autograd does between the passes and the arguments is done by hand for a single pass.
         if len(ours._draw.calls) == 1:
             (text, given), = ours._draw.calls
@@ -248,6 +253,13 @@ class OnTheGpuTest(Tests, TestCase):
             rendering, gradients = self.differentiated(arrays, wrap, max_instances=1)
             self.assertTrue(rendering.overflowed)
             self.assertEqual(np.abs(gradients["means"]).max(), 0)
+
+    def test_a_call_can_ask_for_the_same_bits(self):
+        arrays = arrays_for(3000, means=np.random.default_rng(3).uniform(-0.3, 0.3, (3000, 3)))
+        _, first = self.differentiated(arrays, jax.jit, deterministic=True)
+        for _ in range(3):
+            for name, gradient in self.differentiated(arrays, jax.jit, deterministic=True)[1].items():
+                np.testing.assert_array_equal(gradient, first[name], name)
 
     def test_long_lists_and_many_steps(self):
         crowd = arrays_for(3000, means=np.random.default_rng(3).uniform(-0.3, 0.3, (3000, 3)), logit_opacities=np.full(3000, -4.0))

@@ -346,6 +346,7 @@ class Refusals(TestCase):
         refuse("near must be a number, and not 'x'", near="x")
         refuse("blend_rule takes faster_gs or classic, and not 'other'", blend_rule="other")
         refuse("smooth must be True or False, and not 2", smooth=2)
+        refuse("deterministic must be True, False or None, and not 2", deterministic=2)
         refuse("means must hold real numbers, but is of dtype complex128", means=np.zeros((COUNT, 3), complex))
         refuse("rotations is not an array", rotations=[[1, 2], [1]])
         refuse("means is a builtins.dict, which cannot be drawn; give a NumPy array", means={})

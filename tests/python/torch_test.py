@@ -213,6 +213,13 @@ class OnTheGpuTest(TestCase):
             for one, other in zip(first, others):
                 self.assertTrue(torch.equal(one, other))
 
+    def test_a_call_can_ask_for_the_same_bits(self):
+        arrays = arguments(3000, "cuda", means=np.random.default_rng(3).uniform(-0.3, 0.3, (3000, 3)))
+        _, first = gradients(arrays, deterministic=True)
+        for _ in range(3):
+            for name, slope in gradients(arrays, deterministic=True)[1].items():
+                self.assertTrue(torch.equal(slope, first[name]), name)
+
     def test_saved_tensors_may_be_moved(self):
         arrays = arguments(100, "cuda")
         _, expected = gradients(arrays)
@@ -313,6 +320,75 @@ class OnTheGpuTest(TestCase):
             draw({**arguments(5, "cuda"), "background": torch.zeros(3)})
         with self.assertRaisesRegex(gemsplat.UsageError, "depth or inverse_depth"):
             draw(arguments(5, "cuda"), ("depth", "inverse_depth"))
+
+
+@unittest.skipUnless(hasattr(torch, "library") and hasattr(torch.library, "custom_op"), "there is no PyTorch of 2.4 or later")
+class CompiledTest(TestCase):
+    DEVICES = ["cpu"] + ["cuda"] * HAS_GPU
+    OUTPUTS = ("image", "alpha", "inverse_depth", "visible", "radii", "means2d")
+
+    def compiled(self, function, fullgraph=True):
+        torch._dynamo.reset()
+        return torch.compile(function, backend="aot_eager", fullgraph=fullgraph)
+
+    def assert_same(self, found, expected, device):
+        """Bit by bit on the CPU; the sums of a GPU have no order."""
+        for one, other in zip(found, expected):
+            if one is not None and other is not None:
+                tolerance = 0 if device == "cpu" else 1e-4 * float(other.abs().max()) if other.is_floating_point() else 0
+                torch.testing.assert_close(one, other, rtol=0, atol=tolerance)
+
+    def assert_compiles(self, device, arrays, fullgraph=True, **settings):
+        tensors = list(arrays.values())
+        rendering = self.compiled(lambda: draw(arrays, self.OUTPUTS, **settings), fullgraph)()
+        expected = draw(arrays, self.OUTPUTS)
+        self.assert_same(rendering, expected, device)
+        self.assertEqual([rendering.means2d.requires_grad, rendering.image.requires_grad], [False, True])
+        self.assert_same(*(torch.autograd.grad(loss_of(each), tensors) for each in (rendering, expected)), device)
+        return rendering
+
+    def test_with_room_for_instances_there_is_one_graph(self):
+        for device in self.DEVICES:
+            for form, others in FORMS.items():
+                with self.subTest(device, form=form):
+                    rendering = self.assert_compiles(device, arguments(100, device, **others), max_instances=9999)
+                    self.assertEqual(rendering.overflowed is None, device == "cpu")
+
+    def test_without_room_the_graph_ends_and_begins_again(self):
+        for device in self.DEVICES:
+            arrays = arguments(100, device)
+            self.assert_compiles(device, arrays, fullgraph=False)
+            with self.assertRaises(torch._dynamo.exc.Unsupported):
+                self.compiled(lambda: draw(arrays))()
+
+    def test_what_does_not_train_gets_no_gradient(self):
+        arrays = arguments(20)
+        arrays["sh"].requires_grad_(False)
+        given = {**arrays, "background": [0.1, 0.2, 0.3]}
+        trained = [arrays["means"], arrays["log_scales"]]
+        function = lambda: loss_of(draw(given, max_instances=999))
+        self.assert_same(*(torch.autograd.grad(each(), trained) for each in (self.compiled(function), function)), "cpu")
+
+    def test_counts_and_settings_may_change(self):
+        function = lambda arrays, width, **settings: loss_of(draw(arrays, width=width, **settings))
+        compiled = self.compiled(function)
+        for count, degree, near, width in ((20, 0, 0.2, 70), (30, 1, 2.8, 70), (40, 2, 0.3, 71), (50, 3, 0.4, 72)):
+            arrays = arguments(count)
+            found, expected = (each(arrays, width, sh_degree=degree, near=near, max_instances=999) for each in (compiled, function))
+            self.assert_same(*(torch.autograd.grad(each, list(arrays.values())) for each in (found, expected)), "cpu")
+
+    def test_the_operators_are_as_torch_wants_them(self):
+        from gemsplat import _torch_graph
+
+        torch.use_deterministic_algorithms(True, warn_only=True)
+        self.addCleanup(torch.use_deterministic_algorithms, False)
+        for device in self.DEVICES:
+            arrays = arguments(20, device)
+            settings = " ".join(arrays), " ".join(self.OUTPUTS), WIDTH, HEIGHT, None, 0.2, 1e4, None, False, "classic", False, 999, None
+            torch.library.opcheck(_torch_graph._draw, (list(arrays.values()), *settings))
+            tensors = [tensor.detach() for tensor in arrays.values()]
+            by = [torch.ones(HEIGHT, WIDTH, 3, device=device)]
+            torch.library.opcheck(_torch_graph._pull_back, (tensors, by, "image", "means sh", *settings))
 
 
 if __name__ == "__main__":

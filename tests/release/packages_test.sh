@@ -102,6 +102,13 @@ check_contents() {
     python3 -m zipfile -l "$out"/gemsplat-1.0-cp$python-cp$python-manylinux_2_*.whl >"$work/wheel.txt"
     grep -q 'gemsplat-1.0.data/scripts/gemsplat ' "$work/wheel.txt" || die "$(cat "$work/wheel.txt")"
     [[ $(grep -o '_gemsplat[^ ]*' "$work/wheel.txt") == _gemsplat.cpython-$python-x86_64-linux-gnu.so ]] || die "$(cat "$work/wheel.txt")"
+    python3 - "$out"/gemsplat-1.0-cp$python-*.whl >"$work/requires.txt" <<'EOF_PYTHON'
+import importlib.metadata, sys, zipfile
+wheel = importlib.metadata.PathDistribution(zipfile.Path(sys.argv[1]) / "gemsplat-1.0.dist-info")
+extras = wheel.metadata.get_all("Provides-Extra")
+print(*(f"[{next((extra for extra in extras if f'extra == {extra!r}' in line), '')}]{line.split()[0]}" for line in wheel.requires))
+EOF_PYTHON
+    [[ $(cat "$work/requires.txt") == "[]numpy [torch]torch [jax]jax [cupy]cupy-cuda12x" ]] || die "$(cat "$work/requires.txt")"
   done
 }
 

@@ -70,6 +70,7 @@ class Arguments:
     blend_rule: str  # of BLEND_RULES
     smooth: bool
     max_instances: Optional[int]  # None: as many as there are
+    deterministic: Optional[bool] = None  # None: as the framework has it
 
 
 def check(given: Mapping[str, Any]) -> Arguments:
@@ -238,13 +239,16 @@ def _settings(given):
     for name in ("antialiased", "smooth"):
         if given[name] not in (True, False):
             raise UsageError(f"{name} must be True or False, and not {given[name]!r}")
+    if given["deterministic"] not in (True, False, None):
+        raise UsageError(f"deterministic must be True, False or None, and not {given['deterministic']!r}")
     antialiased, rule = bool(given["antialiased"]), given["blend_rule"]
     if rule not in BLEND_RULES:
         raise UsageError(f"blend_rule takes {words(BLEND_RULES, 'or')}, and not {rule!r}")
     usual = BLUR_ANTIALIASED if antialiased else BLUR
     blur = _number("blur", usual if given["blur"] is None else given["blur"])
     return {"near": near, "far": far, "blur": blur, "antialiased": antialiased, "blend_rule": rule,
-            "smooth": bool(given["smooth"]), "max_instances": _max_instances(given["max_instances"])}
+            "smooth": bool(given["smooth"]), "max_instances": _max_instances(given["max_instances"]),
+            "deterministic": given["deterministic"]}
 
 
 def _max_instances(value):

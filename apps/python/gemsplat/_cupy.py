@@ -63,7 +63,7 @@ def jvp(arguments, tangents):
 
 
 def _rendering(arguments, draw):
-    return _gpu.rendering(arguments, draw, cupy, lambda array: array.astype(cupy.int32))
+    return _gpu.rendering(arguments, draw, cupy, lambda array: array.astype(cupy.int32), by_threes=bool(arguments.deterministic))
 
 
 def _pieces():
@@ -88,7 +88,7 @@ class _Drawn:
         self.arrays = {name: _dense(array) for name, array in each.arrays.items()}
         self.pictures = {name: cupy.empty(shape, cupy.int32 if name == "overflowed" else cupy.float32)
                          for name, shape in each.shapes.items()}
-        settings = {**each.settings, "deterministic": False, "for_backward": for_backward}
+        settings = {**each.settings, "deterministic": bool(arguments.deterministic), "for_backward": for_backward}
         if arguments.cameras:
             settings["camera"] = arguments.cameras[each.view]
         self.operation = GpuOperation(_addresses(self.arrays), settings)
@@ -100,6 +100,12 @@ class _Drawn:
         """Adds the gradients by the arrays of Arguments to `sums`, from those by the pictures of Rendering."""
         by_pictures = {"depth" if name == "inverse_depth" else name: by[self.each.view] if self.has_view_axis else by
                        for name, by in given.items()}
+        first = self.each.first_feature
+        if first is not None:
+            by_pictures = {"image": _gpu.padded(by[..., first:first + 3], 3, cupy)
+                           for name, by in by_pictures.items() if name == "features"}
+        elif self.features is None:
+            by_pictures.pop("features", None)
         if not by_pictures:
             return
         if "image" in by_pictures:
@@ -115,10 +121,15 @@ class _Drawn:
             by_image = by_pictures["image"]
             transmittance = self.kept.view(self.frame.transmittance, by_image.shape[1:], cupy.float32)
             gradients["background"] = (by_image * transmittance).sum((1, 2))
+        if first is not None:
+            gradients["features"] = gradients.pop("colors")
         for name, gradient in gradients.items():
             if name in sums:
                 into = sums[name][self.each.view] if is_per_view(name, sums[name]) else sums[name]
-                into += gradient[:, :into.shape[-1]] if name == "features" else gradient
+                if name == "features":
+                    into = into[:, first or 0:][:, :gradient.shape[1]]
+                    gradient = gradient[:, :into.shape[1]]
+                into += gradient
 
 
 def _place():

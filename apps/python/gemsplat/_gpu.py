@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Any, Dict, Tuple
+from typing import Any, Dict, Optional, Tuple
 
 from ._arguments import is_per_view
 from ._gemsplat import GPU_ROW_NUMBERS, UsageError
@@ -31,6 +31,7 @@ class Pass:
     shapes: Dict[str, Tuple[int, ...]]  # of what is drawn, by name
     arrays: Dict[str, Any]  # what it is drawn from
     view: int
+    first_feature: Optional[int] = None  # of three that are drawn as colors
 
 
 class Pieces:
@@ -137,7 +138,7 @@ def _of_view(arguments, view, draw, xp, as_int32, by_threes):
     if features is not None and by_threes:
         shared = {name: array for name, array in arrays.items() if name not in _COLORS}
         images = [draw(Pass(settings_of(arguments), {"image": (3, *size)},
-                            {**shared, "colors": padded(features[:, first:first + 3], 3, xp)}, view))["image"]
+                            {**shared, "colors": padded(features[:, first:first + 3], 3, xp)}, view, first))["image"]
                   for first in range(0, arguments.channels, 3)]
         found["features"] = xp.moveaxis(xp.vstack(images)[:arguments.channels], 0, -1)
     return found

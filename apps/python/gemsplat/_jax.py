@@ -61,12 +61,13 @@ def rasterize(arguments):
 
     def draw(each):
         call = {**each.settings, "shapes": each.shapes, "arrays": list(each.arrays), "dtype": arguments.dtype,
-                "wanted": [name for name in each.arrays if name in arguments.arrays],
+                "wanted": [name for name in each.arrays
+                           if name in arguments.arrays or (name == "colors" and each.first_feature is not None)],
                 "pulled": [name for name in each.shapes if name in _gpu.PULLED],
-                "smooth": arguments.smooth, "deterministic": False, "for_backward": False}
+                "smooth": arguments.smooth, "deterministic": bool(arguments.deterministic), "for_backward": False}
         return _draw(json.dumps(call), each.arrays)
 
-    rendering = _gpu.rendering(drawn, draw, jnp, lambda array: array.astype(jnp.int32))
+    rendering = _gpu.rendering(drawn, draw, jnp, lambda array: array.astype(jnp.int32), by_threes=bool(arguments.deterministic))
     if has_background:
         behind = background[:, None, None] if background.ndim == 2 else background
         rendering = rendering._replace(image=rendering.image + (1 - rendering.alpha)[..., None] * behind)

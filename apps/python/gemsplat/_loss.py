@@ -8,7 +8,7 @@ from torch.nn import functional
 
 from . import _gemsplat
 from ._gemsplat import UsageError
-from ._torch import _pieces
+from ._torch import _pieces, eagerly
 
 PADDINGS = ("same", "valid")
 _REACH, _SIGMA = 5, 1.5  # of the window of 11 pixels
@@ -20,6 +20,7 @@ def photometric_loss(image, target, ssim_weight, padding):
     return ssim_weight + compare(*planes, 1 - ssim_weight, -ssim_weight, padding)
 
 
+@eagerly
 def compare(image, target, l1, ssim, padding):
     """l1 mean|X - Y| + ssim mean SSIM(X, Y) of planes (P, H, W), with a gradient by X (Wang et al. 2004)."""
     if padding not in PADDINGS:

@@ -60,7 +60,8 @@ def rasterize(means: ArrayLike, rotations: Optional[ArrayLike] = None, *, scales
               background: Optional[ArrayLike] = None, screen: Optional[ArrayLike] = None,
               absolute_screen: Optional[ArrayLike] = None, sh_degree: Optional[int] = None, outputs: Union[str, Sequence[str]] = ("image",), near: float = 0.2,
               far: float = 10000.0, blur: Optional[float] = None, antialiased: bool = False,
-              blend_rule: str = "faster_gs", smooth: bool = False, max_instances: Optional[int] = None) -> Rendering:
+              blend_rule: str = "faster_gs", smooth: bool = False, max_instances: Optional[int] = None,
+              deterministic: Optional[bool] = None) -> Rendering:
     """Draws N Gaussians in C views. vjp() and jvp() differentiate it by every array.
 
     NumPy arrays are drawn on the CPU by the exact renderer, each Gaussian at each pixel, in float64.
@@ -104,11 +105,28 @@ def rasterize(means: ArrayLike, rotations: Optional[ArrayLike] = None, *, scales
     max_instances: the most pairs of a Gaussian and a tile of 16 pixels that it meets, for which a GPU has
     room. Nothing then waits for the GPU, and CUDA graphs can record the call. Where there are more,
     overflowed is True, pictures lack Gaussians, and gradients are zero. By default they are counted.
+    deterministic: gradients of a GPU have the same bits each time, and features take a pass for three of
+    them. None: where torch.use_deterministic_algorithms() says so. The CPU's always have.
 
     Rows that cannot be drawn, such as those with NaN, are not visible. Throws UsageError, which names
     the argument.
     """
-    backend, arguments = _prepared(locals())
+    given = {"means": means, "rotations": rotations, "scales": scales, "log_scales": log_scales, "covariances": covariances,
+             "opacities": opacities, "logit_opacities": logit_opacities, "colors": colors, "sh0": sh0, "sh_rest": sh_rest, "sh": sh,
+             "features": features, "cameras": cameras, "viewmats": viewmats, "Ks": Ks, "width": width, "height": height,
+             "background": background, "screen": screen, "absolute_screen": absolute_screen, "sh_degree": sh_degree,
+             "outputs": outputs, "near": near, "far": far, "blur": blur, "antialiased": antialiased, "blend_rule": blend_rule,
+             "smooth": smooth, "max_instances": max_instances, "deterministic": deterministic}
+    if _module_of(means) == "torch":
+        from . import _torch_graph
+
+        return _torch_graph.rasterize(given)
+    return drawn(given)
+
+
+def drawn(given):
+    """The Rendering of what rasterize() takes, by name."""
+    backend, arguments = _prepared(given)
     return backend.rasterize(arguments)
 
 
@@ -124,8 +142,7 @@ def _backend_of(means):
         from . import _numpy
 
         return _numpy
-    kind = type(means)
-    module = kind.__module__.partition(".")[0]
+    kind, module = type(means), _module_of(means)
     if module == "torch":
         from . import _torch
 
@@ -140,6 +157,10 @@ def _backend_of(means):
         return _cupy
     raise UsageError(f"means is a {kind.__module__}.{kind.__qualname__}, which cannot be drawn; give a NumPy array, such as "
                      "numpy.asarray(means)")
+
+
+def _module_of(array):
+    return type(array).__module__.partition(".")[0]
 
 
 _SIGNATURE = inspect.signature(rasterize)
@@ -188,7 +209,7 @@ def photometric_loss(image: Any, target: Any, *, ssim_weight: float = 0.2, paddi
     compute it and its gradient, which is by image alone.
     padding: same, where zeros lie around the pictures; or valid, where windows that reach beyond them do not count.
     """
-    if type(image).__module__.partition(".")[0] != "torch":
+    if _module_of(image) != "torch":
         raise UsageError(f"image must be a tensor of PyTorch, and not a {type(image).__name__}")
     from . import _loss
 

@@ -15,6 +15,10 @@ from ._gemsplat import GpuOperation, UsageError
 from ._rasterize import Rendering
 
 
+# Decorates what torch.compile leaves out of its graphs; PyTorch before 2.1 has none.
+eagerly = getattr(getattr(torch, "compiler", None), "disable", lambda function: function)
+
+
 def arrays_of(given):
     """Tensors of the device and the dtype of means; lists and numbers become tensors."""
     means = given["means"]
@@ -185,9 +189,13 @@ class _Draw(torch.autograd.Function):
         return None, None, None, *(gradients.get(name) for name in ctx.names)
 
 
+def _is_deterministic(arguments):
+    return torch.are_deterministic_algorithms_enabled() if arguments.deterministic is None else arguments.deterministic
+
+
 def _call(arguments, view, settings, needs_gradients):
     call = {**settings, "has_unused_sh": _gpu.has_unused_sh(arguments), "for_backward": needs_gradients,
-            "deterministic": torch.are_deterministic_algorithms_enabled()}
+            "deterministic": _is_deterministic(arguments)}
     if arguments.cameras:
         call["camera"] = arguments.cameras[view]
     return call
@@ -202,4 +210,4 @@ def _on_gpu(arguments):
         return dict(zip(each.shapes, _Draw.apply(call, each.shapes, tuple(each.arrays), *each.arrays.values())))
 
     return _gpu.rendering(arguments, draw, torch, lambda tensor: tensor.to(torch.int32),
-                          by_threes=torch.are_deterministic_algorithms_enabled())
+                          by_threes=_is_deterministic(arguments))

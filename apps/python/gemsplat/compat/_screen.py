@@ -26,13 +26,29 @@ class ScreenTap(torch.autograd.Function):
         return torch.nn.functional.pad(gradient, (0, ctx.columns - 2)) if ctx.columns > 2 else gradient, None
 
 
-@functools.lru_cache(64)
 def constants(numbers, device, dtype):
-    """A tensor of these numbers, for which the host does not wait. Nobody changes it."""
+    """A tensor of these numbers, for which the host does not wait. Nobody changes it.
+
+    Each stream has its own, which is written before it is read. A CUDA graph makes its own when it is recorded: nothing is
+    written then, and those of others may be gone when it runs.
+    """
+    if device.type != "cuda":
+        return _kept_constants(numbers, device, dtype, None)
+    if torch.cuda.is_current_stream_capturing():
+        return _new_constants(numbers, device, dtype)
+    return _kept_constants(numbers, device, dtype, torch.cuda.current_stream(device).cuda_stream)
+
+
+def _new_constants(numbers, device, dtype):
     tensor = torch.empty(len(numbers), device=device, dtype=dtype)
     for at, number in enumerate(numbers):
         tensor[at].fill_(number)
     return tensor
+
+
+@functools.lru_cache(64)
+def _kept_constants(numbers, device, dtype, _):
+    return _new_constants(numbers, device, dtype)
 
 
 class AbsoluteTap(torch.autograd.Function):

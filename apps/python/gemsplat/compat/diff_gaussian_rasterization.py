@@ -12,6 +12,7 @@ import torch
 
 from .. import UsageError
 from .._rasterize import CheckedView
+from .._torch import eagerly
 from . import _report
 from ._screen import ScreenTap, constants
 
@@ -67,6 +68,7 @@ class GaussianRasterizer(torch.nn.Module):
             viewmatrix = self.raster_settings.viewmatrix
             return positions @ viewmatrix[:3, 2] + viewmatrix[3, 2] > NEAR
 
+    @eagerly
     def visible_filter(self, means3D, scales=None, rotations=None, cov3D_precomp=None):
         """The radii of forward(), without a picture.   (N,) int32, pixels"""
         _report.count("diff_gaussian_rasterization.visible_filter")
@@ -76,6 +78,7 @@ class GaussianRasterizer(torch.nn.Module):
                                  **shape, outputs=("alpha",)))
 
 
+@eagerly
 def rasterize_gaussians(means3D, means2D, sh, colors_precomp, opacities, scales, rotations, cov3Ds_precomp, raster_settings, *,
                         dc=None):
     """What GaussianRasterizer.forward() returns; an empty tensor counts as None."""

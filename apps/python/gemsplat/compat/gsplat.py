@@ -18,6 +18,7 @@ import torch
 
 from .. import UsageError
 from .._rasterize import CheckedView, Footprints
+from .._torch import eagerly
 from . import _harmonics, _report
 from ._meta import Meta
 from ._screen import AbsoluteTap, ScreenTap
@@ -50,6 +51,7 @@ class _SparseGradient(torch.autograd.Function):
         return torch.sparse_coo_tensor(rows[None], gradient[rows], gradient.shape), None
 
 
+@eagerly
 def rasterization(means, quats, scales, opacities, colors, viewmats, Ks, width, height, near_plane=0.01, far_plane=1e10,
                   radius_clip=0.0, eps2d=0.3, sh_degree=None, packed=True, tile_size=_TILE, backgrounds=None, render_mode="RGB",
                   sparse_grad=False, absgrad=False, rasterize_mode="classic", channel_chunk=32, distributed=False,
