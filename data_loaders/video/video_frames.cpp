@@ -31,12 +31,16 @@ int reader_of_videos() {
   return std::ranges::find(known, cv::CAP_FFMPEG) != known.end() ? cv::CAP_FFMPEG : cv::CAP_ANY;
 }
 
-/// Before anything is made of frames of a size that no photo has.
+constexpr double kMostFramePixels = 8192.0 * 4320;  // of the largest cameras; FFmpeg holds several
+
+/// Before anything is made of frames of a size that no camera takes.
 void check_size(const fs::path& video, double width, double height) {
-  if (width <= kMaxPictureSide && height <= kMaxPictureSide) return;
-  cannot_read_video(
-      video, fmt::format("its frames have {:.0f}x{:.0f} pixels, and a side has at most {}", width,
-                         height, kMaxPictureSide));
+  if (width <= kMaxPictureSide && height <= kMaxPictureSide && width * height <= kMostFramePixels)
+    return;
+  cannot_read_video(video,
+                    fmt::format("its frames have {:.0f}x{:.0f} pixels, and videos are read up "
+                                "to 8192x4320; take frames with ffmpeg and train on these",
+                                width, height));
 }
 
 cv::VideoCapture open_capture(const fs::path& video) {
