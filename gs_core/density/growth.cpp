@@ -9,7 +9,7 @@
 namespace gs {
 namespace {
 
-constexpr float kMostGrowth = 0.3f;  // of the count; a draw of more repeats the same places
+constexpr float kMostGrowth = 1;  // of the count: a short run from few points doubles it at first
 constexpr float kOffset = 1.35f, kAlong = 0.55f, kAcross = 0.893f;  // Improved-GS
 constexpr float kChildOpacity = 0.7f;       // of the parent's; Improved-GS has 0.6
 constexpr float kLeastHalved = 1.0f / 128;  // LiteGS

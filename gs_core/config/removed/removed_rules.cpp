@@ -52,6 +52,7 @@ struct Words<MomentClearing> {
 namespace {
 
 constexpr std::string_view kSection = "density.";
+constexpr float kFormerMostGrowth = 0.3f;  // of growth, until November 2026
 
 // Calls visit(name of the former setting, value) for each constant of a method that was one.
 template <class Visitor>
@@ -193,6 +194,9 @@ std::string RemovedRules::resolved(const std::string& strategy, std::string_view
            differences(texts, texts_of(growth_method(name))).empty();
   };
   if (equals(strategy)) return strategy;
+  GrowthMethod former = default_method();
+  former.most_growth = kFormerMostGrowth;
+  if (differences(texts, texts_of(former)).empty()) return "growth";
   std::string nearest = strategy;
   std::size_t fewest = differences(texts, texts_of(growth_method(strategy))).size();
   for (const NamedMethod& row : growth_methods()) {
