@@ -32,7 +32,7 @@ INSTANTIATE_TEST_SUITE_P(Sizes, WindowedMeans,
                                            std::pair{10, 11}, std::pair{5, 6}, std::pair{37, 26}));
 
 TEST_P(WindowedMeans, AreTheTwoDimensionalConvolution) {
-  const auto [width, height] = GetParam();
+  const int width = GetParam().first, height = GetParam().second;
   constexpr int kPlanes = 2;
   Buffer<float> stack(std::size_t(kPlanes) * width * height, host_memory()), scratch;
   Draws draws(1);
