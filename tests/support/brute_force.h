@@ -101,7 +101,8 @@ ReferenceSplats reference_splats(const std::vector<DoubleGaussian>& gaussians,
                                s.opacity,
                                s.cutoff,
                                Vec3d(s.color),
-                               double(s.variance_y)}});
+                               double(s.variance_y),
+                               double(p.depth)}});
   }
   std::stable_sort(result.entries.begin(), result.entries.end(),
                    [](const auto& a, const auto& b) { return a.depth < b.depth; });
