@@ -413,7 +413,7 @@ class _Torch:
         theirs.wait_stream(ours)
 
     def share_of_255(self, tensor):
-        return tensor.to(self._torch.float32) / 255
+        return tensor / 255
 
     def pixels_of(self, planes):
         return planes.permute(1, 2, 0)
