@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "gs_model/formats/sog/k_means.h"
+#include "gs_model/formats/coding/k_means.h"
 
 #include <algorithm>
 #include <cmath>

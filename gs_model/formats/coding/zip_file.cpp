@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "gs_model/formats/sog/zip_file.h"
+#include "gs_model/formats/coding/zip_file.h"
 
 #include <spdlog/fmt/fmt.h>
 
