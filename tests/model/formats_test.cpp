@@ -440,6 +440,17 @@ TEST_F(Formats, TheChecksumOfZipIsItsOwn) {
   EXPECT_EQ(zip_entries("", archive).at("a"), "text");
 }
 
+TEST_F(Formats, DeflatedEntriesOfAZipComeBackAndAreChecked) {
+  std::string archive = zip_of({{"a", std::string(1000, 'a')}, {"b", ""}}, true);
+  EXPECT_LT(archive.size(), 300u);
+  const auto unpack = [&] { return unpacked("", "a", packed_entries("", archive).at("a")); };
+  EXPECT_EQ(unpack(), std::string(1000, 'a'));
+  EXPECT_THAT(error_of([&] { zip_entries("a.sog", archive); }), HasSubstr("is compressed"));
+  constexpr std::size_t kCrcAt = 16;  // of the directory
+  archive[archive.find("PK\x01\x02") + kCrcAt] ^= 1;
+  EXPECT_THAT(error_of(unpack), HasSubstr("checksum of a"));
+}
+
 TEST_F(Formats, EntriesOfAZipThatShareTheirBytesAreRefused) {
   const std::string archive = zip_of({{"a", std::string(1000, 'a')}});
   constexpr std::size_t kEndBytes = 22, kEntriesAt = 10;  // of the last record
