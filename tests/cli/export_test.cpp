@@ -319,6 +319,16 @@ TEST_F(Export, OneFileNamedTwiceIsAnError) {
 }
 
 // Runs of the reference trainer are like this.
+TEST_F(Export, CodebooksOfNpzAreWeightedByTrainingViewsWhereThereAreAny) {
+  train("run");
+  const Outcome measured = export_run(text("a.npz"));
+  ASSERT_EQ(measured.code, 0) << measured.err;
+  EXPECT_THAT(measured.out, HasSubstr("against the model on 2 test views"));
+  ASSERT_EQ(export_run(text("b.npz") + " --no-measure").code, 0);
+  EXPECT_EQ(json("a.npz.transforms.json")["gaussians"], json("b.npz.transforms.json")["gaussians"]);
+  EXPECT_EQ(run("eval " + text("a.npz") + " --data " + text("scene") + " --device cpu").code, 0);
+}
+
 TEST_F(Export, RunsWithoutASplitOrCamerasAreExported) {
   train("run");
   fs::remove(path("run/split.json"));
