@@ -5,6 +5,7 @@
 
 #include <algorithm>
 
+#include "gs_app/export/importance.h"
 #include "gs_core/config/text/markdown.h"
 #include "gs_core/error.h"
 #include "gs_core/geometry/world_offset.h"
@@ -33,6 +34,16 @@ Fidelity measure(const ExportedFile& exported, const ModelTransform& transform,
   GaussianModel kept = exported.format->read(exported.file);
   transform_model(kept, inverse_of(transform));
   return fidelity_of(kept, viewpoints);
+}
+
+/// The request's options, with what training views say of the Gaussians where the format asks.
+ExportOptions options_for(const ModelFormat& format, const GaussianModel& model,
+                          const ExportRequest& request, const Viewpoints* viewpoints) {
+  ExportOptions options = request.options;
+  if (format.name != "npz" || !viewpoints || !viewpoints->training) return options;
+  const std::vector<Camera> cameras = viewpoints->training();
+  if (!cameras.empty()) options.importance = importance_of(*viewpoints, model.gaussians, cameras);
+  return options;
 }
 
 void say_where(const ExportedFile& exported, const Vec3d& world_offset) {
@@ -92,8 +103,9 @@ ExportedFile export_model(const GaussianModel& model, const ExportRequest& reque
   const bool is_changed = !request.transform.is_identity() || request.sh_degree < model.sh_degree;
   GaussianModel changed;
   if (is_changed) changed = prepared(model, request);
+  const ExportOptions options = options_for(format, model, request, viewpoints);
   AtomicFile file(request.file);
-  exported.gaussians = write_model(file, format, is_changed ? changed : model, request.options);
+  exported.gaussians = write_model(file, format, is_changed ? changed : model, options);
   // An older sidecar is never beside the newer file.
   file.commit(AtomicFile::Durability::synced, [&] { fs::remove(sidecar); });
   exported.bytes = fs::file_size(request.file);

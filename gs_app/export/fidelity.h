@@ -2,6 +2,7 @@
 // Measures how much of a model a lossy file has kept: renders both and compares the pictures.
 #pragma once
 
+#include <functional>
 #include <vector>
 
 #include "gs_core/camera.h"
@@ -17,6 +18,8 @@ struct Viewpoints {
   RenderSettings settings;
   std::vector<Camera> cameras;
   const char* what = "{} test views";  // with the number of views in the place of {}
+  // The cameras that formats weigh Gaussians by; empty: there are none.
+  std::function<std::vector<Camera>()> training = {};
 };
 
 /// Renders both from each camera. `kept` lies in the frame of the original; its SH degree may be

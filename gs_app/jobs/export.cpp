@@ -23,25 +23,24 @@ bool is_any_lossy(const std::vector<ExportRequest>& requests, int sh_degree) {
                      [&](const ExportRequest& request) { return is_lossy(request, sh_degree); });
 }
 
-// The test views of --data or of the run, or all views where there are no test views.
-std::vector<NamedCamera> cameras_of(const ExportJob& job, const OpenedModel& opened,
-                                    const Config& config, const char*& what) {
-  std::vector<NamedCamera> cameras;
+// The views of a split of --data or of the run, or all views where that has none.
+std::vector<Camera> cameras_of(const ExportJob& job, const OpenedModel& opened,
+                               const Config& config, const std::string& wanted, bool& is_all) {
   const Vec3d& offset = opened.model.world_offset;
   const bool has_scene = job.has("dataset.source");
   const bool has_cameras = opened.run && std::filesystem::exists(opened.run->cameras());
   const bool has_split = opened.run && std::filesystem::exists(opened.run->split());
-  for (const auto& [split, words] : {std::pair{"test", "{} test views"}, {"all", "all {} views"}}) {
-    what = words;
+  std::vector<Camera> cameras;
+  for (const std::string& split : {wanted, std::string("all")}) {
+    is_all = split == "all";
+    std::vector<NamedCamera> named;
     if (has_scene)
-      cameras = cameras_of_scene(config.dataset, split, offset);
-    else if (has_cameras && (has_split || split != std::string_view("test")))
-      cameras = cameras_of_run(*opened.run, 1, split, offset);
-    if (!cameras.empty()) return cameras;
+      named = cameras_of_scene(config.dataset, split, offset);
+    else if (has_cameras && (has_split || is_all))
+      named = cameras_of_run(*opened.run, 1, split, offset);
+    for (const NamedCamera& one : named) cameras.push_back(one.camera);
+    if (!cameras.empty()) break;
   }
-  log_info(
-      "the loss of lossy formats is not measured: there are no views; give --data SCENE, or export "
-      "a run");
   return cameras;
 }
 
@@ -126,8 +125,14 @@ void write_measured(const ExportJob& job, const std::vector<ExportRequest>& requ
   const std::unique_ptr<Backend> backend = make_backend(config.train.device);
   const Gaussians gaussians = copy_to(backend->memory(), opened.model);
   Viewpoints viewpoints{*backend, gaussians.span(), settings_of_model(opened, config), {}};
-  for (const NamedCamera& named : cameras_of(job, opened, config, viewpoints.what))
-    viewpoints.cameras.push_back(named.camera);
+  bool is_all;
+  viewpoints.cameras = cameras_of(job, opened, config, "test", is_all);
+  if (is_all) viewpoints.what = "all {} views";
+  if (viewpoints.cameras.empty())
+    log_info(
+        "the loss of lossy formats is not measured: there are no views; give --data SCENE, or "
+        "export a run");
+  viewpoints.training = [&] { return cameras_of(job, opened, config, "train", is_all); };
   write_files(job, requests, opened.model, &viewpoints, written);
 }
 

@@ -18,6 +18,11 @@ Viewpoints viewpoints_of(Trainer& trainer) {
   if (scene.test_views.empty()) viewpoints.what = "{} training views";
   for (const View& view : scene.test_views.empty() ? scene.train_views : scene.test_views)
     viewpoints.cameras.push_back(view.camera);
+  viewpoints.training = [&scene] {
+    std::vector<Camera> cameras;
+    for (const View& view : scene.train_views) cameras.push_back(view.camera);
+    return cameras;
+  };
   return viewpoints;
 }
 

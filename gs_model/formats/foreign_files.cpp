@@ -39,7 +39,8 @@ constexpr Foreign kEndings[] = {
 constexpr Foreign kFirstBytes[] = {
     {"NGSP", "an .spz file of version 4", "give it a name that ends in .spz"},
     {"\x1f\x8b", "a gzip file, as .spz files are", "give it a name that ends in .spz"},
-    {"PK\x03\x04", "a zip file, as .sog files are", "give it a name that ends in .sog"},
+    {"PK\x03\x04", "a zip file, as .sog and .npz files are",
+     "give it a name that ends in .sog or .npz"},
     {"RAD0", "a .rad file", "give it a name that ends in .rad"},
     {"glTF", "a .glb file", "give it a name that ends in .glb"}};
 

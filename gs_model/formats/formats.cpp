@@ -46,6 +46,11 @@ void write_spz_version(ByteSink& sink, const GaussianModel& model, const ExportO
 void write_gs4d_with(ByteSink& sink, const GaussianModel& model, const ExportOptions& options) {
   write_gs4d(sink, model, options.duration);
 }
+void write_npz_with(ByteSink& sink, const GaussianModel& model, const ExportOptions& options) {
+  // Rows that are not finite were left out, and nothing was measured of such a model.
+  const bool is_measured = options.importance.color.size() == model.gaussians.count();
+  write_npz(sink, model, is_measured ? options.importance : RowImportance{});
+}
 void write_whole_ply(ByteSink& sink, const GaussianModel& model, const ExportOptions&) {
   write_gaussian_ply(sink, model);
 }
@@ -54,7 +59,7 @@ void require_nothing(const ExportOptions&) {}
 void require_for_spz(const ExportOptions& options) {
   options.spz_version == 4 ? require_zstd() : require_zlib();
 }
-void require_for_rad(const ExportOptions&) { require_zlib(); }
+void require_for_zlib(const ExportOptions&) { require_zlib(); }
 void require_for_sog(const ExportOptions&) { require_webp(); }
 
 // A folder of files that gemsplat only reads. Its ending is the whole name of the file that stands
@@ -90,7 +95,9 @@ const std::vector<ModelFormat>& model_formats() {
       {"sog", ".sog", "codebooks and a palette of SH, compressed", kLossy, kPlyAxes, Holds::still,
        read_sog, without_options<write_sog>, require_for_sog},
       {"rad", ".rad", "a tree of levels of detail, floats of 16 bits, compressed", kLossy, kPlyAxes,
-       Holds::still, read_rad, without_options<write_rad>, require_for_rad},
+       Holds::still, read_rad, without_options<write_rad>, require_for_zlib},
+      {"npz", ".npz", "codebooks of colors and shapes, bytes, compressed", kLossy, kPlyAxes,
+       Holds::still, read_npz, write_npz_with, require_for_zlib},
       {"splat", ".splat", "bytes, no SH beyond degree 0", kLossy, kPlyAxes, Holds::still,
        read_splat, without_options<write_splat>, require_nothing},
       {"gs4d", ".gs4d", "motion in chunks in the order of time, for the web", kLossy, kPlyAxes,

@@ -6,7 +6,7 @@
 //      each byte means. splat.h is the shortest example.
 //   2. Add a row to the table in formats.cpp, and x.cpp to gs_model/CMakeLists.txt.
 //   3. For a reader, add a row to kKinds in tests/model/formats_test.cpp (what may
-//      be lost) and one to kReaders in formats_fuzz_test.cpp (10,000 damaged files).
+//      be lost), and a target to tests/fuzz (damaged files).
 //   4. Add a row to the tables of docs/reference/formats.md.
 // Every verb that reads or writes a model then knows it: export, train --export, eval, render,
 // info.
@@ -20,14 +20,16 @@
 #include "gs_core/gaussians.h"
 #include "gs_core/system/files/byte_sink.h"
 #include "gs_model/formats/coding/frame.h"
+#include "gs_model/formats/npz/npz.h"
 
 namespace gs {
 
 /// Choices that a user has for some formats.
 struct ExportOptions {
-  int spz_version = 3;  // 2 for older readers, 4 that fewer read
-  int spz_sh_bits = 0;  // SpzOptions::sh_bits
-  double duration = 0;  // of a scene that moves, in seconds, for .gs4d; 0: not known
+  int spz_version = 3;            // 2 for older readers, 4 that fewer read
+  int spz_sh_bits = 0;            // SpzOptions::sh_bits
+  double duration = 0;            // of a scene that moves, in seconds, for .gs4d; 0: not known
+  RowImportance importance = {};  // of the Gaussians, in their order, for .npz; empty: not measured
 };
 
 /// Which Gaussians a format can hold: 3D ones, ones in space and time, or either.

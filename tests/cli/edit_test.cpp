@@ -116,7 +116,7 @@ TEST_F(EditVerb, DroppingLeavesWhatContributesMost) {
   EXPECT_TRUE(read_bytes(path("a.ply")) == read_bytes(path("b.ply")));
 }
 
-// The recipe of docs/guide/finetune.md: drop, then recover without new Gaussians.
+// The recipe of docs/guide/finetune.md: drop, recover without new Gaussians, export with codebooks.
 TEST_F(EditVerb, ASmallerModelRecovers) {
   const Outcome outcome =
       edit("--decimate 0.3 --decimate-by drop --measure --json -o " + text("small.ply"));
@@ -130,6 +130,9 @@ TEST_F(EditVerb, ASmallerModelRecovers) {
   EXPECT_LE(recovered["num_gaussians"], small["num_gaussians"]);
   EXPECT_GE(recovered["num_gaussians"].get<int>(), small["num_gaussians"].get<int>() - 5);
   EXPECT_GT(recovered["test"]["psnr"].get<double>(), small["psnr"].get<double>() + 1);
+  const Outcome exported =
+      run("export " + text("recovered") + " " + text("small.npz") + " --device cpu");
+  EXPECT_EQ(exported.code, 0) << exported.err;
 }
 
 TEST_F(EditVerb, WhatPhotosLookThroughGoesAlsoWhereTheModelWasMoved) {

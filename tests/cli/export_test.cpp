@@ -159,7 +159,7 @@ TEST_F(Export, NamesWithoutAFormatAreUsageErrorsThatListThem) {
   EXPECT_THAT(
       outcome.err,
       HasSubstr("gemsplat does not write .obj; it writes .ply, .glb, .compressed.ply, .spz, "
-                ".sog, .rad, .splat"));
+                ".sog, .rad, .npz, .splat"));
   EXPECT_THAT(outcome.err, HasSubstr("a page (.html)"));
   EXPECT_EQ(run("train " + text("scene") + " -o " + text("b") + kTrain + " --export obj").code, 2);
   EXPECT_FALSE(fs::exists(path("b")));
@@ -319,6 +319,16 @@ TEST_F(Export, OneFileNamedTwiceIsAnError) {
 }
 
 // Runs of the reference trainer are like this.
+TEST_F(Export, CodebooksOfNpzAreWeightedByTrainingViewsWhereThereAreAny) {
+  train("run");
+  const Outcome measured = export_run(text("a.npz"));
+  ASSERT_EQ(measured.code, 0) << measured.err;
+  EXPECT_THAT(measured.out, HasSubstr("against the model on 2 test views"));
+  ASSERT_EQ(export_run(text("b.npz") + " --no-measure").code, 0);
+  EXPECT_EQ(json("a.npz.transforms.json")["gaussians"], json("b.npz.transforms.json")["gaussians"]);
+  EXPECT_EQ(run("eval " + text("a.npz") + " --data " + text("scene") + " --device cpu").code, 0);
+}
+
 TEST_F(Export, RunsWithoutASplitOrCamerasAreExported) {
   train("run");
   fs::remove(path("run/split.json"));

@@ -6,8 +6,8 @@
 
 #include <algorithm>
 
+#include "gs_model/formats/coding/zip_file.h"
 #include "gs_model/formats/sog/webp.h"
-#include "gs_model/formats/sog/zip_file.h"
 #include "tests/fuzz/fuzz_target.h"
 #include "tests/support/random_model.h"
 

@@ -16,9 +16,9 @@
 #include "gs_model/formats/coding/finite_rows.h"
 #include "gs_model/formats/coding/little_endian.h"
 #include "gs_model/formats/coding/quantize.h"
+#include "gs_model/formats/coding/zip_file.h"
 #include "gs_model/formats/foreign_files.h"
 #include "gs_model/formats/ply/ply.h"
-#include "gs_model/formats/sog/zip_file.h"
 #include "gs_model/formats/spz/spz_layout.h"
 #include "tests/support/error_of.h"
 #include "tests/support/models.h"
@@ -45,7 +45,8 @@ struct Kind {
   Tolerance tolerance;
 };
 
-// .sog stores SH as a palette, which random numbers do not fit; a test below checks them.
+// .sog stores SH as a palette, which random numbers do not fit; a test below checks them. The axes of
+// an .npz come in another order: npz_test.cpp.
 const Kind kKinds[] = {
     {".compressed.ply", {}, 3, {0.008f, 0.008f, 0.003f, 0.03f, 0.032f, 0.008f}},
     {".glb", {}, 3, {0, 1e-5f, 1e-6f, 0, 0, 2e-3f}},
@@ -163,7 +164,7 @@ TEST_F(Formats, NoGaussiansAreHeldOrRefusedWithAdvice) {
     SCOPED_TRACE(ending);
     EXPECT_EQ(there_and_back(random_model(0, 2), ending).gaussians.count(), 0u);
   }
-  for (const char* ending : {".glb", ".sog", ".splat", ".rad"})
+  for (const char* ending : {".glb", ".sog", ".npz", ".splat", ".rad"})
     EXPECT_THAT(
         error_of([&] { write_model(file(std::string("none") + ending), random_model(0, 2)); }),
         AllOf(HasSubstr("no Gaussians"), HasSubstr("choose .ply")));
@@ -265,7 +266,7 @@ TEST_F(Formats, ColorsBeyondAByteAreClampedNeverWrapped) {
 
 TEST_F(Formats, AntialiasedModelsAreTaggedWhereThereIsATag) {
   for (const bool antialiased : {false, true})
-    for (const char* ending : {".ply", ".compressed.ply", ".spz", ".sog", ".glb"}) {
+    for (const char* ending : {".ply", ".compressed.ply", ".spz", ".sog", ".npz", ".glb"}) {
       GaussianModel model = moderate_model(4, 0);
       model.antialiased = antialiased;
       EXPECT_EQ(there_and_back(model, ending).antialiased, antialiased) << ending;
@@ -414,8 +415,9 @@ TEST_F(Formats, FilesOfOtherProgramsAreNamedWithARemedy) {
               AllOf(HasSubstr("a .ksplat file"), HasSubstr("splat-transform")));
   EXPECT_THAT(error_reading("a.csv", "x,y,z\n1,2,3\n"),
               AllOf(HasSubstr("a table"), HasSubstr("gemsplat.Model")));
-  EXPECT_THAT(error_reading("point_cloud.ply", std::string("PK\x03\x04 a zip")),
-              AllOf(HasSubstr("a zip file, as .sog files are"), HasSubstr("ends in .sog")));
+  EXPECT_THAT(
+      error_reading("point_cloud.ply", std::string("PK\x03\x04 a zip")),
+      AllOf(HasSubstr("a zip file, as .sog and .npz files are"), HasSubstr("ends in .sog")));
   EXPECT_THAT(error_reading("a.model", "NGSP"), HasSubstr("ends in .spz"));
   EXPECT_THAT(error_reading("a.model", "some text"), HasSubstr("not a PLY file"));
   EXPECT_EQ(foreign_kind(file("none.lcc")), "");  // an Error says that it is missing
@@ -440,6 +442,17 @@ TEST_F(Formats, TheChecksumOfZipIsItsOwn) {
   EXPECT_EQ(zip_entries("", archive).at("a"), "text");
 }
 
+TEST_F(Formats, DeflatedEntriesOfAZipComeBackAndAreChecked) {
+  std::string archive = zip_of({{"a", std::string(1000, 'a')}, {"b", ""}}, true);
+  EXPECT_LT(archive.size(), 300u);
+  const auto unpack = [&] { return unpacked("", "a", packed_entries("", archive).at("a")); };
+  EXPECT_EQ(unpack(), std::string(1000, 'a'));
+  EXPECT_THAT(error_of([&] { zip_entries("a.sog", archive); }), HasSubstr("is compressed"));
+  constexpr std::size_t kCrcAt = 16;  // of the directory
+  archive[archive.find("PK\x01\x02") + kCrcAt] ^= 1;
+  EXPECT_THAT(error_of(unpack), HasSubstr("checksum of a"));
+}
+
 TEST_F(Formats, EntriesOfAZipThatShareTheirBytesAreRefused) {
   const std::string archive = zip_of({{"a", std::string(1000, 'a')}});
   constexpr std::size_t kEndBytes = 22, kEntriesAt = 10;  // of the last record
@@ -454,7 +467,7 @@ TEST_F(Formats, EntriesOfAZipThatShareTheirBytesAreRefused) {
 
 TEST_F(Formats, FilesOfAnotherKindAreRefusedWithAReason) {
   const std::string png = "\x89PNG\r\n\x1a\n and more than sixteen bytes";
-  for (const char* ending : {".spz", ".sog", ".compressed.ply"}) {
+  for (const char* ending : {".spz", ".sog", ".npz", ".compressed.ply"}) {
     write_bytes(file(std::string("x").append(ending)), png);
     EXPECT_THAT(error_of([&] { read_model(file(std::string("x").append(ending))); }),
                 AllOf(HasSubstr("cannot read"), HasSubstr(std::string("x").append(ending))));

@@ -19,7 +19,7 @@ namespace gs {
 namespace {
 
 [[maybe_unused]] constexpr int kGzip = 15 + 16;  // zlib: a window of 2^15 bytes, gzip's header
-[[maybe_unused]] constexpr const char* kOfZlib = "a .spz or .rad file";
+[[maybe_unused]] constexpr const char* kOfZlib = "a .spz, .rad or .npz file";
 [[maybe_unused]] constexpr int kRaw = -15;       // the same window without header and checksum
 [[maybe_unused]] constexpr int kZstdLevel = 12;  // higher ones are slower and hardly smaller
 [[maybe_unused]] constexpr std::size_t kMostUnpacked = 1032;  // bytes from one, by deflate

@@ -9,11 +9,10 @@
 
 namespace gs {
 
-GaussianModel in_morton_order(const GaussianModel& model) {
-  const Buffer<Vec3f>& means = model.gaussians.mean;
+std::vector<std::uint32_t> morton_order(const Buffer<Vec3f>& means) {
   std::vector<std::uint32_t> order(means.size());
   std::iota(order.begin(), order.end(), 0u);
-  if (order.empty()) return rows_of(model, order);
+  if (order.empty()) return order;
   Vec3f low = means[0], high = means[0];
   for (const Vec3f& mean : means) {
     for (int axis = 0; axis < 3; ++axis) {
@@ -26,7 +25,11 @@ GaussianModel in_morton_order(const GaussianModel& model) {
   for (std::size_t i = 0; i < codes.size(); ++i) codes[i] = morton_code(means[i], low, size);
   std::stable_sort(order.begin(), order.end(),
                    [&](std::uint32_t a, std::uint32_t b) { return codes[a] < codes[b]; });
-  return rows_of(model, order);
+  return order;
+}
+
+GaussianModel in_morton_order(const GaussianModel& model) {
+  return rows_of(model, morton_order(model.gaussians.mean));
 }
 
 }  // namespace gs

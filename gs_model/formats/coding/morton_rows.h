@@ -3,12 +3,18 @@
 // well.
 #pragma once
 
+#include <cstdint>
+#include <vector>
+
 #include "gs_core/gaussians.h"
 
 namespace gs {
 
-/// A copy with rows along the Morton curve through the bounding box of the means. Rows with equal
-/// codes keep their order.
+/// The rows of these means along the Morton curve through their bounding box. Rows with equal codes
+/// keep their order.
+std::vector<std::uint32_t> morton_order(const Buffer<Vec3f>& means);
+
+/// A copy with rows in this order.
 GaussianModel in_morton_order(const GaussianModel& model);
 
 }  // namespace gs

@@ -10,10 +10,10 @@
 #include "gs_model/formats/coding/count_check.h"
 #include "gs_model/formats/coding/finite_rows.h"
 #include "gs_model/formats/coding/quantize.h"
+#include "gs_model/formats/coding/zip_file.h"
 #include "gs_model/formats/sog/sog.h"
 #include "gs_model/formats/sog/sog_layout.h"
 #include "gs_model/formats/sog/webp.h"
-#include "gs_model/formats/sog/zip_file.h"
 
 namespace gs {
 namespace {

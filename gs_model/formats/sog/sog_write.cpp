@@ -7,13 +7,13 @@
 #include "gs_core/system/text/json.h"
 #include "gs_core/system/version.h"
 #include "gs_core/threads/parallel.h"
+#include "gs_model/formats/coding/k_means.h"
 #include "gs_model/formats/coding/morton_rows.h"
 #include "gs_model/formats/coding/quantize.h"
-#include "gs_model/formats/sog/k_means.h"
+#include "gs_model/formats/coding/zip_file.h"
 #include "gs_model/formats/sog/sog.h"
 #include "gs_model/formats/sog/sog_layout.h"
 #include "gs_model/formats/sog/webp.h"
-#include "gs_model/formats/sog/zip_file.h"
 
 namespace gs {
 namespace {

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "gs_model/formats/sog/zip_file.h"
+#include "gs_model/formats/coding/zip_file.h"
 
 #include <spdlog/fmt/fmt.h>
 
@@ -7,6 +7,7 @@
 #include "gs_core/system/byte_reader.h"
 #include "gs_core/system/crc32.h"
 #include "gs_core/system/text/foreign_text.h"
+#include "gs_model/formats/coding/compression.h"
 #include "gs_model/formats/coding/little_endian.h"
 
 namespace gs {
@@ -15,8 +16,8 @@ namespace {
 #pragma pack(push, 1)
 /// What both headers of an entry hold.
 struct EntryFields {
-  std::uint16_t version_needed = 20, flags = 0, method = 0;  // method 0: stored
-  std::uint16_t time = 0, date = 0x21;                       // 1 January 1980
+  std::uint16_t version_needed = 20, flags = 0, method = 0;
+  std::uint16_t time = 0, date = 0x21;  // 1 January 1980
   std::uint32_t crc = 0, packed_bytes = 0, bytes = 0;
   std::uint16_t name_bytes = 0, extra_bytes = 0;
 };
@@ -40,7 +41,7 @@ struct EndRecord {
 #pragma pack(pop)
 static_assert(sizeof(LocalHeader) == 30 && sizeof(CentralHeader) == 46 && sizeof(EndRecord) == 22);
 
-constexpr std::uint16_t kEncrypted = 1;
+constexpr std::uint16_t kEncrypted = 1, kStored = 0, kDeflated = 8;
 constexpr std::size_t kLongestComment = 0xffff;
 constexpr std::uint64_t kLargestArchive = 0xffffffff;
 
@@ -81,20 +82,32 @@ class ArchiveReader {
   std::string_view bytes_;
 };
 
+void check_crc(const std::filesystem::path& path, const std::string& name, std::string_view bytes,
+               std::uint32_t crc) {
+  if (crc32_of(bytes) != crc)
+    cannot_read(path, fmt::format("the checksum of {} in it does not match; the file is damaged, "
+                                  "copy or export it again",
+                                  shown_word(name)));
+}
+
 }  // namespace
 
-std::string zip_of(const std::vector<ZipEntry>& entries) {
-  std::string archive, directory;
+std::string zip_of(const std::vector<ZipEntry>& entries, bool deflated) {
+  std::string archive, directory, packed;
   for (const ZipEntry& entry : entries) {
+    if (deflated) packed = deflate_raw(entry.bytes);
+    const std::string& content = deflated ? packed : entry.bytes;
     LocalHeader local;
+    local.fields.method = deflated ? kDeflated : kStored;
     local.fields.crc = crc32_of(entry.bytes);
-    local.fields.packed_bytes = local.fields.bytes = std::uint32_t(entry.bytes.size());
+    local.fields.packed_bytes = std::uint32_t(content.size());
+    local.fields.bytes = std::uint32_t(entry.bytes.size());
     local.fields.name_bytes = std::uint16_t(entry.name.size());
     CentralHeader central;
     central.fields = local.fields;
     central.local_offset = std::uint32_t(archive.size());
     append_little(archive, local);
-    archive += entry.name + entry.bytes;
+    archive += entry.name + content;
     append_little(directory, central);
     directory += entry.name;
   }
@@ -105,38 +118,57 @@ std::string zip_of(const std::vector<ZipEntry>& entries) {
   archive += directory;
   append_little(archive, end);
   if (archive.size() > kLargestArchive)
-    throw Error("a zip archive, which .sog is, cannot have more than 4 GiB; choose .ply or .spz");
+    throw Error("a zip archive, which .sog and .npz are, cannot have more than 4 GiB; choose .ply");
   return archive;
 }
 
-std::map<std::string, std::string_view> zip_entries(const std::filesystem::path& path,
-                                                    std::string_view bytes) {
+std::map<std::string, PackedEntry> packed_entries(const std::filesystem::path& path,
+                                                  std::string_view bytes) {
   const ArchiveReader archive(path, bytes);
   const EndRecord end = archive.end();
-  std::map<std::string, std::string_view> entries;
+  std::map<std::string, PackedEntry> entries;
   std::uint64_t at = end.central_offset, total = 0;
   for (int i = 0; i < end.entries; ++i) {
     const auto central = archive.load<CentralHeader>(at);
     const EntryFields& fields = central.fields;
     const std::string name(archive.part(at + sizeof central, fields.name_bytes));
-    const std::string shown = shown_word(name);
     at += sizeof central + fields.name_bytes + fields.extra_bytes + central.comment_bytes;
-    if (fields.method != 0 || fields.flags & kEncrypted)
-      cannot_read(path, fmt::format("{} in it is compressed or encrypted, but .sog stores its "
-                                    "files as they are; export it again",
-                                    shown));
+    if ((fields.method != kStored && fields.method != kDeflated) || fields.flags & kEncrypted)
+      cannot_read(path, fmt::format("{} in it is encrypted, or compressed in a way that only some "
+                                    "programs know; export it again",
+                                    shown_word(name)));
     const auto local = archive.load<LocalHeader>(central.local_offset);
     const std::string_view content =
         archive.part(std::uint64_t(central.local_offset) + sizeof local + local.fields.name_bytes +
                          local.fields.extra_bytes,
-                     fields.bytes);
+                     fields.packed_bytes);
+    const bool is_deflated = fields.method == kDeflated;
     total += content.size();
-    if (total > bytes.size()) archive.damaged();  // entries that overlap
-    if (crc32_of(content) != fields.crc)
-      cannot_read(path, fmt::format("the checksum of {} in it does not match; the file is damaged, "
-                                    "copy or export it again",
-                                    shown));
-    entries[name] = content;
+    if (total > bytes.size() || (!is_deflated && fields.bytes != content.size()))
+      archive.damaged();  // entries that overlap, or have two sizes
+    entries[name] = {content, fields.bytes, fields.crc, is_deflated};
+  }
+  return entries;
+}
+
+std::string unpacked(const std::filesystem::path& path, const std::string& name,
+                     const PackedEntry& entry) {
+  const std::string bytes =
+      entry.is_deflated ? inflate_raw(path, entry.packed, entry.bytes) : std::string(entry.packed);
+  check_crc(path, name, bytes, entry.crc);
+  return bytes;
+}
+
+std::map<std::string, std::string_view> zip_entries(const std::filesystem::path& path,
+                                                    std::string_view archive) {
+  std::map<std::string, std::string_view> entries;
+  for (const auto& [name, entry] : packed_entries(path, archive)) {
+    if (entry.is_deflated)
+      cannot_read(path, fmt::format("{} in it is compressed, but .sog stores its files as they "
+                                    "are; export it again",
+                                    shown_word(name)));
+    check_crc(path, name, entry.packed, entry.crc);
+    entries[name] = entry.packed;
   }
   return entries;
 }

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "gs_model/formats/sog/k_means.h"
+#include "gs_model/formats/coding/k_means.h"
 
 #include <algorithm>
 #include <cmath>
@@ -17,13 +17,17 @@ constexpr std::size_t kCoarseSample = std::size_t(1) << 16;  // points for the c
 
 using Rows = std::vector<std::uint32_t>;
 
+double weight_of(const std::vector<float>& weights, std::size_t row) {
+  return weights.empty() ? 1 : double(weights[row]);
+}
+
 /// k-means among some rows of points (N, d). Centroids start at rows evenly spaced among them.
 class Clusters {
  public:
-  Clusters(const std::vector<float>& points, std::size_t dimensions, const Rows& rows,
-           std::size_t count)
-      : points_(points), d_(dimensions), rows_(rows), centroids_(count * dimensions),
-        labels_(rows.size()) {
+  Clusters(const std::vector<float>& points, const std::vector<float>& weights,
+           std::size_t dimensions, const Rows& rows, std::size_t count)
+      : points_(points), weights_(weights), d_(dimensions), rows_(rows),
+        centroids_(count * dimensions), labels_(rows.size()) {
     for (std::size_t c = 0; c < count; ++c)
       std::copy_n(point(rows[c * rows.size() / count]), d_, &centroids_[c * d_]);
   }
@@ -62,17 +66,18 @@ class Clusters {
   // Sums are taken in the order of the rows. A centroid without points stays where it is.
   void move_to_means() {
     std::vector<double> sums(centroids_.size(), 0.0);
-    std::vector<std::size_t> members(count(), 0);
+    std::vector<double> members(count(), 0.0);
     for (std::size_t i = 0; i < rows_.size(); ++i) {
-      ++members[labels_[i]];
-      for (std::size_t k = 0; k < d_; ++k) sums[labels_[i] * d_ + k] += point(rows_[i])[k];
+      const double weight = weight_of(weights_, rows_[i]);
+      members[labels_[i]] += weight;
+      for (std::size_t k = 0; k < d_; ++k) sums[labels_[i] * d_ + k] += weight * point(rows_[i])[k];
     }
     for (std::size_t c = 0; c < count(); ++c)
       for (std::size_t k = 0; k < d_ && members[c] > 0; ++k)
-        centroids_[c * d_ + k] = float(sums[c * d_ + k] / double(members[c]));
+        centroids_[c * d_ + k] = float(sums[c * d_ + k] / members[c]);
   }
 
-  const std::vector<float>& points_;
+  const std::vector<float>&points_, &weights_;
   std::size_t d_;
   const Rows& rows_;
   std::vector<float> centroids_;     // (count, d)
@@ -87,15 +92,22 @@ Rows sample_rows(std::size_t count, std::size_t most) {
   return rows;
 }
 
-// The number of centroids for each cluster, `size` in all: by its share of the points, at least 1
-// and at most one for each point.
-std::vector<std::size_t> shares_of(const std::vector<Rows>& clusters, std::size_t points,
-                                   std::size_t size) {
+// The number of centroids for each cluster, `size` in all: by its share of the points' weight, at
+// least 1 and at most one for each point.
+std::vector<std::size_t> shares_of(const std::vector<Rows>& clusters,
+                                   const std::vector<float>& weights, std::size_t size) {
+  const auto weight_in = [&](const Rows& rows) {
+    double sum = 0;
+    for (const std::uint32_t row : rows) sum += weight_of(weights, row);
+    return sum;
+  };
+  double all = 0, seen = 0;
+  for (const Rows& rows : clusters) all += weight_in(rows);
   std::vector<std::size_t> shares;
-  std::size_t seen = 0, given = 0;
+  std::size_t given = 0;
   for (const Rows& rows : clusters) {
-    seen += rows.size();
-    const std::size_t due = seen * size / points;  // all up to this cluster
+    seen += weight_in(rows);
+    const auto due = std::size_t(seen * double(size) / all);  // all up to this cluster
     const std::size_t share =
         rows.empty() ? 0 : std::clamp<std::size_t>(due - std::min(due, given), 1, rows.size());
     shares.push_back(share);
@@ -170,11 +182,12 @@ std::size_t nearest_entry(const std::vector<float>& codebook, float value) {
   return std::size_t((value - *below <= *above - value ? below : above) - codebook.begin());
 }
 
-Palette palette_of(const std::vector<float>& points, std::size_t dimensions, std::size_t size) {
+Palette palette_of(const std::vector<float>& points, std::size_t dimensions, std::size_t size,
+                   const std::vector<float>& weights) {
   const std::size_t count = points.size() / dimensions;
   GS_CHECK(size > 0 && size <= count);
   const Rows sample = sample_rows(count, kCoarseSample);
-  Clusters coarse(points, dimensions, sample,
+  Clusters coarse(points, weights, dimensions, sample,
                   std::min<std::size_t>(sample.size(), std::size_t(std::sqrt(double(size)))));
   coarse.improve(kPaletteRounds);
   std::vector<std::uint32_t> cluster_of(count);
@@ -183,13 +196,13 @@ Palette palette_of(const std::vector<float>& points, std::size_t dimensions, std
   std::vector<Rows> clusters(coarse.count());
   for (std::size_t i = 0; i < count; ++i) clusters[cluster_of[i]].push_back(std::uint32_t(i));
 
-  const std::vector<std::size_t> shares = shares_of(clusters, count, size);
+  const std::vector<std::size_t> shares = shares_of(clusters, weights, size);
   std::vector<std::size_t> first(shares.size() + 1, 0);
   std::partial_sum(shares.begin(), shares.end(), first.begin() + 1);
   Palette palette{std::vector<float>(first.back() * dimensions), Rows(count)};
   parallel_for(clusters.size(), 1, [&](std::size_t c) {
     if (clusters[c].empty()) return;
-    Clusters fine(points, dimensions, clusters[c], shares[c]);
+    Clusters fine(points, weights, dimensions, clusters[c], shares[c]);
     fine.improve(kPaletteRounds);
     std::copy(fine.centroids().begin(), fine.centroids().end(),
               palette.centroids.begin() + std::ptrdiff_t(first[c] * dimensions));

@@ -24,6 +24,9 @@ struct Palette {
 /// levels: k-means finds about sqrt(size) clusters, and each gets centroids by its share of the
 /// points. A point is then compared with 2 sqrt(size) centroids instead of all. The palette does
 /// not depend on the number of threads.
-Palette palette_of(const std::vector<float>& points, std::size_t dimensions, std::size_t size);
+///
+/// weights   (N) above 0, of the points in the means and in the shares of the clusters; empty: all 1
+Palette palette_of(const std::vector<float>& points, std::size_t dimensions, std::size_t size,
+                   const std::vector<float>& weights = {});
 
 }  // namespace gs
