@@ -15,6 +15,9 @@ namespace {
 constexpr int kSampledPixels = 7;           // every so many-th along rows and columns
 constexpr std::size_t kOutlierPercent = 1;  // of the points, at either end of an axis
 constexpr float kMarginShare = 0.05f;       // of the box, on each side
+// Bytes of a block until the mesh is written, with the triangles that it has in the mean; of a closed
+// volume, which has others around it.
+constexpr double kBlockBytes = 6000, kClosedBlockBytes = 15000;
 
 Vec3f point_at(const Camera& camera, int x, int y, float o) {
   const Vec3f p((float(x) + 0.5f - camera.cx) / (camera.fx * o),
@@ -236,6 +239,20 @@ std::vector<std::uint64_t> surface_blocks(const std::vector<DepthView>& views,
     blocks.swap(merged);
   }
   return blocks;
+}
+
+double VolumeForecast::bytes_at(double size) const {
+  const double finer = voxel / size;
+  return blocks * finer * finer * (lattice > 0 ? kClosedBlockBytes : kBlockBytes) +
+         lattice * finer * finer * finer;
+}
+
+VolumeForecast forecast_volume(const std::vector<DepthView>& views, float voxel,
+                               const FusionRule& rule) {
+  const float counted = std::max(voxel, median_pixel(views));
+  const VolumeFrame frame = volume_frame(views, counted, rule);
+  return {counted, double(surface_blocks(views, frame, rule).size()),
+          rule.is_watertight ? double(frame.count()) : 0};
 }
 
 Volume fuse(const std::vector<DepthView>& views, const VolumeFrame& frame,

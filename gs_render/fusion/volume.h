@@ -18,8 +18,6 @@ namespace gs {
 
 inline constexpr int kBlockEdge = 8;                                       // voxels
 inline constexpr int kBlockVoxels = kBlockEdge * kBlockEdge * kBlockEdge;  // x runs fastest
-/// Bytes of a block in fusion and in surface_of(), with the triangles that it has in the mean.
-inline constexpr double kBlockBytes = 6000;
 
 struct FusionRule {
   float truncation = 4;  // voxels
@@ -67,6 +65,18 @@ VolumeFrame volume_frame(const std::vector<DepthView>& views, float voxel, const
 /// The blocks that a surface meets within the truncation, ascending.
 std::vector<std::uint64_t> surface_blocks(const std::vector<DepthView>& views,
                                           const VolumeFrame& frame, const FusionRule& rule);
+
+/// The memory that a volume takes with its mesh.
+struct VolumeForecast {
+  double voxel = 0;                // that blocks were counted with, world units
+  double blocks = 0, lattice = 0;  // near surfaces; of the whole frame, where it is looked through
+
+  /// Bytes with voxels of another size: surfaces have as many more blocks as the square.
+  double bytes_at(double size) const;
+};
+/// Counts the blocks, with voxels as large as the median pixel at least, which is quick.
+VolumeForecast forecast_volume(const std::vector<DepthView>& views, float voxel,
+                               const FusionRule& rule);
 
 /// Fuses all views, each voxel by itself and in the order of the views, so that the result does not
 /// depend on threads. A voxel at p, at depth z on the ray u of a view (z = 1), has there
