@@ -72,7 +72,7 @@ void visit_options(MeshJob& job, OptionList& list) {
       .takes("N")
       .positive();
   option("--decimate", job.triangles,
-         "keep N triangles, or a few more where pieces are small [all]")
+         "keep N triangles, or more where a noisy surface is full of tunnels [all]")
       .takes("N")
       .positive();
   option("--mesh-views", job.views, "take N views, evenly chosen [all]").takes("N").positive();

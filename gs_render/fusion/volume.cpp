@@ -14,7 +14,10 @@ namespace {
 
 constexpr int kSampledPixels = 7;           // every so many-th along rows and columns
 constexpr std::size_t kOutlierPercent = 1;  // of the points, at either end of an axis
-constexpr float kMarginShare = 0.05f;       // of the box, on each side
+// Of a closed surface, views before which a voxel is hidden, for each one that sees it: fewer are rays
+// that slip through gaps, and would dig tunnels.
+constexpr int kHiddenPerView = 8;
+constexpr float kMarginShare = 0.05f;  // of the box, on each side
 // Bytes of a block until the mesh is written, with the triangles that it has in the mean; of a closed
 // volume, which has others around it.
 constexpr double kBlockBytes = 6000, kClosedBlockBytes = 15000;
@@ -68,6 +71,7 @@ struct Votes {
   }
   /// The voxel's distance. `least`: views that must agree.
   float distance(int least, bool is_watertight) const {
+    if (is_watertight) least = std::max(least, hidden / kHiddenPerView);
     if (near + free < least) return !is_watertight ? std::nanf("") : hidden > 0 ? -1.0f : 1.0f;
     if (!(weight > 0) || free >= 3 + 3 * near) return 1;
     return sum / weight;

@@ -87,7 +87,7 @@ VolumeForecast forecast_volume(const std::vector<DepthView>& views, float voxel,
 /// with s > -1. Behind a surface the weight falls (Bylow et al. 2013): the ray may have left the
 /// thing there. Where three views more than thrice those that see a
 /// surface look through a voxel, it is air. Two views must agree that there is anything, if there
-/// are two.
+/// are two, and of a closed surface one for every eight before which the voxel is hidden.
 ///
 /// blocks  of surface_blocks(); a watertight volume has more
 Volume fuse(const std::vector<DepthView>& views, const VolumeFrame& frame,
