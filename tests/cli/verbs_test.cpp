@@ -53,7 +53,7 @@ TEST_F(VerbList, StandInFiveGroups) {
   EXPECT_THAT(run("--help").out,
               AllOf(HasSubstr("\nTrain:\n"), HasSubstr("\nLook:\n"), HasSubstr("\nChange:\n"),
                     HasSubstr("\nCompare:\n"), HasSubstr("\nCheck:\n")));
-  EXPECT_EQ(names().size(), 17u);
+  EXPECT_EQ(names().size(), 18u);
 }
 
 TEST_F(VerbList, HelpShowsWhatMostPeopleNeedWithExamplesAndHelpAllShowsTheRest) {
@@ -180,6 +180,7 @@ std::vector<std::string> calls_of(const std::string& verb, const std::string& fo
        {"export " + run + " --no-measure", "export " + run + " --table --no-measure",
         "export " + run + " " + folder + "/page.html",
         "export " + run + " " + folder + "/tiles/ --georef " + scene + "/georef.json"}},
+      {"mesh", {"mesh " + run + " --voxel 0.2"}},
       {"undistort", {"undistort " + scene}},
       {"georef", {"georef " + scene + " --origin 8.5,47.4,400 --force"}},
       {"eval", {"eval " + run}},

@@ -30,6 +30,9 @@ inline constexpr std::uint32_t kGlbJson = 0x4E4F534A, kGlbBinary = 0x004E4942;  
 /// All of a file before its binary chunk, which has so many bytes, a multiple of 4.
 std::string glb_head(std::string json, std::uint64_t binary_bytes);
 
+/// Display sRGB to linear light, as COLOR_0 has it; both 0..1.   IEC 61966-2-1
+float linear_of(float srgb);
+
 /// Reads a file with one primitive of Gaussians, whose attributes are floats as above and which no
 /// node moves. Throws Error, with the file and a remedy, for damaged files, linear colors, compressed
 /// Gaussians, several primitives, nodes that move, and files of triangles alone.

@@ -34,12 +34,6 @@ void store(std::uint8_t* row, const T& value) {
   std::memcpy(row, &value, sizeof value);
 }
 
-// Display sRGB to linear light, IEC 61966-2-1.
-float linear_of(float srgb) {
-  const float c = clamp_to(srgb, 0.0f, 1.0f);
-  return c <= 0.04045f ? c / 12.92f : std::pow((c + 0.055f) / 1.055f, 2.4f);
-}
-
 Vec3f turned_mean(const Gaussians& g, std::size_t i) { return g.mean[i] * kHalfTurnZ; }
 
 std::vector<Attribute> attributes_of(const GaussianModel& model) {
@@ -140,6 +134,11 @@ std::string glb_head(std::string json, std::uint64_t binary_bytes) {
   append_little(head, std::uint32_t(binary_bytes));
   append_little(head, kGlbBinary);
   return head;
+}
+
+float linear_of(float srgb) {
+  const float c = clamp_to(srgb, 0.0f, 1.0f);
+  return c <= 0.04045f ? c / 12.92f : std::pow((c + 0.055f) / 1.055f, 2.4f);
 }
 
 void write_glb(ByteSink& sink, const GaussianModel& model) {

@@ -1,0 +1,91 @@
+// SPDX-License-Identifier: Apache-2.0
+// gemsplat mesh: files, options and everything that it refuses.
+#include <gmock/gmock.h>
+
+#include "gs_model/formats/formats.h"
+#include "tests/support/program.h"
+#include "tests/support/scenes.h"
+
+namespace gs {
+namespace {
+
+using ::testing::AllOf;
+using ::testing::HasSubstr;
+
+class MeshVerb : public Program {
+ protected:
+  /// A run whose model is a wall of opaque Gaussians, three units in front of its cameras.
+  void make_wall() {
+    ASSERT_EQ(train("out", "-q").code, 0);
+    GaussianModel wall{Gaussians(41 * 41, host_memory()), 0, true, false};
+    for (std::size_t i = 0; i < wall.gaussians.count(); ++i)
+      set_gaussian(wall.gaussians, i, {0.1f * (float(i % 41) - 20), 0.1f * (float(i / 41) - 20), 3},
+                   0.06f, 0.99f);
+    write_model(path("wall.ply"), wall);
+  }
+  std::string mesh(const std::string& output, const std::string& more = "") {
+    return "mesh " + text("wall.ply") + " --cameras " + text("out/cameras.json") + " -o " +
+           text(output) + " " + more;
+  }
+};
+
+TEST_F(MeshVerb, WritesEveryFormatWithTheSameBytesForAnyThreads) {
+  make_wall();
+  for (const std::string ending : {"glb", "obj", "ply", "stl"}) {
+    const Outcome outcome = run(mesh("one." + ending, "--threads 1 --watertight"));
+    ASSERT_EQ(outcome.code, 0) << outcome.err;
+    EXPECT_THAT(outcome.out, AllOf(HasSubstr("triangles"), HasSubstr("look at it: xdg-open")));
+    ASSERT_EQ(run(mesh("four." + ending, "--threads 4 --watertight")).code, 0);
+    EXPECT_EQ(read_bytes(path("one." + ending)), read_bytes(path("four." + ending)));
+  }
+}
+
+TEST_F(MeshVerb, TakesARunAndSaysWhatItWrote) {
+  make_wall();
+  const std::filesystem::path model = path("out/point_cloud/iteration_20/point_cloud.ply");
+  std::filesystem::copy_file(path("wall.ply"), model,
+                             std::filesystem::copy_options::overwrite_existing);
+  const Outcome outcome = run("mesh " + text("out") + " --json");
+  ASSERT_EQ(outcome.code, 0) << outcome.err;
+  const Json json = Json::parse(outcome.out);
+  EXPECT_EQ(json["output"], text("out-mesh.glb"));
+  EXPECT_EQ(json["views"], 4);
+  EXPECT_GT(json["triangles"], 100);
+  EXPECT_EQ(json["pieces"], 1);
+  EXPECT_TRUE(std::filesystem::exists(path("out-mesh.glb")));
+}
+
+TEST_F(MeshVerb, KeepsWhatIsThere) {
+  make_wall();
+  write_bytes(path("old.stl"), "old");
+  const Outcome refused = run(mesh("old.stl"));
+  EXPECT_EQ(refused.code, 2);
+  EXPECT_THAT(refused.err, HasSubstr("old.stl is there already"));
+  ASSERT_EQ(run(mesh("old.stl", "--force")).code, 0);
+  EXPECT_EQ(read_bytes(path("old.stl.bak-1")), "old");
+}
+
+TEST_F(MeshVerb, EndsWithOneLineAndARemedy) {
+  make_wall();
+  const auto expect = [&](const std::string& command, int code, const std::string& part) {
+    const Outcome outcome = run(command + " -q");
+    EXPECT_EQ(outcome.code, code) << command << "\n" << outcome.err;
+    EXPECT_THAT(outcome.err, HasSubstr(part));
+    EXPECT_EQ(std::count(outcome.err.begin(), outcome.err.end(), '\n'), 1) << outcome.err;
+  };
+  expect("mesh " + text("wall.ply") + " -o " + text("a.glb"), 2, "give --cameras");
+  expect(mesh("a.fbx"), 2, ".glb, .obj, .ply or .stl");
+  expect(mesh("a.glb", "--voxel 0.001"), 2, "give --voxel");
+  expect(mesh("a.glb", "--voxel 1000"), 3, "--voxel");
+  GaussianModel one{Gaussians(1, host_memory()), 0, true, false};
+  set_gaussian(one.gaussians, 0, {0, 0, 3}, 1e-3f, 0.1f);
+  write_model(path("wall.ply"), one);
+  expect(mesh("a.glb"), 3, "no pixel of 6 views shows a surface");
+  one.gaussians.mean[0].x = std::numeric_limits<float>::quiet_NaN();
+  write_model(path("wall.ply"), one);
+  EXPECT_NE(run(mesh("a.glb")).code, 0);
+  EXPECT_FALSE(std::filesystem::exists(path("a.glb")));
+}
+
+}  // namespace
+}  // namespace gs

@@ -1,0 +1,194 @@
+// SPDX-License-Identifier: Apache-2.0
+// Files of meshes say what the mesh is, and small pieces go.
+#include <sstream>
+
+#include "gs_core/geometry/vectors.h"
+#include "gs_model/mesh/clean_mesh.h"
+#include "gs_model/mesh/decimate_mesh.h"
+#include "gs_model/mesh/mesh_file.h"
+#include "tests/support/glb_parts.h"
+#include "tests/support/test.h"
+
+namespace gs {
+namespace {
+
+/// A tetrahedron at `at`, outwards.
+void add_tetrahedron(TriangleMesh& mesh, const Vec3f& at) {
+  const auto first = std::uint32_t(mesh.vertices.size());
+  for (const Vec3f& corner : {Vec3f(0, 0, 0), Vec3f(1, 0, 0), Vec3f(0, 1, 0), Vec3f(0, 0, 1)}) {
+    mesh.vertices.push_back(at + corner);
+    mesh.colors.push_back({255, 128, std::uint8_t(mesh.vertices.size())});
+  }
+  for (const Triangle& t : {Triangle{0, 2, 1}, {0, 1, 3}, {0, 3, 2}, {1, 2, 3}})
+    mesh.triangles.push_back({first + t[0], first + t[1], first + t[2]});
+}
+
+TriangleMesh tetrahedron() {
+  TriangleMesh mesh;
+  add_tetrahedron(mesh, {1, 2, 3});
+  compute_normals(mesh);
+  return mesh;
+}
+
+std::string file_of(const std::string& ending, const TriangleMesh& mesh,
+                    const Vec3d& offset = Vec3d(0.0)) {
+  MemorySink sink("mesh" + ending);
+  mesh_format_of("mesh" + ending).write(sink, mesh, offset);
+  return sink.text;
+}
+
+TEST(Mesh, NormalsPointOutwards) {
+  const TriangleMesh mesh = tetrahedron();
+  const Vec3f center = mesh.vertices[0] + Vec3f(0.25f);
+  for (std::size_t v = 0; v < 4; ++v) {
+    EXPECT_GT(inner(mesh.normals[v], mesh.vertices[v] - center), 0);
+    EXPECT_NEAR(length(mesh.normals[v]), 1, 1e-6);
+  }
+}
+
+TEST(Mesh, SmallPiecesAndUnusedVerticesGo) {
+  TriangleMesh mesh;
+  mesh.vertices = {Vec3f(9)};
+  mesh.colors = {{9, 9, 9}};
+  for (int i = 0; i < 3; ++i) add_tetrahedron(mesh, Vec3f(float(3 * i)));
+  mesh.triangles.pop_back();  // the last one has three triangles
+  TriangleMesh usual = mesh;
+  EXPECT_EQ(keep_large_pieces(mesh, 2), 2u);
+  EXPECT_EQ(mesh.triangles.size(), 8u);
+  ASSERT_EQ(mesh.vertices.size(), 8u);
+  EXPECT_EQ(mesh.vertices[0], Vec3f(0));
+  EXPECT_EQ(mesh.colors[4][2], 6);
+  EXPECT_EQ(keep_large_pieces(usual, 0), 1u);  // none has 50 triangles: the first one stays
+  EXPECT_EQ(usual.triangles.size(), 4u);
+}
+
+/// How often each edge is used, in each direction.
+std::map<std::pair<std::uint32_t, std::uint32_t>, int> directed_edges(const TriangleMesh& mesh) {
+  std::map<std::pair<std::uint32_t, std::uint32_t>, int> uses;
+  for (const Triangle& t : mesh.triangles)
+    for (std::size_t k = 0; k < 3; ++k) ++uses[{t[k], t[(k + 1) % 3]}];
+  return uses;
+}
+
+/// A sphere of rings, closed.
+TriangleMesh ball(std::uint32_t rings, std::uint32_t around) {
+  TriangleMesh mesh;
+  mesh.vertices = {Vec3f(0, 0, 1)};
+  for (std::uint32_t r = 1; r < rings; ++r)
+    for (std::uint32_t i = 0; i < around; ++i) {
+      const float polar = 3.14159265f * float(r) / float(rings);
+      const float turn = 6.2831853f * float(i) / float(around);
+      mesh.vertices.emplace_back(std::sin(polar) * std::cos(turn), std::sin(polar) * std::sin(turn),
+                                 std::cos(polar));
+    }
+  mesh.vertices.emplace_back(0, 0, -1);
+  const auto last = std::uint32_t(mesh.vertices.size() - 1);
+  const auto at = [&](std::uint32_t r, std::uint32_t i) {
+    return 1 + (r - 1) * around + i % around;
+  };
+  for (std::uint32_t i = 0; i < around; ++i) {
+    mesh.triangles.push_back({0, at(1, i), at(1, i + 1)});
+    for (std::uint32_t r = 1; r + 1 < rings; ++r) {
+      mesh.triangles.push_back({at(r, i), at(r + 1, i), at(r + 1, i + 1)});
+      mesh.triangles.push_back({at(r, i), at(r + 1, i + 1), at(r, i + 1)});
+    }
+    mesh.triangles.push_back({at(rings - 1, i), last, at(rings - 1, i + 1)});
+  }
+  return mesh;
+}
+
+TEST(Mesh, ADecimatedBallStaysABallAndClosed) {
+  TriangleMesh mesh = ball(40, 60);
+  decimate_mesh(mesh, 600);
+  EXPECT_LE(mesh.triangles.size(), 600u);
+  EXPECT_GT(mesh.triangles.size(), 590u);
+  const auto edges = directed_edges(mesh);
+  for (const auto& [edge, count] : edges)
+    EXPECT_TRUE(count == 1 && edges.contains({edge.second, edge.first}));
+  for (const Vec3f& vertex : mesh.vertices) EXPECT_NEAR(length(vertex), 1, 0.02);
+  for (const Triangle& t : mesh.triangles)
+    EXPECT_GT(length(mesh.vertices[t[0]] + mesh.vertices[t[1]] + mesh.vertices[t[2]]) / 3, 0.95f);
+}
+
+TEST(Mesh, DecimationLeavesThePlaneAndTheBorderOfASquare) {
+  TriangleMesh mesh;
+  constexpr std::uint32_t kSide = 20;
+  for (std::uint32_t y = 0; y <= kSide; ++y)
+    for (std::uint32_t x = 0; x <= kSide; ++x) mesh.vertices.emplace_back(float(x), float(y), 0);
+  for (std::uint32_t y = 0; y < kSide; ++y)
+    for (std::uint32_t x = 0; x < kSide; ++x) {
+      const std::uint32_t a = y * (kSide + 1) + x, b = a + kSide + 1;
+      mesh.triangles.push_back({a, a + 1, b + 1});
+      mesh.triangles.push_back({a, b + 1, b});
+    }
+  decimate_mesh(mesh, 40);
+  EXPECT_LE(mesh.triangles.size(), 40u);
+  float area = 0;
+  for (const Triangle& t : mesh.triangles)
+    area += 0.5f * cross(mesh.vertices[t[1]] - mesh.vertices[t[0]],
+                         mesh.vertices[t[2]] - mesh.vertices[t[0]])
+                       .z;
+  EXPECT_NEAR(area, float(kSide * kSide), 1e-3);
+}
+
+TEST(Mesh, PlyHasVerticesColorsFacesAndTheWorldOffset) {
+  const TriangleMesh mesh = tetrahedron();
+  const std::string file = file_of(".ply", mesh, {1e6, 0, 0.5});
+  const std::size_t body = file.find("end_header\n") + 11;
+  EXPECT_NE(file.find("comment world_offset 1000000 0 0.5\n"), file.npos);
+  EXPECT_NE(file.find("element vertex 4\n"), file.npos);
+  EXPECT_NE(file.find("element face 4\n"), file.npos);
+  ASSERT_EQ(file.size(), body + 4 * 27 + 4 * 13);
+  EXPECT_EQ(load_little<Vec3f>(&file[body + 27]), mesh.vertices[1]);
+  EXPECT_EQ(load_little<Rgb8>(&file[body + 27 + 24]), mesh.colors[1]);
+  EXPECT_EQ(file[body + 4 * 27], 3);
+  EXPECT_EQ(load_little<Triangle>(&file[body + 4 * 27 + 1]), mesh.triangles[0]);
+}
+
+TEST(Mesh, ObjCountsFromOne) {
+  std::istringstream lines(file_of(".obj", tetrahedron()));
+  std::map<std::string, std::vector<std::string>> by_word;
+  for (std::string word, rest; lines >> word && std::getline(lines, rest);)
+    by_word[word].push_back(rest);
+  EXPECT_EQ(by_word["v"].size(), 4u);
+  EXPECT_EQ(by_word["vn"].size(), 4u);
+  EXPECT_EQ(by_word["v"][1], " 2 2 3 1.0000 0.5020 0.0078");
+  EXPECT_EQ(by_word["f"][0], " 1//1 3//3 2//2");
+  EXPECT_EQ(by_word["f"].size(), 4u);
+}
+
+TEST(Mesh, StlHasATriangleInFiftyBytes) {
+  const TriangleMesh mesh = tetrahedron();
+  const std::string file = file_of(".stl", mesh);
+  ASSERT_EQ(file.size(), 84u + 4 * 50);
+  EXPECT_EQ(load_little<std::uint32_t>(&file[80]), 4u);
+  EXPECT_EQ(load_little<Vec3f>(&file[84]), Vec3f(0, 0, -1));
+  EXPECT_EQ(load_little<Vec3f>(&file[96 + 12]), mesh.vertices[2]);
+}
+
+// As glTF 2.0 asks: ranges of positions, whole buffers, indices in range, linear colors.
+TEST(Mesh, GlbIsATriangleMeshTurnedUpright) {
+  const TriangleMesh mesh = tetrahedron();
+  const GlbParts parts = glb_parts(file_of(".glb", mesh, {1, 2, 3}));
+  const Json& accessors = parts.json["accessors"];
+  EXPECT_EQ(accessors[0]["min"], Json::array({-2.0, -3.0, 3.0}));
+  EXPECT_EQ(accessors[0]["max"], Json::array({-1.0, -2.0, 4.0}));
+  EXPECT_EQ(parts.json["nodes"][0]["extras"]["world_offset"], Json::array({1.0, 2.0, 3.0}));
+  EXPECT_EQ(parts.json["meshes"][0]["primitives"][0]["attributes"]["COLOR_0"], 2);
+  EXPECT_EQ(parts.json["buffers"][0]["byteLength"], parts.binary.size());
+  const auto start = [&](std::size_t view) {
+    return parts.json["bufferViews"][view]["byteOffset"].get<std::size_t>();
+  };
+  EXPECT_EQ(load_little<Vec3f>(&parts.binary[start(0)]), Vec3f(-1, -2, 3));
+  EXPECT_EQ(std::uint8_t(parts.binary[start(2)]), 255);
+  EXPECT_EQ(std::uint8_t(parts.binary[start(2) + 1]), 55);  // 128 of 255, linear
+  EXPECT_EQ(load_little<Triangle>(&parts.binary[start(3)]), mesh.triangles[0]);
+}
+
+TEST(Mesh, OtherEndingsAreRefused) {
+  EXPECT_THROW(mesh_format_of("mesh.fbx"), UsageError);
+  EXPECT_THROW(mesh_format_of("mesh"), UsageError);
+}
+
+}  // namespace
+}  // namespace gs
