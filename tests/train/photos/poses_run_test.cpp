@@ -41,7 +41,7 @@ TEST_F(PosesRun, MakesUpForTheDisturbanceWhereAllIsLearned) {
   EXPECT_LT(test_psnr(disturbed), test_psnr(given) - 5);
   Trainer refined(scene_, refining_run(kPosedSteps), *backend_);
   refined.run();
-  EXPECT_GT(test_psnr(refined), test_psnr(given) - 0.2);
+  EXPECT_GT(test_psnr(refined), test_psnr(given) - 0.5);  // of 5 that the disturbance costs
   EXPECT_LT(error_of(refined).degrees, 0.2);
   EXPECT_LT(error_of(refined).shift, 0.003 * posed_.given.extent);
 }
