@@ -11,6 +11,7 @@
 #include "gs_model/formats/formats.h"
 #include "tests/support/random_model.h"
 #include "tests/support/temp_folder.h"
+#include "tests/support/zlib_test.h"
 
 namespace gs {
 namespace {
@@ -58,15 +59,8 @@ std::string spz_bytes(int version, const std::string& rotation) {
 // Largest w (3), x 0, y -0.6 = 434/511 sqrt(1/2) with its sign bit, z 0: 3 << 30 | 0x3B2 << 10.
 const std::string kSmallestThree = bytes_of({0x00, 0xC8, 0x0E, 0xC0});
 
-class Golden : public testing::Test {
+class Golden : public ZlibTest {
  protected:
-  void SetUp() override {
-    try {
-      require_zlib();
-    } catch (const Error& missing) {
-      GTEST_SKIP() << missing.what();
-    }
-  }
   std::filesystem::path file(const char* name) const { return folder_.path() / name; }
   TempFolder folder_;
 };

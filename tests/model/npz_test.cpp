@@ -20,6 +20,7 @@
 #include "tests/support/random_model.h"
 #include "tests/support/temp_folder.h"
 #include "tests/support/test.h"
+#include "tests/support/zlib_test.h"
 
 namespace gs {
 namespace {
@@ -33,15 +34,8 @@ Sym3<double> world_covariance(const Gaussians& g, std::size_t i) {
 double trace(const Sym3<double>& s) { return s.xx + s.yy + s.zz; }
 float largest_of(const Vec3f& v) { return std::max({std::abs(v.x), std::abs(v.y), std::abs(v.z)}); }
 
-class Npz : public testing::Test {
+class Npz : public ZlibTest {
  protected:
-  void SetUp() override {
-    try {
-      require_zlib();
-    } catch (const Error& missing) {
-      GTEST_SKIP() << missing.what();
-    }
-  }
   std::filesystem::path file() const { return folder_.path() / "model.npz"; }
   GaussianModel there_and_back(const GaussianModel& model, const RowImportance& importance = {}) {
     write_model(file(), model, {.importance = importance});

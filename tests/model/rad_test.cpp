@@ -22,6 +22,7 @@
 #include "tests/support/error_of.h"
 #include "tests/support/random_model.h"
 #include "tests/support/temp_folder.h"
+#include "tests/support/zlib_test.h"
 
 namespace gs {
 namespace {
@@ -71,14 +72,11 @@ TEST(RadValues, AllEncodingsAreRead) {
   EXPECT_EQ(bytes_of_encoding("f64"), 0u);
 }
 
-class Rad : public testing::Test {
+class Rad : public ZlibTest {
  protected:
   void SetUp() override {
-    try {
-      require_zlib();
-    } catch (const Error& missing) {
-      GTEST_SKIP() << missing.what();
-    }
+    ZlibTest::SetUp();
+    if (IsSkipped()) return;
     model_ = finite_model(random_model(3000, 1));
     for (float& o : model_.gaussians.logit_opacity) o -= 4;
     write_model(file(), model_);

@@ -15,6 +15,7 @@
 #include "tests/support/models.h"
 #include "tests/support/placed_scene.h"
 #include "tests/support/random_model.h"
+#include "tests/support/zlib_test.h"
 
 namespace gs {
 namespace {
@@ -116,15 +117,8 @@ TEST(TileTree, TheSameGaussiansGiveTheSameTree) {
   EXPECT_TRUE(same_bits(a.children[1].gaussians, b.children[1].gaussians));
 }
 
-class Tileset : public testing::Test {
+class Tileset : public ZlibTest {
  protected:
-  void SetUp() override {
-    try {
-      require_zlib();
-    } catch (const Error&) {
-      GTEST_SKIP() << "this build has no zlib";
-    }
-  }
   fs::path path(const std::string& name) const { return folder_.path() / name; }
   TilesetRequest request(std::size_t most) const {
     return {path("tiles"), true_georeference(), kMaxShDegree, most};
