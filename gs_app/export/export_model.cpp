@@ -40,7 +40,7 @@ Fidelity measure(const ExportedFile& exported, const ModelTransform& transform,
 ExportOptions options_for(const ModelFormat& format, const GaussianModel& model,
                           const ExportRequest& request, const Viewpoints* viewpoints) {
   ExportOptions options = request.options;
-  if (format.name != "npz" || !viewpoints || !viewpoints->training) return options;
+  if (!format.takes_importance || !viewpoints || !viewpoints->training) return options;
   const std::vector<Camera> cameras = viewpoints->training();
   if (!cameras.empty()) options.importance = importance_of(*viewpoints, model.gaussians, cameras);
   return options;

@@ -6,6 +6,7 @@
 #include <cmath>
 
 #include "gs_app/run/progress_bar.h"
+#include "gs_core/math/density/density.h"
 #include "gs_core/math/render/quaternion.h"
 #include "gs_core/math/render/rotation.h"
 #include "gs_core/threads/parallel.h"
@@ -60,7 +61,6 @@ struct Sums {
   ShRest sh_rest{};
 };
 
-float largest_of(const Vec3f& v) { return std::max({v.x, v.y, v.z}); }
 Vec3f absolute(const Vec3f& v) { return {std::abs(v.x), std::abs(v.y), std::abs(v.z)}; }
 
 void add(Sums& sums, const Gaussians& host, const Gaussians& gradients, std::size_t i) {
@@ -105,8 +105,8 @@ RowImportance importance_of(const Viewpoints& viewpoints, const Gaussians& host,
   bar.clear();
   RowImportance importance{std::vector<float>(count), std::vector<float>(count)};
   for (std::size_t i = 0; i < count; ++i) {
-    float color = largest_of(sums[i].sh0);
-    for (const Vec3f& c : sums[i].sh_rest.coefficient) color = std::max(color, largest_of(c));
+    float color = largest(sums[i].sh0);
+    for (const Vec3f& c : sums[i].sh_rest.coefficient) color = std::max(color, largest(c));
     importance.color[i] = float(color / pixels);
     importance.shape[i] =
         float(*std::max_element(sums[i].shape.begin(), sums[i].shape.end()) / pixels);

@@ -97,7 +97,7 @@ const std::vector<ModelFormat>& model_formats() {
       {"rad", ".rad", "a tree of levels of detail, floats of 16 bits, compressed", kLossy, kPlyAxes,
        Holds::still, read_rad, without_options<write_rad>, require_for_zlib},
       {"npz", ".npz", "codebooks of colors and shapes, bytes, compressed", kLossy, kPlyAxes,
-       Holds::still, read_npz, write_npz_with, require_for_zlib},
+       Holds::still, read_npz, write_npz_with, require_for_zlib, false, true},
       {"splat", ".splat", "bytes, no SH beyond degree 0", kLossy, kPlyAxes, Holds::still,
        read_splat, without_options<write_splat>, require_nothing},
       {"gs4d", ".gs4d", "motion in chunks in the order of time, for the web", kLossy, kPlyAxes,

@@ -46,7 +46,8 @@ struct ModelFormat {
   // null: gemsplat only reads it
   void (*write)(ByteSink&, const GaussianModel&, const ExportOptions&);
   void (*require)(const ExportOptions&);  // throws Error where this build lacks a library for it
-  bool may_be_empty = false;  // whether a file without Gaussians can be told from damage
+  bool may_be_empty = false;      // whether a file without Gaussians can be told from damage
+  bool takes_importance = false;  // ExportOptions::importance
 };
 
 /// All formats that gemsplat writes, in the order in which people see them.
