@@ -46,13 +46,7 @@ void visit_options(MeshJob& job, OptionList& list) {
        "MODEL-mesh.glb]")
       .takes("FILE");
   model_options(list, job.choice);
-  list("--cameras", job.cameras,
-       "cameras.json, transforms.json or the folder of a COLMAP model [the training views of the "
-       "run]")
-      .takes("FILE|FOLDER")
-      .group("Scene");
-  camera_options(list, "-d,--data,-s,--source-path");
-  list.get("--data").excludes("--cameras");
+  given_camera_options(list, job.cameras, "the training views of the run");
   const auto option = [&](const char* names, auto& value, const char* meaning) -> Option& {
     return list(names, value, meaning).group("Mesh");
   };

@@ -56,6 +56,15 @@ void camera_options(OptionList& option, const std::string& scene_names) {
   foreign_options(option, "dataset.");
 }
 
+void given_camera_options(OptionList& option, std::string& cameras, const std::string& otherwise) {
+  option("--cameras", cameras,
+         "cameras.json, transforms.json or the folder of a COLMAP model [" + otherwise + "]")
+      .takes("FILE|FOLDER")
+      .group("Scene");
+  camera_options(option, "-d,--data,-s,--source-path");
+  option.get("--data").excludes("--cameras");
+}
+
 void mask_options(OptionList& option) {
   option.setting("--masks", "dataset.masks", "Scene").rare();
   option.setting("--mask-mode", "dataset.mask_mode", "Scene").rare();

@@ -30,6 +30,9 @@ Option& time_option(OptionList& option, std::optional<double>& time, const std::
 /// The scene (`scene_names`: its option's names), --images, -r, --test-every: all that poses and
 /// sizes of its cameras depend on.
 void camera_options(OptionList& option, const std::string& scene_names);
+/// camera_options() with --data for the scene, or --cameras instead; `otherwise` says what is taken
+/// where neither is given.
+void given_camera_options(OptionList& option, std::string& cameras, const std::string& otherwise);
 /// --masks, --mask-mode, --invert-masks.
 void mask_options(OptionList& option);
 /// Both, and where decoded photos are kept: for verbs that use all photos.

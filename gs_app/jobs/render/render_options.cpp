@@ -223,12 +223,7 @@ void visit_options(RenderJob& job, OptionList& option) {
          "the model: MODEL-pictures, or MODEL-film.mp4 of a --path]")
       .takes("FOLDER|FILM");
   model_options(option, job.choice);
-  option("--cameras", job.cameras,
-         "cameras.json, transforms.json or the folder of a COLMAP model [those of the run]")
-      .takes("FILE|FOLDER")
-      .group("Scene");
-  camera_options(option, "-d,--data,-s,--source-path");
-  option.get("--data").excludes("--cameras");
+  given_camera_options(option, job.cameras, "those of the run");
   option("--split", job.split, "which views of the run or of --data [all; train for a --path]")
       .one_of({"test", "train", "all"})
       .group("Scene");
