@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <array>
 #include <string_view>
+#include <utility>
 
 #include "gs_core/system/files/access.h"
 #include "gs_core/system/text/ascii.h"
@@ -59,21 +60,28 @@ std::string without_extension(const std::string& name) {
 
 std::vector<std::string> picture_names_in(const fs::path& folder) {
   std::vector<std::string> names;
-  std::error_code error;
-  // Folders of others below, such as lost+found, are passed over, but not the folder itself.
-  if (fs::directory_iterator(folder, error); error == std::errc::permission_denied)
-    cannot_access(folder, error.message() + "; check its permissions");
-  fs::recursive_directory_iterator entry(folder, fs::directory_options::skip_permission_denied,
-                                         error);
-  for (const fs::recursive_directory_iterator end; !error && entry != end; entry.increment(error)) {
-    std::error_code ignored;
-    if (entry->path().filename().native().front() == '.')
-      entry.disable_recursion_pending();
-    else if (is_picture(entry->path()) && entry->is_regular_file(ignored))
-      names.push_back(entry->path().lexically_relative(folder).generic_string());
+  std::vector<fs::path> folders = {folder};
+  while (!folders.empty()) {
+    const fs::path current = std::move(folders.back());
+    folders.pop_back();
+    std::error_code error;
+    fs::directory_iterator entry(current, error);
+    for (const fs::directory_iterator end; !error && entry != end; entry.increment(error)) {
+      std::error_code ignored;
+      if (entry->path().filename().native().front() == '.') continue;
+      if (entry->is_directory(ignored) && !entry->is_symlink(ignored))
+        folders.push_back(entry->path());
+      else if (is_picture(entry->path()) && entry->is_regular_file(ignored))
+        names.push_back(entry->path().lexically_relative(folder).generic_string());
+    }
+    if (error == std::errc::no_such_file_or_directory || error == std::errc::not_a_directory)
+      continue;
+    if (error == std::errc::permission_denied) {
+      if (current != folder) continue;  // a folder of others, such as lost+found
+      cannot_access(folder, error.message() + "; check its permissions");
+    }
+    if (error) cannot_access(current, error.message() + "; check the disk");
   }
-  if (error && error != std::errc::no_such_file_or_directory && error != std::errc::not_a_directory)
-    cannot_access(folder, error.message() + "; check the disk");
   std::sort(names.begin(), names.end());
   return names;
 }
