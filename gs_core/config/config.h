@@ -59,7 +59,7 @@ struct ModelConfig {
   // a model to start from, a file or a run's folder; empty: the scene's points
   std::string start_from;
   int sh_degree = 3;
-  float initial_opacity = 0.3f;
+  float initial_opacity = 0.1f;
   float initial_scale = 1;           // times the distance to the nearest points
   int random_points = 15000;         // used when the model has no points
   float random_box = 0;              // half the edge of the box of random points; 0: by cameras
@@ -127,7 +127,7 @@ struct DensityConfig {
   int until_step = 24000;
   int every = 100;
   float gradient_threshold = 1e-4f;  // of the mean NDC-scaled 2D position gradient
-  float prune_opacity = 0.02f;
+  float prune_opacity = 0.005f;
   float prune_scale = 0;       // of the extent, after the first opacity reset; 0: none
   float camera_clearance = 0;  // of the depth of the points behind a Gaussian; 0: none
   int reset_opacity_every = 6000;
@@ -156,7 +156,7 @@ struct TrainConfig {
   float steps_scaler = 1;            // multiplies iterations and the whole schedule
   int sh_degree_every = 3000;
   std::vector<int> resolution_ramp{2};  // factors by which photos are reduced at first
-  int resolution_every = 15000;         // steps with each of them
+  int resolution_every = 6000;          // steps with each of them
   int resolution_least = 100000;        // pixels; a photo is not reduced to fewer
   std::uint64_t seed = 42;
   int threads = 0;              // 0: all cores
