@@ -8,7 +8,7 @@
 #include <memory>
 
 #include "data_loaders/photos/photo_names.h"
-#include "gs_app/edit/contributions.h"
+#include "gs_app/export/contributions.h"
 #include "gs_app/pictures/pictures.h"
 #include "gs_core/config/text/nearest_word.h"
 #include "gs_core/error.h"

@@ -7,7 +7,7 @@
 #include <string_view>
 #include <vector>
 
-#include "gs_app/edit/contributions.h"
+#include "gs_app/export/contributions.h"
 #include "gs_core/scene.h"
 #include "gs_model/edit/edit_model.h"
 #include "gs_model/edit/places/places.h"

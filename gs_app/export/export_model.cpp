@@ -4,7 +4,9 @@
 #include <spdlog/fmt/fmt.h>
 
 #include <algorithm>
+#include <utility>
 
+#include "gs_app/export/fit_size.h"
 #include "gs_app/export/importance.h"
 #include "gs_core/config/text/markdown.h"
 #include "gs_core/error.h"
@@ -28,6 +30,33 @@ GaussianModel prepared(const GaussianModel& model, const ExportRequest& request)
   return result;
 }
 
+/// Counts bytes and keeps none.
+class CountingSink : public ByteSink {
+ public:
+  explicit CountingSink(std::string name) : name_(std::move(name)) {}
+  std::string name() const override { return name_; }
+  using ByteSink::write;
+  void write(const void*, std::size_t count) override { bytes += count; }
+
+  std::uint64_t bytes = 0;
+
+ private:
+  std::string name_;
+};
+
+/// What of the model fits into the request's size. The options are those that the file is written
+/// with, so that it has the size that was found.
+GaussianModel fitted(const GaussianModel& model, const ModelFormat& format,
+                     const ExportRequest& request, const Viewpoints* viewpoints) {
+  const std::string file = request.file.string();
+  const auto size_of = [&](const GaussianModel& candidate) {
+    CountingSink sink(file);
+    write_model(sink, format, prepared(candidate, request), request.options);
+    return sink.bytes;
+  };
+  return fit_size(model, request.most_bytes, size_of, viewpoints, file);
+}
+
 /// Compares the file with the original where that stands: in the frame of training.
 Fidelity measure(const ExportedFile& exported, const ModelTransform& transform,
                  const Viewpoints& viewpoints) {
@@ -40,7 +69,8 @@ Fidelity measure(const ExportedFile& exported, const ModelTransform& transform,
 ExportOptions options_for(const ModelFormat& format, const GaussianModel& model,
                           const ExportRequest& request, const Viewpoints* viewpoints) {
   ExportOptions options = request.options;
-  if (!format.takes_importance || !viewpoints || !viewpoints->training) return options;
+  if (!format.takes_importance || !viewpoints || !viewpoints->training || request.most_bytes > 0)
+    return options;
   const std::vector<Camera> cameras = viewpoints->training();
   if (!cameras.empty()) options.importance = importance_of(*viewpoints, model.gaussians, cameras);
   return options;
@@ -85,13 +115,17 @@ void check_export(const ExportRequest& request, bool force, std::string_view how
 
 bool is_lossy(const ExportRequest& request, int sh_degree) {
   const ModelFormat& format = format_to_write(request.file);
-  return format.read && (!format.is_lossless || request.sh_degree < sh_degree);
+  return format.read &&
+         (!format.is_lossless || request.sh_degree < sh_degree || request.most_bytes > 0);
 }
 
-ExportedFile export_model(const GaussianModel& model, const ExportRequest& request,
+ExportedFile export_model(const GaussianModel& whole, const ExportRequest& request,
                           const Viewpoints* viewpoints) {
   const ModelFormat& format = format_to_write(request.file);
   const OutputLock lock = OutputLock::of_file(request.file);
+  std::optional<GaussianModel> smaller;
+  if (request.most_bytes > 0) smaller = fitted(whole, format, request, viewpoints);
+  const GaussianModel& model = smaller ? *smaller : whole;
   const fs::path sidecar = sidecar_of(request.file);
   keep_older_aside(request.file);
   keep_older_aside(sidecar);
@@ -110,7 +144,7 @@ ExportedFile export_model(const GaussianModel& model, const ExportRequest& reque
   file.commit(AtomicFile::Durability::synced, [&] { fs::remove(sidecar); });
   exported.bytes = fs::file_size(request.file);
   write_sidecar(exported);  // at once, as measuring may take minutes
-  if (is_lossy(request, model.sh_degree) && viewpoints && !viewpoints->cameras.empty()) {
+  if (is_lossy(request, whole.sh_degree) && viewpoints && !viewpoints->cameras.empty()) {
     exported.fidelity = measure(exported, request.transform, *viewpoints);
     write_sidecar(exported);
   }

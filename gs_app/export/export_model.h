@@ -9,6 +9,7 @@
 //   std::cout << summary(file, &viewpoints);
 #pragma once
 
+#include <cstdint>
 #include <filesystem>
 #include <optional>
 #include <string>
@@ -25,6 +26,7 @@ struct ExportRequest {
   ExportOptions options = {};
   ModelTransform transform = {};
   int sh_degree = kMaxShDegree;  // the file has no higher one
+  std::uint64_t most_bytes = 0;  // of the file, by fit_size(); 0: any
   // Where the model was moved before: from its numbers to the photos' frame (OpenedModel).
   std::optional<Mat4d> input_from_model = {};
   std::optional<Georeference> georeference = {};  // of the model's scene, for the sidecar

@@ -70,7 +70,7 @@ TEST_F(EditVerb, TheRunsCamerasChooseAndTestViewsAreNoTrainingViews) {
 TEST_F(EditVerb, FaintOnesGoAndTheCostIsMeasured) {
   const auto measured = [&](const std::string& more) {
     const Outcome outcome =
-        edit("--drop opacity=..0.3 --measure --json --force -o " + text("a.ply") + " " + more);
+        edit("--drop opacity=..0.1 --measure --json --force -o " + text("a.ply") + " " + more);
     EXPECT_EQ(outcome.code, 0) << outcome.err;
     return SortedJson::parse(outcome.out).at("measured");
   };
@@ -81,7 +81,7 @@ TEST_F(EditVerb, FaintOnesGoAndTheCostIsMeasured) {
   EXPECT_LT(cost["after"]["num_gaussians"], cost["before"]["num_gaussians"]);
   EXPECT_NE(cost["before"]["psnr"], cost["after"]["psnr"]);
   for (const float logit : read_model(path("a.ply")).gaussians.logit_opacity)
-    EXPECT_GE(logit, std::log(0.3f / 0.7f) - 1e-5f);
+    EXPECT_GE(logit, std::log(0.1f / 0.9f) - 1e-5f);
   // What is behind half-transparent Gaussians counts, a lower degree is that of the result alone,
   // and a model that was moved is measured where the photos are.
   EXPECT_NE(measured("--set render.background=white")["before"]["psnr"], cost["before"]["psnr"]);

@@ -23,8 +23,9 @@ struct ExportJob : JobSettings {
   ExportOptions options;
   std::vector<double> up;  // empty: no turn
   double scale = 1;
-  std::string georef;  // empty: that of the scene, if there is one
-  std::string title;   // of a page; empty: the name of the scene
+  double megabytes = 0;  // of each file at most, in millions of bytes; 0: any
+  std::string georef;    // empty: that of the scene, if there is one
+  std::string title;     // of a page; empty: the name of the scene
   std::size_t tile_gaussians = kTileGaussiansAtMost;
   bool recenter = false, force = false, table = false, unmeasured = false;
 };

@@ -74,6 +74,12 @@ void visit_options(ExportJob& job, OptionList& option) {
               "write this moment of Gaussians in space and time, 0 to 1, as 3D Gaussians");
   option("--table", job.table,
          "output is a folder: write every format into it, with a table of sizes and losses");
+  option(
+      "--megabytes", job.megabytes,
+      "files have at most this many million bytes: Gaussians are merged, and upper degrees of SH "
+      "left away, whichever looks more like the model on its test views [any size]")
+      .takes("MB")
+      .between(1e-3, 1e6);
   visit_formats(job, option);
   option("--force", job.force, "if a file exists, move it to FILE.bak-N first");
   visit_frame(job, option);

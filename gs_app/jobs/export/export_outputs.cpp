@@ -112,14 +112,19 @@ std::vector<ExportRequest> requests_of(const ExportJob& job, const OpenedModel& 
   for (const std::string& file :
        job.table ? files_of_table(job.outputs[0], job.options, model) : job.outputs)
     if (!is_tileset(job, file) && !is_page(job, file))
-      requests.push_back(
-          {file, job.options, transform, sh_degree, opened.input_from_model, georeference});
+      requests.push_back({file, job.options, transform, sh_degree,
+                          std::uint64_t(job.megabytes * 1e6), opened.input_from_model,
+                          georeference});
   for (const ExportRequest& request : requests) {
     check_export(request, job.force);
     check_holds(format_to_write(request.file), model.gaussians.has_time, request.file.string());
     names.add_file(request.file);
     names.add_file(sidecar_of(request.file));
   }
+  if (job.megabytes > 0 && requests.empty())
+    throw UsageError(
+        "--megabytes is for files of models; for a page or a tileset export a file of that size "
+        "first, and then the page or tileset of it");
   if (job.table) check_place(table_file(job.outputs[0]), job.force);
   return requests;
 }

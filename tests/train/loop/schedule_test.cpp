@@ -155,7 +155,6 @@ TEST(ScheduleOfPhotoSizes, HasEachFactorForItsTime) {
   Config config = adaptive_config();
   config.train.iterations = 10'000;
   config.train.resolution_ramp = {4, 2};
-  config.train.resolution_every = 6000;
   const Schedule schedule(config, 2.0f);
   Camera camera;
   camera.width = 4000, camera.height = 3000;

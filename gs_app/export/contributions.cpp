@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "gs_app/edit/contributions.h"
+#include "gs_app/export/contributions.h"
 
 #include <algorithm>
 
