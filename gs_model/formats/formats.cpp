@@ -17,6 +17,7 @@
 #include "gs_model/formats/glb/glb.h"
 #include "gs_model/formats/gs4d/gs4d.h"
 #include "gs_model/formats/lod/rad.h"
+#include "gs_model/formats/npz/vectree.h"
 #include "gs_model/formats/ply/compressed_ply.h"
 #include "gs_model/formats/ply/ply.h"
 #include "gs_model/formats/sog/sog.h"
@@ -46,10 +47,12 @@ void write_spz_version(ByteSink& sink, const GaussianModel& model, const ExportO
 void write_gs4d_with(ByteSink& sink, const GaussianModel& model, const ExportOptions& options) {
   write_gs4d(sink, model, options.duration);
 }
-void write_npz_with(ByteSink& sink, const GaussianModel& model, const ExportOptions& options) {
+// Gives a writer of codebooks the signature of the table.
+template <auto writer>
+void with_importance(ByteSink& sink, const GaussianModel& model, const ExportOptions& options) {
   // Rows that are not finite were left out, and nothing was measured of such a model.
   const bool is_measured = options.importance.color.size() == model.gaussians.count();
-  write_npz(sink, model, is_measured ? options.importance : RowImportance{});
+  writer(sink, model, is_measured ? options.importance : RowImportance{});
 }
 void write_whole_ply(ByteSink& sink, const GaussianModel& model, const ExportOptions&) {
   write_gaussian_ply(sink, model);
@@ -67,6 +70,7 @@ void require_for_sog(const ExportOptions&) { require_webp(); }
 const ModelFormat kSogFolder = {"sog folder",    "meta.json", "SOG, unpacked",
                                 false,           kPlyAxes,    Holds::still,
                                 read_sog_folder, nullptr,     require_for_sog};
+constexpr std::string_view kVectree = "extreme_saving.zip";
 constexpr std::string_view kLodMeta = "lod-meta.json";  // of a streamed SOG
 
 // What takes the place of formats that gemsplat wrote once.
@@ -97,7 +101,10 @@ const std::vector<ModelFormat>& model_formats() {
       {"rad", ".rad", "a tree of levels of detail, floats of 16 bits, compressed", kLossy, kPlyAxes,
        Holds::still, read_rad, without_options<write_rad>, require_for_zlib},
       {"npz", ".npz", "codebooks of colors and shapes, bytes, compressed", kLossy, kPlyAxes,
-       Holds::still, read_npz, write_npz_with, require_for_zlib, false, true},
+       Holds::still, read_npz, with_importance<write_npz>, require_for_zlib, false, true},
+      {"vectree", ".extreme_saving.zip",
+       "floats of 16 bits, a codebook of colors for most, compressed", kLossy, kPlyAxes,
+       Holds::still, read_vectree, with_importance<write_vectree>, require_for_zlib, false, true},
       {"splat", ".splat", "bytes, no SH beyond degree 0", kLossy, kPlyAxes, Holds::still,
        read_splat, without_options<write_splat>, require_nothing},
       {"gs4d", ".gs4d", "motion in chunks in the order of time, for the web", kLossy, kPlyAxes,
@@ -123,6 +130,7 @@ const ModelFormat& format_named(std::string_view name) {
 const ModelFormat* find_format(const Path& path) {
   const std::string name = lowercase(path.filename().string());
   if (name == kSogFolder.ending) return &kSogFolder;
+  if (name == kVectree) return &format_named("vectree");  // as LightGaussian calls it
   const ModelFormat* longest = nullptr;
   for (const ModelFormat& format : model_formats())
     if (name.ends_with(format.ending) &&

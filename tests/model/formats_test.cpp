@@ -57,6 +57,7 @@ const Kind kKinds[] = {
     {".spz", {4}, 3, {0.00025f, 0.064f, 0.003f, 0.03f, 0.135f, 0.006f}},
     {".sog", {}, 3, {0.0004f, 0.06f, 0.003f, 0.06f, 100, 0.02f}},
     {".rad", {}, 3, {0, 0.005f, 0.0005f, 0.004f, 0.01f, 0.045f}},
+    {".extreme_saving.zip", {}, 3, {0, 0.004f, 0.001f, 0.004f, 0.004f, 0.002f}},
 };
 
 float angle_between(const Quatf& a, const Quatf& b) {
@@ -164,7 +165,7 @@ TEST_F(Formats, NoGaussiansAreHeldOrRefusedWithAdvice) {
     SCOPED_TRACE(ending);
     EXPECT_EQ(there_and_back(random_model(0, 2), ending).gaussians.count(), 0u);
   }
-  for (const char* ending : {".glb", ".sog", ".npz", ".splat", ".rad"})
+  for (const char* ending : {".glb", ".sog", ".npz", ".splat", ".rad", ".extreme_saving.zip"})
     EXPECT_THAT(
         error_of([&] { write_model(file(std::string("none") + ending), random_model(0, 2)); }),
         AllOf(HasSubstr("no Gaussians"), HasSubstr("choose .ply")));
@@ -467,7 +468,7 @@ TEST_F(Formats, EntriesOfAZipThatShareTheirBytesAreRefused) {
 
 TEST_F(Formats, FilesOfAnotherKindAreRefusedWithAReason) {
   const std::string png = "\x89PNG\r\n\x1a\n and more than sixteen bytes";
-  for (const char* ending : {".spz", ".sog", ".npz", ".compressed.ply"}) {
+  for (const char* ending : {".spz", ".sog", ".npz", ".compressed.ply", ".extreme_saving.zip"}) {
     write_bytes(file(std::string("x").append(ending)), png);
     EXPECT_THAT(error_of([&] { read_model(file(std::string("x").append(ending))); }),
                 AllOf(HasSubstr("cannot read"), HasSubstr(std::string("x").append(ending))));

@@ -1,7 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """The .npz of c3dgs against NumPy: its arrays are read, and ours have its names, types and shapes."""
 
+import io
 import unittest
+import zipfile
 
 import numpy as np
 
@@ -82,6 +84,59 @@ class Npz(TestCase):
             opacity = (arrays["opacity"].astype(np.float32) - arrays["opacity_zero_point"]) * arrays["opacity_scale"]
             np.testing.assert_allclose(np.sort(opacity[:, 0]), np.sort(model.opacities), atol=0.003)
             self.assertTrue(gemsplat.load(file).antialiased)
+
+
+class Vectree(TestCase):
+    """The extreme_saving.zip of LightGaussian."""
+
+    def test_arrays_of_numpy_are_read(self):
+        rng = np.random.default_rng(4)
+        count, rest = 21, 8  # SH degree 2
+        own = rng.random(count) < 0.4
+        index = rng.integers(0, 8, count)
+        codebook, own_colors = (rng.normal(size=(rows, 3 + 3 * rest)).astype(np.float16) for rows in (8, own.sum()))
+        other = rng.normal(size=(count, 8)).astype(np.float16)
+        means = rng.normal(size=(count, 3)).astype(np.float32)
+        bits = (index[~own, None] >> np.array([2, 1, 0])) & 1
+        arrays = {"xyz": means, "other_attribute": other, "codebook": codebook, "non_vq_feats": own_colors,
+                  "non_vq_mask": np.packbits(own), "vq_indexs": np.packbits(bits.reshape(-1).astype(bool))}
+        with zipfile.ZipFile(self.folder / "extreme_saving.zip", "w") as archive:
+            for name, array in arrays.items():
+                buffer = io.BytesIO()
+                np.savez_compressed(buffer, array)
+                archive.writestr(f"somewhere/extreme_saving/{name}.npz", buffer.getvalue())
+
+        model = gemsplat.load(self.folder / "extreme_saving.zip")
+        colors = np.empty((count, 3 + 3 * rest), np.float32)
+        colors[own], colors[~own] = own_colors, codebook[index[~own]]
+        self.assertEqual(model.sh_degree, 2)
+        np.testing.assert_array_equal(model.means, means)
+        np.testing.assert_array_equal(model.logit_opacities, other[:, 0].astype(np.float32))
+        np.testing.assert_array_equal(model.log_scales, other[:, 1:4].astype(np.float32))
+        turned = other[:, 4:].astype(np.float32)
+        np.testing.assert_allclose(model.rotations, turned / np.linalg.norm(turned, axis=1, keepdims=True), atol=1e-6)
+        np.testing.assert_array_equal(model.sh0, colors[:, :3])
+        np.testing.assert_array_equal(model.sh_rest[:, :rest], colors[:, 3:].reshape(count, 3, rest).transpose(0, 2, 1))
+
+    def test_numpy_reads_what_gemsplat_writes(self):
+        given = random_arrays(count=30)
+        gemsplat.Model(**given).save(self.folder / "a.extreme_saving.zip")
+        with zipfile.ZipFile(self.folder / "a.extreme_saving.zip") as archive:
+            archive.extractall(self.folder)
+
+        def load(name, array="arr_0"):
+            return np.load(self.folder / "extreme_saving" / f"{name}.npz", allow_pickle=True)[array]
+
+        self.assertEqual(load("metadata", "metadata").item(), {"input_pc_num": 30, "input_pc_dim": 62, "codebook_size": 8192,
+                                                               "codebook_dim": 48})
+        own = np.unpackbits(load("non_vq_mask"))[:30].astype(bool)
+        self.assertEqual(own.sum(), 12)
+        index = np.unpackbits(load("vq_indexs"))[:18 * 13].reshape(18, 13) @ (1 << np.arange(12, -1, -1))
+        colors = np.empty((30, 48), np.float32)
+        colors[own], colors[~own] = load("non_vq_feats"), load("codebook")[index]
+        expected = np.concatenate([given["sh0"], given["sh_rest"].transpose(0, 2, 1).reshape(30, 45)], axis=1)
+        np.testing.assert_allclose(colors, expected, rtol=1e-3, atol=1e-3)
+        np.testing.assert_array_equal(load("xyz"), given["means"])
 
 
 if __name__ == "__main__":
