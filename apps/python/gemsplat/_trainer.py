@@ -316,9 +316,9 @@ class Trainer:
         value, *gradients = answer
         if all(gradient is None for gradient in gradients):
             raise UsageError("a loss must depend on image; compute it from that")
-        pulled = [arrays.taken("the gradient of a loss", 0 * of if by is None else by, tuple(of.shape))
+        pulled = [arrays.taken("the gradient of a loss", 0 * of if by is None else by, tuple(of.shape), packed=False)
                   for by, of in zip(gradients, pictures)]
-        pulled[0] = arrays.planes_of(pulled[0])
+        pulled = [arrays.planes_of(pulled[0]), *(arrays.packed(by) for by in pulled[1:])]
         picture.write([arrays.place(array) for array in pulled])
         return value
 
@@ -347,8 +347,11 @@ class _NumPy:
     def empty(self, shape, dtype="float32"):
         return np.empty(shape, dtype)
 
-    def taken(self, name, array, shape):
+    def taken(self, name, array, shape, packed=True):
         return floats_of(name, array, shape)
+
+    def packed(self, array):
+        return array
 
     def place(self, array):
         return Place(array.ctypes.data, True)
@@ -385,11 +388,14 @@ class _Torch:
     def empty(self, shape, dtype="float32"):
         return self._torch.empty(shape, dtype=getattr(self._torch, dtype), device=self._device)
 
-    def taken(self, name, array, shape):
-        tensor = self._torch.as_tensor(array, dtype=self._torch.float32, device=self._device).detach().contiguous()
+    def taken(self, name, array, shape, packed=True):
+        tensor = self._torch.as_tensor(array, dtype=self._torch.float32, device=self._device).detach()
         if tuple(tensor.shape) != shape:
             raise UsageError(f"{name} must have the shape {shape}, but has {tuple(tensor.shape)}")
-        return tensor
+        return self.packed(tensor) if packed else tensor
+
+    def packed(self, tensor):
+        return tensor.contiguous()
 
     def place(self, tensor):
         return Place(tensor.data_ptr(), self._device.type == "cpu")
@@ -413,7 +419,8 @@ class _Torch:
         theirs.wait_stream(ours)
 
     def share_of_255(self, tensor):
-        return tensor / 255
+        # Planes of a photo lie apart, as those of the image do: kernels that take planes copy neither.
+        return self.pixels_of(self.planes_of(tensor) / 255) if tensor.dim() == 3 else tensor / 255
 
     def pixels_of(self, planes):
         return planes.permute(1, 2, 0)
