@@ -375,6 +375,20 @@ class Example(TestCase):
         self.assertGreater(after, 23)
         self.assertEqual(len(picture.read_bytes()), len(b"P6\n64 32\n255\n") + 64 * 32 * 3)
 
+    def test_levenberg_marquardt_and_adam_both_lower_the_loss(self):
+        if importlib.util.find_spec("scipy") is None:
+            self.skipTest(f"{sys.executable} has no SciPy; Debian's package is python3-scipy")
+        table = self.folder / "finish.csv"
+        done = subprocess.run([sys.executable, SOURCE / "examples" / "levenberg_marquardt.py", "--resolution", "24", "--photos", "2",
+                               "--gaussians", "60", "--steps", "30", "--seconds", "0.1", "--output", table],
+                              capture_output=True, text=True)
+        self.assertEqual(done.returncode, 0, done.stderr)
+        rows = [line.split(",") for line in table.read_text().split()[1:]]
+        for method in ("levenberg_marquardt", "adam"):
+            losses = [float(loss) for name, _, loss, _ in rows if name == method]
+            self.assertGreater(len(losses), 1)
+            self.assertLess(losses[-1], losses[0], method)
+
 
 class Imports(TestCase):
     def test_no_framework_is_imported(self):
