@@ -159,7 +159,7 @@ TEST_F(Export, NamesWithoutAFormatAreUsageErrorsThatListThem) {
   EXPECT_THAT(
       outcome.err,
       HasSubstr("gemsplat does not write .obj; it writes .ply, .glb, .compressed.ply, .spz, "
-                ".sog, .rad, .npz, .splat"));
+                ".sog, .rad, .npz, .extreme_saving.zip, .splat"));
   EXPECT_THAT(outcome.err, HasSubstr("a page (.html)"));
   EXPECT_EQ(run("train " + text("scene") + " -o " + text("b") + kTrain + " --export obj").code, 2);
   EXPECT_FALSE(fs::exists(path("b")));
