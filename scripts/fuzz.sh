@@ -34,8 +34,8 @@ fuzz() {
   local target=$1 log=$learned/$1.log program=build/fuzz/tests/fuzz_$1 flags=("${limits[@]}") found=0
   mkdir -p "$learned/$target"
   [[ ! -f tests/fuzz/$target.dict ]] || flags+=("-dict=tests/fuzz/$target.dict")
-  # FFmpeg holds some frames of the largest size that a video may have.
-  [[ $target != videos ]] || flags+=(-rss_limit_mb=900)
+  # FFmpeg decodes and holds some frames of the largest size that a video may have, 35 million pixels.
+  [[ $target != videos ]] || flags+=(-rss_limit_mb=900 -timeout=15)
   # Standard input is no pipe: a config may name it as its base.
   "$program" "${flags[@]}" "${length[@]}" -max_len=16384 -print_final_stats=1 \
     -artifact_prefix="$findings/$target-" "$learned/$target" "$seeds/$target" \
