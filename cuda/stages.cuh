@@ -126,6 +126,12 @@ struct PhotoRows {
         fixed_fragment_sums(workspace.fixed_fragment_sums.data()) {}
   std::size_t pixel_count() const { return std::size_t(camera.width) * camera.height; }
 };
+/// Whether one of the photos was taken through a lens.
+inline bool any_has_lens(Span<const PhotoRows> photos) {
+  for (std::size_t p = 0; p < photos.size; ++p)
+    if (photos[p].camera.has_lens()) return true;
+  return false;
+}
 
 /// What a step changes a model by.
 struct ModelUpdate {

@@ -1,17 +1,18 @@
 // SPDX-License-Identifier: Apache-2.0
-// The camera of training and rendering: an undistorted pinhole with a pose.
+// The camera of training and rendering: a pinhole with a pose, and a lens or none.
 #pragma once
 
 #include <algorithm>
 #include <cmath>
 
+#include "gs_core/lens.h"
 #include "gs_core/types.h"
 
 namespace gs {
 
-/// Undistorted pinhole camera. Pixel (i, j) has its center at (i + 0.5, j + 0.5), as in COLMAP;
-/// camera axes are x right, y down, z forward. Loaders convert every other camera model to this
-/// one.
+/// Pinhole camera, mostly an undistorted one. Pixel (i, j) has its center at (i + 0.5, j + 0.5), as
+/// in COLMAP; camera axes are x right, y down, z forward. Stages 1 and 7 see through its lens; code
+/// that knows pinholes alone takes without_lens().
 template <class T>
 struct PinholeCamera {
   int width = 0, height = 0;  // pixels
@@ -21,13 +22,22 @@ struct PinholeCamera {
   // When the picture is taken: 0 is the scene's begin, 1 its end. Only Gaussians in space and time
   // look at it.
   T time{};
+  CameraLens<T> lens{};  // Lens::none, unless photos train as they were taken (dataset.lens)
 
+  GS_HD bool has_lens() const { return lens.lens != Lens::none; }
   /// The camera center in world space.
   GS_HD Vec3<T> position() const {
     return -multiply_transposed(cam_from_world_rotation, cam_from_world_translation);
   }
 };
 using Camera = PinholeCamera<float>;
+
+/// The pinhole with the same center, focal lengths and size.
+template <class T>
+PinholeCamera<T> without_lens(PinholeCamera<T> camera) {
+  camera.lens = {};
+  return camera;
+}
 
 /// The camera of the same view at another picture size: focal lengths and center scale with the
 /// true ratio of each axis.
@@ -74,7 +84,8 @@ PinholeCamera<To> camera_as(const PinholeCamera<From>& camera) {
           To(camera.cy),
           {Vec3<To>(W.row0), Vec3<To>(W.row1), Vec3<To>(W.row2)},
           Vec3<To>(camera.cam_from_world_translation),
-          To(camera.time)};
+          To(camera.time),
+          lens_as<To>(camera.lens)};
 }
 
 }  // namespace gs

@@ -3,6 +3,7 @@
 
 #include <cmath>
 
+#include "gs_core/error.h"
 #include "gs_core/geometry/vectors.h"
 #include "gs_core/math/render/projection.h"
 #include "gs_core/threads/parallel.h"
@@ -15,7 +16,12 @@ constexpr std::size_t kRowsPerChunk = 4096;
 /// The points of a depth picture, in the frame of its camera.
 class SeenPoints {
  public:
-  SeenPoints(const ImageF& depth, const Camera& camera) : depth_(depth), camera_(camera) {}
+  SeenPoints(const ImageF& depth, const Camera& camera) : depth_(depth), camera_(camera) {
+    if (camera.has_lens())
+      throw Error(
+          "normals are known of pinholes alone, and this camera sees through a lens; give cameras "
+          "of a cameras.json");
+  }
 
   bool has(int x, int y) const {
     return x >= 0 && y >= 0 && x < depth_.width && y < depth_.height && depth_.at(x, y, 0) > 0;
@@ -61,7 +67,7 @@ ImageF SurfaceRenderer::depth(const Camera& camera) {
   std::vector<Vec3f> values(means_.size());
   const float in_sh0 = 1 / float(kSh0);
   parallel_for(values.size(), kRowsPerChunk, [&](std::size_t i) {
-    const float z = max_of(to_camera(camera, means_[i]).z, 0.0f);
+    const float z = max_of(depth_of(camera, to_camera(camera, means_[i])), 0.0f);
     values[i] = (Vec3f(z, 1, 0) - Vec3f(kColorOffset)) * in_sh0;
   });
   sh0_.upload(values);

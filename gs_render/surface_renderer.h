@@ -25,7 +25,8 @@ class SurfaceRenderer {
                   const RenderSettings& settings);
 
   /// The mean depth of each pixel: sum(w z) / sum(w) over its fragments, where z is the depth of a
-  /// Gaussian's center along the viewing axis. 0 where alpha is below kMinAlpha.
+  /// Gaussian's center along the viewing axis, or through a wide lens its distance. 0 where alpha
+  /// is below kMinAlpha.
   /// (height, width, 1), world units
   ImageF depth(const Camera& camera);
 
@@ -41,7 +42,7 @@ class SurfaceRenderer {
 /// The normals of the surface of a depth picture, in world space, of length 1, towards the camera.
 /// A normal is the cross product of the differences between the points of neighboring pixels; at a
 /// border the pixel itself replaces the missing neighbor. (0, 0, 0) where a pixel or all its
-/// neighbors have no depth.   (height, width, 3)
+/// neighbors have no depth. Throws Error for a camera with a lens.   (height, width, 3)
 ImageF normals_of(const ImageF& depth, const Camera& camera);
 
 /// The normals in the frame of a camera: x right, y up, z towards the camera, as is usual for

@@ -81,18 +81,21 @@ struct Input {
 
 // The least blocks of a multiprocessor, a quarter of them on each of its parts. Shared memory has
 // room for 11 with FloatMoments and for 18 with HalfMoments. Gaussians in space and time need
-// more registers than so many blocks would leave.
-template <bool has_time, class Stored>
-constexpr int kLeastBlocks = Stored::kIsRounded ? (has_time ? 12 : 16) : (has_time ? 8 : 11);
+// more registers than so many blocks would leave, and so do lenses.
+template <bool has_time, bool has_lens, class Stored>
+constexpr int kLeastBlocks = has_lens             ? 8
+                             : Stored::kIsRounded ? (has_time ? 12 : 16)
+                                                  : (has_time ? 8 : 11);
 
 // Blocks of one warp: shared memory, which bounds the warps of a multiprocessor, is given to blocks.
-template <int degree, bool has_time, class Target>
-__global__ void __launch_bounds__(kWarp, kLeastBlocks<has_time, typename Target::Values::Stored>)
+template <int degree, bool has_time, bool has_lens, class Target>
+__global__ void __launch_bounds__(kWarp,
+                                  kLeastBlocks<has_time, has_lens, typename Target::Values::Stored>)
     preprocess_backward_kernel(const __grid_constant__ Input in,
                                const __grid_constant__ Target target) {
   using Values = typename Target::Values;
   __shared__ Shared<typename Values::Stored> shared;
-  const Camera camera = refined(in.given, in.pose);
+  const Camera camera = refined<has_lens>(in.given, in.pose);
   const std::size_t first = std::size_t(blockIdx.x) * kWarp, i = first + lane_of_thread(),
                     projected = in.shard.row_of_all(i);
   const int rows = int(min(in.count - first, std::size_t(kWarp)));
@@ -150,10 +153,12 @@ void launch(Context& context, const GaussiansSpan& gaussians, const PhotoRows& p
   const Input in{gaussians.mean.size,        photo.camera, photo.pose,      photo.settings,
                  photo.tile_counts,          photo.splats, photo.gradients, shard,
                  gaussians.filter_scale.data};
-  with_form(photo.settings.sh_degree, gaussians, [&](auto degree, auto time) {
-    context.launch("preprocess backward", preprocess_backward_kernel<degree(), time(), Target>,
-                   blocks_for(in.count, kWarp), kWarp, in, target);
-  });
+  with_form(photo.settings.sh_degree, gaussians, photo.camera.has_lens(),
+            [&](auto degree, auto time, auto lens) {
+              context.launch("preprocess backward",
+                             preprocess_backward_kernel<degree(), time(), lens(), Target>,
+                             blocks_for(in.count, kWarp), kWarp, in, target);
+            });
 }
 
 }  // namespace

@@ -97,12 +97,12 @@ struct RowSum {
 
 // Adds a photo that shows the row. `clamped` has a bit for each channel of its color that blending
 // has clamped.
-template <int degree, bool has_time, class Target>
+template <bool has_lens, int degree, bool has_time, class Target>
 __device__ void add_photo(RowSum<degree, has_time>& to, const PhotoInput& photo,
                           const SplatGradientSum& sum, unsigned clamped, float weight,
                           const Row<has_time>& row, const Vec3f* coefficients, float filter_scale,
                           const Target& target, std::size_t i, std::size_t projected) {
-  const Camera camera = refined(photo.given, photo.pose);
+  const Camera camera = refined<has_lens>(photo.given, photo.pose);
   const auto color_as_bit = [&](int channel) { return clamped >> channel & 1 ? -1.0f : 0.0f; };
   const SplatGradient dL_dsplat =
       masked(sum, Vec3f(color_as_bit(0), color_as_bit(1), color_as_bit(2)));
@@ -143,7 +143,7 @@ __device__ void add_photo(RowSum<degree, has_time>& to, const PhotoInput& photo,
     to.gradient.numbers[k] += weight * gradient.numbers[k];
 }
 
-template <int degree, bool has_time, class Target>
+template <int degree, bool has_time, bool has_lens, class Target>
 __global__ void __launch_bounds__(kWarp, kBlocks)
     update_by_photos_kernel(const __grid_constant__ BatchInput in,
                             const __grid_constant__ Target target) {
@@ -185,7 +185,7 @@ __global__ void __launch_bounds__(kWarp, kBlocks)
 #pragma unroll 1
     for (int p = 0; p < kAtOnce; ++p)
       if (visible >> p & 1)
-        add_photo<degree>(
+        add_photo<has_lens, degree>(
             sum, in.of[begin + p],
             load_in_vectors(reinterpret_cast<const SplatGradientSum*>(shared.gradients[p]) + lane),
             clamped >> (3 * p), in.weight, row, shared.coefficients(), filter_scale, target, i,
@@ -235,10 +235,12 @@ void update_by_photos(Context& context, TrainingModel& model, Span<const PhotoRo
   }
   with_update(
       model, update, last, any_adds_forces, halted, shard, [&]<class Target>(const Target& target) {
-        with_form(last.settings.sh_degree, gaussians, [&](auto degree, auto time) {
-          context.launch("update by photos", update_by_photos_kernel<degree(), time(), Target>,
-                         blocks_for(in.count, kWarp), kWarp, in, target);
-        });
+        with_form(last.settings.sh_degree, gaussians, any_has_lens(photos),
+                  [&](auto degree, auto time, auto lens) {
+                    context.launch("update by photos",
+                                   update_by_photos_kernel<degree(), time(), lens(), Target>,
+                                   blocks_for(in.count, kWarp), kWarp, in, target);
+                  });
       });
 }
 

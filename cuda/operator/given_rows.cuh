@@ -2,6 +2,7 @@
 // Reads the Gaussians and the cameras that callers of the operator give, in any of their forms.
 #pragma once
 
+#include "cuda/render/refined_camera.cuh"
 #include "gs_core/math/render/splat.h"
 #include "gs_render/operator.h"
 
@@ -13,9 +14,9 @@ __device__ inline void store(float* row, const Vec3f& v) {
   row[0] = v.x, row[1] = v.y, row[2] = v.z;
 }
 
-/// The camera of a call, whose numbers may lie on the device.
+/// The camera of a call, a pinhole, whose numbers may lie on the device.
 __device__ inline Camera camera_of(const OperatorInput& in) {
-  Camera camera = in.camera;
+  Camera camera = refined<false>(in.camera, nullptr);
   if (const float* const m = in.viewmat) {
     camera.cam_from_world_rotation = {vector_at(m), vector_at(m + 4), vector_at(m + 8)};
     camera.cam_from_world_translation = {m[3], m[7], m[11]};

@@ -22,11 +22,12 @@ struct SplatGradients {
   const SplatGradientSum* sums;      // (N)
 };
 
+template <bool has_lens>
 __global__ void __launch_bounds__(kThreads)
     add_gaussians_kernel(GaussiansSpan gaussians, Camera given, const DevicePose* pose,
                          SplatSettings settings, SplatGradients in, double* of_blocks,
                          Shard shard) {
-  const Camera camera = refined(given, pose);
+  const Camera camera = refined<has_lens>(given, pose);
   __shared__ double of_warps[kWarps][kSums];
   const std::size_t first = std::size_t(blockIdx.x) * kThreads, i = first + threadIdx.x;
   const std::size_t to = shard.row_of_all(first), projected = to + threadIdx.x;
@@ -68,8 +69,12 @@ void add_camera_blocks(Context& context, const GaussiansSpan& gaussians, const P
   GS_CHECK(shard.gpus == 1 || shard.chunk_rows() % kThreads == 0);
   const SplatGradients in{photo.tile_counts, photo.splats, photo.gradients};
   const SplatSettings& settings = photo.settings;
-  context.launch("camera gradient", add_gaussians_kernel, camera_blocks(gaussians.mean.size),
-                 kThreads, gaussians, photo.camera, photo.pose, settings, in, of_blocks, shard);
+  const auto launch = [&](auto kernel) {
+    context.launch("camera gradient", kernel, camera_blocks(gaussians.mean.size), kThreads,
+                   gaussians, photo.camera, photo.pose, settings, in, of_blocks, shard);
+  };
+  photo.camera.has_lens() ? launch(add_gaussians_kernel<true>)
+                          : launch(add_gaussians_kernel<false>);
 }
 
 void camera_gradient(Context& context, const double* of_blocks, std::size_t blocks,

@@ -147,8 +147,9 @@ __device__ bool is_block_outside(const Input& in, const Camera& camera,
 
 template <int degree, int edge>
 __global__ void __launch_bounds__(kThreads)
-    preprocess_packed_kernel(Input in, Camera camera, SplatSettings settings, ViewSplat* splats,
+    preprocess_packed_kernel(Input in, Camera given, SplatSettings settings, ViewSplat* splats,
                              ProjectedRows out) {
+  const Camera camera = refined<false>(given, nullptr);
   using Shared = WarpShared<ColorRow<degree>, edge>;
   __shared__ Shared shared_of_warps[kThreads / kWarp];
   Shared& shared = shared_of_warps[threadIdx.x / kWarp];

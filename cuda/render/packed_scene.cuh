@@ -2,7 +2,8 @@
 // Gaussians as frames for viewing read them (Renderer::pack): in place of parameters what every
 // view of them begins with. A Gaussian of SH degree 3 takes 152 bytes, and preprocess reads the 112
 // of its color only where it may be visible. Models in space and time have another shape at each
-// moment and are not packed; frames that are not blended on tensor cores are drawn from the model.
+// moment and are not packed; frames through a lens, and those that are not blended on tensor cores,
+// are drawn from the model.
 #pragma once
 
 #include "cuda/stages.cuh"

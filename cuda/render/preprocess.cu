@@ -137,13 +137,15 @@ struct PhotoInput {
   Output out;
 };
 
-// Blocks of a multiprocessor, for which shared memory has room.
-constexpr int kBlocks = 7;
+// Blocks of a multiprocessor, for which shared memory has room. Lenses need more registers than so
+// many would leave.
+template <bool has_lens>
+constexpr int kBlocks = has_lens ? 4 : 7;
 
-template <int degree, bool has_time>
-__global__ void __launch_bounds__(kPreprocessThreads, kBlocks)
+template <int degree, bool has_time, bool has_lens>
+__global__ void __launch_bounds__(kPreprocessThreads, kBlocks<has_lens>)
     preprocess_kernel(GaussiansSpan gaussians, const __grid_constant__ PhotoInput in, Shard shard) {
-  const Camera camera = refined(in.given, in.pose);
+  const Camera camera = refined<has_lens>(in.given, in.pose);
   const SplatSettings& settings = in.settings;
   const Output& out = in.out;
   __shared__ WarpShared shared_of_warps[kPreprocessThreads / kWarp];
@@ -205,8 +207,10 @@ struct BatchInput {
 };
 
 // Stage 1 for several photos: parameters are read once for all of them.
-template <int degree, bool has_time>
-__global__ void __launch_bounds__(kPreprocessThreads, degree == kMaxShDegree && !has_time ? 6 : 5)
+template <int degree, bool has_time, bool has_lens>
+__global__ void __launch_bounds__(kPreprocessThreads, has_lens                              ? 4
+                                                      : degree == kMaxShDegree && !has_time ? 6
+                                                                                            : 5)
     preprocess_batch_kernel(GaussiansSpan gaussians, const __grid_constant__ BatchInput in,
                             Shard shard) {
   __shared__ WarpShared shared_of_warps[kPreprocessThreads / kWarp];
@@ -237,7 +241,8 @@ __global__ void __launch_bounds__(kPreprocessThreads, degree == kMaxShDegree && 
     ProjectedGaussian<float> projected;
     Rect pixels{0, 0, 0, 0};
     if (i < count) {
-      projected = project<has_time>(refined(photo.given, photo.pose), now, photo.settings);
+      projected =
+          project<has_time>(refined<has_lens>(photo.given, photo.pose), now, photo.settings);
       if (projected.is_visible)
         pixels = pixels_of(photo.settings.bounds, projected.splat.mean2d, projected.cov2d,
                            projected.splat.cutoff, photo.tiles_x, photo.tiles_y);
@@ -256,7 +261,7 @@ __global__ void __launch_bounds__(kPreprocessThreads, degree == kMaxShDegree && 
       has_sh |= missing;
       if (hits > 0) {
         // Read again, so that the camera takes no registers in between.
-        const Vec3f position = refined(photo.given, photo.pose).position();
+        const Vec3f position = refined<has_lens>(photo.given, photo.pose).position();
         const Vec3f direction = unit_direction(position, now.mean);
         const auto* const row =
             reinterpret_cast<const Vec3f*>(shared.sh_rows + lane * kShRowNumbers);
@@ -301,15 +306,16 @@ void preprocess(Context& context, const GaussiansSpan& gaussians, Span<const Pho
   BatchInput in{int(photos.size), {}};
   for (std::size_t p = 0; p < photos.size; ++p) in.of[p] = input_of(photos[p]);
   const std::size_t blocks = blocks_for(gaussians.mean.size, kPreprocessThreads);
-  with_form(photos[photos.size - 1].settings.sh_degree, gaussians, [&](auto degree, auto time) {
-    const auto launch = [&](auto kernel, const auto& input) {
-      context.launch("preprocess", kernel, blocks, kPreprocessThreads, gaussians, input, shard);
-    };
-    if (in.photos == 1)
-      launch(preprocess_kernel<degree(), time()>, in.of[0]);
-    else
-      launch(preprocess_batch_kernel<degree(), time()>, in);
-  });
+  const auto launch = [&](auto kernel, const auto& input) {
+    context.launch("preprocess", kernel, blocks, kPreprocessThreads, gaussians, input, shard);
+  };
+  with_form(photos[photos.size - 1].settings.sh_degree, gaussians, any_has_lens(photos),
+            [&](auto degree, auto time, auto lens) {
+              if (in.photos == 1)
+                launch(preprocess_kernel<degree(), time(), lens()>, in.of[0]);
+              else
+                launch(preprocess_batch_kernel<degree(), time(), lens()>, in);
+            });
 }
 
 void preprocess(Context& context, const GaussiansSpan& gaussians, const Camera& camera,

@@ -15,9 +15,12 @@ struct DevicePose {
 };
 
 #ifdef __CUDACC__
-/// The camera with this pose; null: as it is given.
-__device__ inline Camera refined(const Camera& given, const DevicePose* pose) {
+/// The camera with this pose; null: as it is given. Kernels have an instance for pinholes, in which
+/// the compiler leaves the code of lenses out.
+template <bool has_lens>
+__device__ Camera refined(const Camera& given, const DevicePose* pose) {
   Camera camera = given;
+  if constexpr (!has_lens) camera.lens = {};
   if (pose) {
     camera.cam_from_world_rotation = pose->rotation;
     camera.cam_from_world_translation = pose->translation;

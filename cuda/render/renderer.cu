@@ -64,7 +64,7 @@ std::unique_ptr<PackedScene> CudaRenderer::pack(const GaussiansSpan& gaussians,
 void CudaRenderer::draw(const PackedScene& scene, const Camera& camera,
                         const RenderSettings& settings, RenderPass& pass) {
   const auto* const packed = dynamic_cast<const CudaPackedScene*>(&scene);
-  if (!packed || !packed->serves(context_, settings))
+  if (!packed || camera.has_lens() || !packed->serves(context_, settings))
     return forward(scene.gaussians(), camera, settings, pass);
   draw_frame(packed->count(), camera, settings, pass,
              [&] { preprocess(context_, *packed, camera, settings, workspace_, pass); });

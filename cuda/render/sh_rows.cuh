@@ -76,15 +76,21 @@ void with_sh_degree(int degree, F&& f) {
   GS_CHECK(!"an SH degree from 0 to 3");
 }
 
-/// Calls f with std::true_type for Gaussians in space and time, else std::false_type.
+/// Calls f with std::true_type or std::false_type.
 template <class F>
-void with_form(int degree, const GaussiansSpan& gaussians, F&& f) {
+void with_bool(bool value, F&& f) {
+  value ? f(std::true_type()) : f(std::false_type());
+}
+
+/// Calls f(degree, has_time, has_lens) with the types of such constants: Gaussians in space and
+/// time, a camera that is no pinhole.
+template <class F>
+void with_form(int degree, const GaussiansSpan& gaussians, bool has_lens, F&& f) {
   GS_CHECK(!(gaussians.has_time && gaussians.has_filter));
   with_sh_degree(degree, [&](auto sh_degree) {
-    if (gaussians.has_time)
-      f(sh_degree, std::true_type());
-    else
-      f(sh_degree, std::false_type());
+    with_bool(gaussians.has_time, [&](auto time) {
+      with_bool(has_lens, [&](auto lens) { f(sh_degree, time, lens); });
+    });
   });
 }
 

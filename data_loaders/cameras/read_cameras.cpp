@@ -10,7 +10,7 @@
 
 #include "data_loaders/colmap/colmap_model.h"
 #include "data_loaders/colmap/world_offset.h"
-#include "data_loaders/lenses/undistort.h"
+#include "data_loaders/lenses/lens_range.h"
 #include "data_loaders/scene/find_scene.h"
 #include "data_loaders/transforms/transforms_json.h"
 #include "gs_core/error.h"
@@ -63,13 +63,13 @@ std::vector<NamedCamera> cameras_of(ColmapModel model, const fs::path& path,
   std::vector<Vec3d> positions;
   for (const ColmapImage& image : model.images) positions.push_back(center_of(image));
   if (are_nearer_to(world_offset, positions)) take_off(model, world_offset);
-  std::map<std::uint32_t, PinholeCamera<double>> pinholes;  // one search per camera
+  std::map<std::uint32_t, PinholeCamera<double>> trained;  // one search per camera
   std::vector<NamedCamera> cameras;
   for (const ColmapImage& image : model.images) {
-    const auto [found, is_new] = pinholes.try_emplace(image.camera_id);
+    const auto [found, is_new] = trained.try_emplace(image.camera_id);
     if (is_new)
-      found->second = undistorted_pinhole(
-          lens_camera(model.cameras.at(image.camera_id), image.name), image.name);
+      found->second = trained_camera(lens_camera(model.cameras.at(image.camera_id), image.name),
+                                     LensUse::automatic, image.name);
     cameras.push_back({image.name, single_precision_camera(found->second, image, path)});
   }
   return cameras;

@@ -7,7 +7,7 @@
 
 #include "data_loaders/colmap/world_offset.h"
 #include "data_loaders/doctor/examination.h"
-#include "data_loaders/lenses/undistort.h"
+#include "data_loaders/lenses/lens_range.h"
 #include "data_loaders/scene/photo_times.h"
 #include "gs_core/error.h"
 #include "gs_core/geometry/scene_frame.h"
@@ -53,8 +53,9 @@ std::vector<Camera> training_cameras(const Examination& examination) {
     if (examination.scene.photos[i].is_test) continue;
     try {
       if (!pinholes.contains(image.camera_id))
-        pinholes[image.camera_id] = undistorted_pinhole(
-            lens_camera(model.cameras.at(image.camera_id), image.name), image.name);
+        pinholes[image.camera_id] =
+            trained_camera(lens_camera(model.cameras.at(image.camera_id), image.name),
+                           examination.config.dataset.lens, image.name);
       PinholeCamera<double> camera = pinholes.at(image.camera_id);
       camera.cam_from_world_rotation = rotation_matrix(image.cam_from_world_rotation);
       camera.cam_from_world_translation = image.cam_from_world_translation;
@@ -137,7 +138,7 @@ void examine_lenses(Examination& examination) {
     ++counts[fmt::format("{} {}x{}", camera_model_info(camera.model).name, camera.width,
                          camera.height)];
     try {
-      undistorted_pinhole(lens_camera(camera, photo), photo);
+      trained_camera(lens_camera(camera, photo), examination.config.dataset.lens, photo);
     } catch (const Error& error) {
       if (refused.empty()) refused = error.what();
     }

@@ -150,26 +150,24 @@ bool is_unfolded(const LensCamera& camera, const Vec2d& ideal) {
   return jacobian([&](const Vec2d& u) { return distorted(camera, u); }, ideal).is_unfolded();
 }
 
-std::optional<Vec2d> undistorted(const LensCamera& camera, const Vec2d& landed) {
+std::optional<Vec2d> chart_point(const LensCamera& camera, const Vec2d& landed) {
   const double* k = camera.k;
-  const auto before_polynomial = [&] {
-    return inverse([&](const Vec2d& u) { return polynomial(camera, u); }, landed);
-  };
   switch (camera.lens) {
-    case LensCamera::Lens::none: break;
-    case LensCamera::Lens::radial_tangential: return before_polynomial();
-    case LensCamera::Lens::fisheye:
-    case LensCamera::Lens::fisheye_rad_tan: {
-      const std::optional<Vec2d> a = before_polynomial();
-      return a ? ray_at_angle(*a) : std::nullopt;
-    }
-    case LensCamera::Lens::fov: return on_branch(camera, fov_inverse(k[0], landed), landed);
-    case LensCamera::Lens::division:
-      return on_branch(camera, division_inverse(k[0], landed), landed);
-    case LensCamera::Lens::unified:
-      return on_branch(camera, unified_inverse(k[0], k[1], landed), landed);
+    case Lens::none: break;
+    case Lens::radial_tangential:
+    case Lens::fisheye:
+    case Lens::fisheye_rad_tan:
+      return inverse([&](const Vec2d& u) { return polynomial(camera, u); }, landed);
+    case Lens::fov: return on_branch(camera, fov_inverse(k[0], landed), landed);
+    case Lens::division: return on_branch(camera, division_inverse(k[0], landed), landed);
+    case Lens::unified: return on_branch(camera, unified_inverse(k[0], k[1], landed), landed);
   }
   return landed;
+}
+
+std::optional<Vec2d> undistorted(const LensCamera& camera, const Vec2d& landed) {
+  const std::optional<Vec2d> u = chart_point(camera, landed);
+  return u && has_angle_chart(camera.lens) ? ray_at_angle(*u) : u;
 }
 
 }  // namespace gs

@@ -15,14 +15,8 @@ using Vec2d = Vec2<double>;
 
 /// A COLMAP camera written out: an ideal pinhole, and the lens in front of it. Points are in
 /// normalized coordinates u = (x, y) = (X / Z, Y / Z), the pixel of the photo is
-/// (fx x' + cx, fy y' + cy) for u' = (x', y') = distorted(u). lens_formulas.h has the formulas.
-///
-///   lens                     u'                               COLMAP models
-///   none                     u                                (SIMPLE_)PINHOLE
-///   radial_tangential        brown(u)                         (SIMPLE_)RADIAL, (FULL_)OPENCV
-///   fisheye                  brown(angle(u))                  *_FISHEYE, FISHEYE
-///   fisheye_rad_tan          decentered(radial(angle(u)))      RAD_TAN_THIN_PRISM_FISHEYE
-///   fov, division, unified   closed forms                     FOV, (SIMPLE_)DIVISION, EUCM
+/// (fx x' + cx, fy y' + cy) for u' = (x', y') = distorted(u). lens_formulas.h has the formulas,
+/// gs_core/lens.h the kinds of lenses.
 struct LensCamera : LensCoefficients<double> {
   CameraModel model = CameraModel::pinhole;  // for messages only
   PinholeCamera<double> pinhole;  // of the photo: size, focal lengths, center; the pose is unused
@@ -45,6 +39,10 @@ Vec2d distorted(const LensCamera& camera, const Vec2d& ideal);
 /// its Jacobian are positive). Beyond the first place where it does not, the polynomial folds back
 /// and no longer describes the lens.
 bool is_unfolded(const LensCamera& camera, const Vec2d& ideal);
+
+/// The point of the lens's chart (gs_core/lens.h) that lands at `landed`, by Newton's method or in
+/// closed form; nothing if there is none before the lens folds.
+std::optional<Vec2d> chart_point(const LensCamera& camera, const Vec2d& landed);
 
 /// The ray that lands at `landed`, by Newton's method or in closed form; nothing if there is none
 /// in front of the camera.

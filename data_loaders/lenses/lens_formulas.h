@@ -8,24 +8,10 @@
 
 #include "data_loaders/colmap/colmap_model.h"
 #include "gs_core/error.h"
+#include "gs_core/lens.h"
 #include "gs_core/types.h"
 
 namespace gs {
-
-/// The kinds of lenses; lens.h has the table.
-enum class Lens { none, radial_tangential, fisheye, fisheye_rad_tan, fov, division, unified };
-
-/// A lens and its coefficients; those that a model does not have are 0.
-template <class T>
-struct LensCoefficients {
-  using Lens = gs::Lens;
-  Lens lens = Lens::none;
-  // radial; fov: omega (radians); division: k; unified: alpha, beta
-  T k[6] = {T(0), T(0), T(0), T(0), T(0), T(0)};
-  T d[3] = {T(0), T(0), T(0)};        // radial, below the line
-  T p[2] = {T(0), T(0)};              // tangential
-  T s[4] = {T(0), T(0), T(0), T(0)};  // thin prism: two for x, two for y
-};
 
 /// Focal lengths and principal point, pixels.
 template <class T>

@@ -95,23 +95,57 @@ bool is_filled(const LensCamera& camera, const PinholeCamera<double>& pinhole) {
   return true;
 }
 
+/// The angles of a pinhole's borders from its axis, in degrees.
+struct FieldOfView {
+  double left, right, up, down;
+  explicit FieldOfView(const PinholeCamera<double>& pinhole)
+      : left(degrees(pinhole.cx / pinhole.fx)),
+        right(degrees((pinhole.width - pinhole.cx) / pinhole.fx)),
+        up(degrees(pinhole.cy / pinhole.fy)),
+        down(degrees((pinhole.height - pinhole.cy) / pinhole.fy)) {}
+  double widest() const { return std::max({left, right, up, down}); }
+  static double degrees(double tangent) { return std::atan(tangent) * 180 / std::numbers::pi; }
+};
+
 /// Refuses a pinhole whose borders lie too far from the axis: there it stretches the photo beyond
 /// use.
 void check_field_of_view(const LensCamera& camera, const PinholeCamera<double>& pinhole,
                          const std::string& photo) {
-  const auto degrees = [](double tangent) { return std::atan(tangent) * 180 / std::numbers::pi; };
-  const double left = degrees(pinhole.cx / pinhole.fx),
-               right = degrees((pinhole.width - pinhole.cx) / pinhole.fx);
-  const double up = degrees(pinhole.cy / pinhole.fy),
-               down = degrees((pinhole.height - pinhole.cy) / pinhole.fy);
-  if (std::max({left, right, up, down}) < kWidestHalfField) return;
+  const FieldOfView field(pinhole);
+  if (field.widest() < kWidestHalfField) return;
   throw Error(
       fmt::format("cannot undistort photo '{}': its camera ({}) has too wide a field of view for "
                   "one pinhole picture. It would span {:.0f} x {:.0f} degrees, with borders {:.0f} "
-                  "degrees from the axis; the limit is {:.0f}. Crop the photos before COLMAP sees "
-                  "them, or {}, with --max_scale 1 for a smaller field",
-                  photo, camera_model_info(camera.model).name, left + right, up + down,
-                  std::max({left, right, up, down}), kWidestHalfField, kUndistortRemedy));
+                  "degrees from the axis; the limit is {:.0f}. Train through the lens with "
+                  "--set dataset.lens=auto. Crop the photos before COLMAP sees them, or {}, with "
+                  "--max_scale 1 for a smaller field",
+                  photo, camera_model_info(camera.model).name, field.left + field.right,
+                  field.up + field.down, field.widest(), kWidestHalfField, kUndistortRemedy));
+}
+
+/// The pinhole that undistorted_pinhole() describes, however wide; none if the coefficients leave no
+/// picture. The lens is one.
+std::optional<PinholeCamera<double>> filled_pinhole(const LensCamera& camera) {
+  const PinholeCamera<double>& from = camera.pinhole;
+  constexpr double kLeast = 0.05;  // of the photo's side: less is no picture
+  if (!(from.cx > 0 && from.cx < from.width && from.cy > 0 && from.cy < from.height))
+    return std::nullopt;
+  // The outermost pixel centers lie half a pixel inside the border.
+  const FreeRectangle free = free_rectangle(camera);
+  double scale_x =
+      std::min((free.left + 0.5) / from.cx, (free.right + 0.5) / (from.width - from.cx));
+  double scale_y =
+      std::min((free.top + 0.5) / from.cy, (free.bottom + 0.5) / (from.height - from.cy));
+  scale_x = std::min(scale_x, kMostEnlargement);
+  scale_y = std::min(scale_y, kMostEnlargement);
+  // A polynomial that folds back has no such rectangle at its border: go inwards until there is
+  // one.
+  constexpr double kSmaller = 0.98;
+  for (; scale_x > kLeast && scale_y > kLeast; scale_x *= kSmaller, scale_y *= kSmaller) {
+    const PinholeCamera<double> result = cropped(from, scale_x, scale_y);
+    if (result.width > 0 && result.height > 0 && is_filled(camera, result)) return result;
+  }
+  return std::nullopt;
 }
 
 /// Where the pixels of the rows from `begin` to `end` of `pinhole` lie in the photo.
@@ -131,33 +165,21 @@ PhotoPositions photo_positions(const LensCamera& camera, const PinholeCamera<dou
 }  // namespace
 
 PinholeCamera<double> undistorted_pinhole(const LensCamera& camera, const std::string& photo) {
-  const PinholeCamera<double>& from = camera.pinhole;
-  if (camera.lens == LensCamera::Lens::none) return from;
-  constexpr double kLeast = 0.05;  // of the photo's side: less is no picture
-  if (from.cx > 0 && from.cx < from.width && from.cy > 0 && from.cy < from.height) {
-    // The outermost pixel centers lie half a pixel inside the border.
-    const FreeRectangle free = free_rectangle(camera);
-    double scale_x =
-        std::min((free.left + 0.5) / from.cx, (free.right + 0.5) / (from.width - from.cx));
-    double scale_y =
-        std::min((free.top + 0.5) / from.cy, (free.bottom + 0.5) / (from.height - from.cy));
-    scale_x = std::min(scale_x, kMostEnlargement);
-    scale_y = std::min(scale_y, kMostEnlargement);
-    // A polynomial that folds back has no such rectangle at its border: go inwards until there is
-    // one.
-    constexpr double kSmaller = 0.98;
-    for (; scale_x > kLeast && scale_y > kLeast; scale_x *= kSmaller, scale_y *= kSmaller) {
-      const PinholeCamera<double> result = cropped(from, scale_x, scale_y);
-      if (result.width > 0 && result.height > 0 && is_filled(camera, result)) {
-        check_field_of_view(camera, result, photo);
-        return result;
-      }
-    }
+  if (camera.lens == LensCamera::Lens::none) return camera.pinhole;
+  if (const auto result = filled_pinhole(camera)) {
+    check_field_of_view(camera, *result, photo);
+    return *result;
   }
   throw Error(fmt::format(
       "cannot undistort photo '{}': the lens coefficients of its camera ({}) leave no picture; run "
       "COLMAP again, or {}",
       photo, camera_model_info(camera.model).name, kUndistortRemedy));
+}
+
+bool is_too_wide_for_pinhole(const LensCamera& camera) {
+  if (camera.lens == LensCamera::Lens::none) return false;
+  const auto pinhole = filled_pinhole(camera);
+  return pinhole && FieldOfView(*pinhole).widest() >= kWidestHalfField;
 }
 
 Image8 undistorted_photo(const Image8& image, const LensCamera& camera,

@@ -17,6 +17,10 @@ namespace gs {
 /// for a pinhole with a side kWidestHalfField or more from the axis.
 PinholeCamera<double> undistorted_pinhole(const LensCamera& camera, const std::string& photo);
 
+/// Whether undistorted_pinhole() refuses the lens because it sees too far from the axis, and for no
+/// other reason.
+bool is_too_wide_for_pinhole(const LensCamera& camera);
+
 inline constexpr double kMostEnlargement = 2;   // COLMAP's max_scale, a limit for wide lenses
 inline constexpr double kWidestHalfField = 75;  // degrees; a pinhole stretches 1 / cos^2 = 15 times
 

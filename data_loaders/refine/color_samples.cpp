@@ -6,6 +6,7 @@
 #include <optional>
 
 #include "data_loaders/photos/photos.h"
+#include "gs_core/math/render/projection.h"
 
 namespace gs {
 namespace {
@@ -50,17 +51,16 @@ bool is_well_exposed(const Vec3f& color) {
   return low > kDarkest && high < kBrightest;
 }
 
-/// The pixel where a point projects to; nothing if it is behind the camera.
-std::optional<Vec2f> pixel_of(const Camera& camera, const Vec3f& point) {
-  const Vec3f at =
-      multiply(camera.cam_from_world_rotation, point) + camera.cam_from_world_translation;
-  if (!(at.z > 0)) return std::nullopt;
-  return Vec2f(camera.fx * at.x / at.z + camera.cx, camera.fy * at.y / at.z + camera.cy);
+/// The pixel where a point projects to; nothing if the camera does not have it in sight.
+std::optional<Vec2f> pixel_of_point(const Camera& camera, const Vec3f& point) {
+  const Vec3f at = to_camera(camera, point);
+  if (!is_in_sight(camera, at)) return std::nullopt;
+  return pixel_of(camera, at);
 }
 
 bool is_masked(const View& view, const Vec3f& point) {
   if (view.mask.empty()) return false;
-  const std::optional<Vec2f> at = pixel_of(view.camera, point);
+  const std::optional<Vec2f> at = pixel_of_point(view.camera, point);
   if (!at || !(at->x >= 0 && at->y >= 0 && at->x < float(view.mask.width) &&
                at->y < float(view.mask.height)))
     return true;
@@ -68,7 +68,7 @@ bool is_masked(const View& view, const Vec3f& point) {
 }
 
 std::optional<Vec3f> color_of(const SmallPhoto& photo, const Vec3f& point) {
-  const std::optional<Vec2f> at = pixel_of(photo.camera, point);
+  const std::optional<Vec2f> at = pixel_of_point(photo.camera, point);
   return at ? bilinear(photo.pixels, at->x, at->y) : std::nullopt;
 }
 

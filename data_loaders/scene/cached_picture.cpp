@@ -30,7 +30,7 @@ std::string recipe_of(const Photo& photo) {
     text += fmt::format(" mask {} {}", photo.masks.invert, PhotoCache::key_of(photo.mask_file, ""));
   else
     text += fmt::format(" alpha {}", photo.masks.use_alpha);
-  if (!photo.has_lens()) return text;
+  if (!photo.is_undistorted() && photo.is_explained) return text;
   text += fmt::format(" {} {}", resampler_name(), int(photo.lens.lens));
   const auto add = [&](const auto& numbers) {
     for (const double number : numbers) text += fmt::format(" {:a}", number);
@@ -39,6 +39,7 @@ std::string recipe_of(const Photo& photo) {
   for (const PinholeCamera<double>* camera : {&photo.lens.pinhole, &photo.undistorted})
     add(std::array<double, 6>{double(camera->width), double(camera->height), camera->fx, camera->fy,
                               camera->cx, camera->cy});
+  if (!photo.is_explained) text += fmt::format(" radius {:a}", photo.undistorted.lens.radius);
   return text;
 }
 
@@ -113,7 +114,7 @@ std::shared_ptr<CachedPictures> cache_for(const DatasetConfig& dataset,
   if (dataset.photo_cache == "none" || dataset.photo_cache_gib <= 0) return nullptr;
   const bool helps = std::any_of(photos.begin(), photos.end(), [&](const Photo& photo) {
     const std::int64_t pixels = std::int64_t(photo.size.width) * photo.size.height;
-    return (!all_fit || photo.has_lens() || photo.is_resized()) &&
+    return (!all_fit || photo.is_undistorted() || photo.is_resized()) &&
            (is_named || pixels >= kWorthCaching || (photo.is_frame && !all_fit));
   });
   if (!helps) return nullptr;

@@ -102,7 +102,7 @@ void find_seen_points(SceneModel& scene) {
 /// The plan: all that is known before photos are decoded, but for the kind of depth maps.
 void plan_scene(const DatasetConfig& dataset, SceneModel& scene, const LoadProgress& progress) {
   if (dataset.exposure) find_seen_points(scene);
-  plan_photos(scene, dataset.resolution, progress_of(LoadStage::headers, progress));
+  plan_photos(scene, dataset.lens, dataset.resolution, progress_of(LoadStage::headers, progress));
   add_depth_anchors(scene.model, scene.photos);
   scene.points = single_precision_points(scene.model);
   if (dataset.photo_list.empty()) return;

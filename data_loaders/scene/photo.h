@@ -48,7 +48,8 @@ struct Photo {
   std::uint32_t rig_frame = 0;             // View::rig_frame
   PhotoSize size, depth_size;              // of the files
   LensCamera lens;                         // at the photo's size
-  PinholeCamera<double> undistorted;       // the photo without its lens, at full resolution
+  PinholeCamera<double> undistorted;       // without its lens, or native; at full resolution
+  bool is_explained = true;                // its lens explains every pixel (lens_range.h)
   PinholeCamera<double> target;            // at the resolution of training
   Camera camera;                           // the target with its pose, in single precision
   bool may_be_masked = false;              // by a file or by alpha; only decoding tells of alpha
@@ -59,7 +60,8 @@ struct Photo {
   std::vector<std::uint32_t> shown;        // indices of points; after find_shown_points()
   std::optional<float> exposure_stops;     // of the view; after read_exposure_stops()
 
-  bool has_lens() const { return lens.lens != LensCamera::Lens::none; }
+  /// Whether the lens is taken out of the photo; else it trains as it is.
+  bool is_undistorted() const { return lens.lens != Lens::none && !undistorted.has_lens(); }
   bool is_resized() const {
     return target.width != undistorted.width || target.height != undistorted.height;
   }

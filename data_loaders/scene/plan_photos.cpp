@@ -8,12 +8,13 @@
 #include <mutex>
 #include <tuple>
 
-#include "data_loaders/lenses/undistort.h"
+#include "data_loaders/lenses/lens_range.h"
 #include "data_loaders/photos/depth_file.h"
 #include "data_loaders/photos/photo_fit.h"
 #include "data_loaders/photos/photo_names.h"
 #include "data_loaders/video/film_frames.h"
 #include "gs_core/error.h"
+#include "gs_core/math/lens/lens_projection.h"
 #include "gs_core/math/render/rotation.h"
 #include "gs_core/system/log.h"
 #include "gs_core/threads/parallel.h"
@@ -80,6 +81,15 @@ PinholeCamera<double> training_camera(const Photo& photo, int resolution) {
   return at_resolution(photo.undistorted, resolution);
 }
 
+/// Depth maps hold depths along the axis, views through wide lenses have those along rays.
+void check_depth_through_lens(const Photo& photo) {
+  if (photo.depth_file.empty() || !is_wide(photo.undistorted.lens)) return;
+  throw Error(fmt::format(
+      "photo {} trains through its wide lens, and depth map {} is for pinholes; train without maps "
+      "(--set dataset.depth=none), or with undistorted photos (--set dataset.lens=undistort)",
+      photo.file.string(), photo.depth_file.string()));
+}
+
 Camera single_precision_camera(const Photo& photo, const ColmapImage& image) {
   PinholeCamera<double> posed = photo.target;
   posed.cam_from_world_rotation = rotation_matrix(image.cam_from_world_rotation);
@@ -98,7 +108,7 @@ Camera single_precision_camera(const Photo& photo, const ColmapImage& image) {
 /// Neither JPEG nor videos have alpha.
 bool may_be_masked(const Photo& photo) {
   const std::string ending = lowercase_ending(photo.file);
-  return !photo.mask_file.empty() ||
+  return !photo.mask_file.empty() || !photo.is_explained ||
          (photo.masks.use_alpha && !photo.is_frame && ending != ".jpg" && ending != ".jpeg");
 }
 
@@ -121,7 +131,7 @@ PhotoCost cost_of(const Photo& photo) {
                     target = channels * pixels(photo.target);
   PhotoCost cost{target, channels == 4 ? 2 * decoded : decoded};  // as decoded, and then apart
   if (photo.is_frame) cost.decoding += kBytesOfDecoder * pixels(photo.size);
-  if (photo.has_lens()) cost.decoding = std::max(cost.decoding, decoded + undistorted);
+  if (photo.is_undistorted()) cost.decoding = std::max(cost.decoding, decoded + undistorted);
   if (photo.is_resized()) cost.decoding = std::max(cost.decoding, undistorted + target);
   if (photo.depth_file.empty()) return cost;
   // The map is read when the photo is ready: as it stands in the file, and as floats.
@@ -169,12 +179,16 @@ void read_headers(std::vector<Photo>& photos,
 
 }  // namespace
 
-void plan_photos(SceneModel& scene, int resolution,
+void plan_photos(SceneModel& scene, LensUse lens, int resolution,
                  const std::function<void(std::size_t done, std::size_t total)>& progress) {
   read_headers(scene.photos, progress);
   const std::vector<std::size_t> frames = frame_numbers(scene.model);
   std::size_t scaled = 0;
-  std::map<std::tuple<std::uint32_t, int, int>, PinholeCamera<double>> undistorted;
+  struct Trained {
+    PinholeCamera<double> camera;
+    bool is_explained;
+  };
+  std::map<std::tuple<std::uint32_t, int, int>, Trained> trained;
   for (std::size_t i = 0; i < scene.photos.size(); ++i) {
     Photo& photo = scene.photos[i];
     const ColmapImage& image = scene.model.images[i];
@@ -184,9 +198,14 @@ void plan_photos(SceneModel& scene, int resolution,
     photo.lens = fitted_to_photo(lens_camera(camera, photo.name), photo);
     const auto [width, height] = photo.size;
     if (width != camera.width || height != camera.height) ++scaled;
-    const auto [found, is_new] = undistorted.try_emplace({camera.id, width, height});
-    if (is_new) found->second = undistorted_pinhole(photo.lens, photo.name);  // a search: once each
-    photo.undistorted = found->second;
+    const auto [found, is_new] = trained.try_emplace({camera.id, width, height});
+    if (is_new) {  // a search: once each
+      const auto seen = trained_camera(photo.lens, lens, photo.name);
+      found->second = {seen, !seen.has_lens() || explains_all_pixels(photo.lens, seen.lens)};
+    }
+    photo.undistorted = found->second.camera;
+    photo.is_explained = found->second.is_explained;
+    check_depth_through_lens(photo);
     check_resolution(resolution, photo.undistorted, photo.name);
     photo.target = training_camera(photo, resolution);
     photo.camera = single_precision_camera(photo, image);

@@ -39,7 +39,7 @@ namespace fs = std::filesystem;
 bool is_copied(const Photo& photo) {
   const bool has_only_alpha = photo.mask_file.empty() && photo.masks.use_alpha;
   const std::string ending = lowercase_ending(photo.file);
-  return !photo.has_lens() && (has_only_alpha || ending == ".jpg" || ending == ".jpeg");
+  return !photo.is_undistorted() && (has_only_alpha || ending == ".jpg" || ending == ".jpeg");
 }
 
 /// The names of the new files: the old ones with another ending, or with one more if two would
@@ -180,7 +180,7 @@ UndistortedScene undistort_scene(const DatasetConfig& dataset, const fs::path& o
         "the split of {} is not part of a COLMAP model: --eval will hold out every {}th "
         "photo of {} instead",
         folders.model.string(), dataset.test_every, out.string());
-  plan_photos(scene, 1, {});
+  plan_photos(scene, LensUse::undistort, 1, {});
   const std::vector<Photo>& photos = scene.photos;
   if (!can_write_exr() &&
       std::ranges::any_of(photos, [](const Photo& photo) { return !photo.depth_file.empty(); }))

@@ -5,6 +5,7 @@
 
 #include <algorithm>
 
+#include "data_loaders/lenses/lens_range.h"
 #include "data_loaders/lenses/undistort.h"
 #include "data_loaders/video/film_frames.h"
 #include "gs_core/error.h"
@@ -31,6 +32,13 @@ Image8 mask_channel(const fs::path& file) {
   return mask;
 }
 
+/// Pixels outside of `kept` do not train.
+void leave_out(const Image8& kept, Image8& mask) {
+  if (mask.empty()) mask = kept;
+  for (std::size_t i = 0; i < mask.pixels.size(); ++i)
+    mask.pixels[i] = std::min(mask.pixels[i], kept.pixels[i]);
+}
+
 /// Photo and mask as the view's camera sees them. No color from under the mask leaks out of it.
 void fit_to_camera(Picture& picture, const Photo& photo) {
   // Pixels: bicubic weights of the mask reach 2 beyond its edge, those of the photo 2 more.
@@ -38,7 +46,7 @@ void fit_to_camera(Picture& picture, const Photo& photo) {
   auto& [pixels, mask] = picture;
   const bool is_masked = !mask.empty();
   const std::string& name = photo.name;
-  if (photo.has_lens()) {
+  if (photo.is_undistorted()) {
     if (is_masked) fill_masked_edge(pixels, mask, kReach);
     pixels = undistorted_photo(pixels, photo.lens, photo.undistorted, name);
     if (is_masked) mask = undistorted_photo(mask, photo.lens, photo.undistorted, name);
@@ -66,6 +74,8 @@ Picture make_picture(const Photo& photo, PhotoWithAlpha read) {
         fmt::format("{} has changed since the scene was loaded; start again", photo.file.string()));
   Picture picture{{}, read_mask(photo.masks, photo.mask_file, read)};
   picture.photo = std::move(read.photo);
+  if (!photo.is_explained)
+    leave_out(mask_of_lens(photo.lens, photo.undistorted.lens), picture.mask);
   fit_to_camera(picture, photo);
   return picture;
 }

@@ -30,6 +30,7 @@ constexpr std::uint64_t kHasFilter = 4;        // that of the 3D filter
 constexpr std::uint64_t kHasPhotometric = 16;  // those of a photometric model, which are no rows
 constexpr std::uint64_t kHasPoses = 32;        // those of poses, which are no rows either
 constexpr std::uint64_t kHasHalves = 256;      // HalfMoments in place of FloatMoments
+constexpr std::uint64_t kHasLenses = 512;      // those of the views
 
 // Kinds that older versions wrote.
 struct RemovedKind {
@@ -59,7 +60,7 @@ void set_kind(TrainingModel& model, std::uint64_t kind) {
 
 bool is_kind(std::uint64_t kind) {
   constexpr std::uint64_t kKnown =
-      kHasTime | kHasSums | kHasFilter | kHasPhotometric | kHasPoses | kHasHalves;
+      kHasTime | kHasSums | kHasFilter | kHasPhotometric | kHasPoses | kHasHalves | kHasLenses;
   return (kind & ~kKnown) == 0;
 }
 
@@ -252,6 +253,7 @@ void read_views_and_arrays(const std::filesystem::path& path, CheckedReader& fil
   if (!(count.size() == 1 || (kind > 0 && is_kind(kind)))) file.damaged();
   set_kind(checkpoint.state.model, kind);
   if (kind & kHasTime) read_times(file, checkpoint.scene.views);
+  if (kind & kHasLenses) read_lenses(file, checkpoint.scene.views);
   read_model(file, count[0], checkpoint.state.model);
   if (kind & kHasPhotometric) read_photometric(path, file, checkpoint.state.model.photometric);
   if (kind & kHasPoses) read_poses(file, checkpoint.state.model.poses);
@@ -283,11 +285,12 @@ void write_checkpoint(const std::filesystem::path& path, const Config& config,
   write_views(file, scene.views);
   write_values(file, "strikes", progress.strikes);
   write_values(file, "view_order", progress.view_order);
-  const std::uint64_t kind = kind_of(model);
+  const std::uint64_t kind = kind_of(model) | (have_lenses(scene.views) ? kHasLenses : 0);
   std::vector<std::uint64_t> count_and_kind{model.count()};
   if (kind) count_and_kind.push_back(kind);
   write_values(file, "gaussians", count_and_kind);
   if (kind & kHasTime) write_times(file, scene.views);
+  if (kind & kHasLenses) write_lenses(file, scene.views);
   for (const auto& column : model.columns()) write_rows(file, column.key(), *column.rows);
   if (kind & kHasPhotometric) write_photometric(file, model.photometric);
   if (kind & kHasPoses) write_poses(file, model.poses);

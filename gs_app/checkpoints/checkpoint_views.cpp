@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "gs_app/checkpoints/checkpoint_views.h"
 
+#include <algorithm>
 #include <cmath>
 #include <string>
 
@@ -45,6 +46,17 @@ ViewRecord view_of(const ViewNumbers& numbers) {
   return view;
 }
 
+static_assert(sizeof(CameraLens<float>) == 21 * 4);
+
+bool is_sound(const CameraLens<float>& lens) {
+  float sum = lens.radius + lens.low.x + lens.low.y + lens.high.x + lens.high.y;
+  for (const float number : lens.k) sum += number;
+  for (const float number : lens.d) sum += number;
+  for (const float number : lens.p) sum += number;
+  for (const float number : lens.s) sum += number;
+  return std::isfinite(sum) && lens.lens >= Lens::none && lens.lens <= Lens::unified;
+}
+
 }  // namespace
 
 void write_views(CheckedWriter& file, const std::vector<ViewRecord>& views) {
@@ -83,6 +95,22 @@ void read_times(CheckedReader& file, std::vector<ViewRecord>& views) {
   for (std::size_t i = 0; i < views.size(); ++i) views[i].camera.time = times[i];
 }
 
+bool have_lenses(const std::vector<ViewRecord>& views) {
+  return std::any_of(views.begin(), views.end(),
+                     [](const ViewRecord& view) { return view.camera.has_lens(); });
+}
+
+void write_lenses(CheckedWriter& file, const std::vector<ViewRecord>& views) {
+  file.section("view_lenses", views.size() * sizeof(CameraLens<float>));
+  for (const ViewRecord& view : views) file.write(&view.camera.lens, sizeof view.camera.lens);
+}
+
+void read_lenses(CheckedReader& file, std::vector<ViewRecord>& views) {
+  const auto lenses = file.values<CameraLens<float>>("view_lenses");
+  if (lenses.size() != views.size()) file.damaged();
+  for (std::size_t i = 0; i < views.size(); ++i) views[i].camera.lens = lenses[i];
+}
+
 bool is_sound(const ViewRecord& view) {
   const Camera& camera = view.camera;
   const Mat3<float>& R = camera.cam_from_world_rotation;
@@ -92,7 +120,7 @@ bool is_sound(const ViewRecord& view) {
          is_finite(Vec3f(camera.fx, camera.fy, 0)) && is_finite(Vec3f(camera.cx, camera.cy, 0)) &&
          is_finite(R.row0) && is_finite(R.row1) && is_finite(R.row2) &&
          is_finite(camera.cam_from_world_translation) && is_finite(view.exposure) &&
-         std::isfinite(camera.time);
+         std::isfinite(camera.time) && is_sound(camera.lens);
 }
 
 }  // namespace gs

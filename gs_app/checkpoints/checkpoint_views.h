@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The sections "view_names", "views" and "view_times" of a checkpoint.
+// The sections "view_names", "views", "view_times" and "view_lenses" of a checkpoint.
 #pragma once
 
 #include <vector>
@@ -15,6 +15,11 @@ std::vector<ViewRecord> read_views(CheckedReader& file);
 /// The times of the views are in a section of their own, which only models in space and time have.
 void write_times(CheckedWriter& file, const std::vector<ViewRecord>& views);
 void read_times(CheckedReader& file, std::vector<ViewRecord>& views);
+
+/// The lenses of the views, in a section of their own, which is there if a view has a lens.
+bool have_lenses(const std::vector<ViewRecord>& views);
+void write_lenses(CheckedWriter& file, const std::vector<ViewRecord>& views);
+void read_lenses(CheckedReader& file, std::vector<ViewRecord>& views);
 
 /// Whether a camera can have the numbers of the view.
 bool is_sound(const ViewRecord& view);

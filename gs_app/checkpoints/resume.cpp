@@ -117,7 +117,7 @@ bool same_rows(const Mat3<float>& a, const Mat3<float>& b) {
 
 bool is_same(const ViewRecord& a, const ViewRecord& b) {
   const Camera &x = a.camera, &y = b.camera;
-  return x.fx == y.fx && x.fy == y.fy && x.cx == y.cx && x.cy == y.cy &&
+  return x.lens == y.lens && x.fx == y.fx && x.fy == y.fy && x.cx == y.cx && x.cy == y.cy &&
          same_rows(x.cam_from_world_rotation, y.cam_from_world_rotation) &&
          x.cam_from_world_translation == y.cam_from_world_translation && a.exposure == b.exposure;
 }

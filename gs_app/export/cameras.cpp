@@ -63,6 +63,7 @@ Camera reframed(Camera camera, int width, int height) {
 
 Camera with_field_of_view(Camera camera, double degrees) {
   const double half = 0.5 * degrees * std::numbers::pi / 180;
+  camera = without_lens(camera);
   camera.fx = camera.fy = float(0.5 * camera.width / std::tan(half));
   camera.cx = 0.5f * float(camera.width);
   camera.cy = 0.5f * float(camera.height);

@@ -31,7 +31,7 @@ std::vector<NamedCamera> cameras_of_scene(DatasetConfig dataset, const std::stri
 /// the picture; a picture of another shape shows more of the scene at its sides.
 Camera reframed(Camera camera, int width, int height);
 
-/// The camera with square pixels, this angle across the picture's width, and its axis through the
+/// The pinhole with square pixels, this angle across the picture's width, and its axis through the
 /// middle.
 Camera with_field_of_view(Camera camera, double degrees);
 

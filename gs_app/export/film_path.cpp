@@ -145,8 +145,8 @@ FilmPath film_path(const PathRequest& request, const std::vector<NamedCamera>& c
                                            : through_cameras(request, cameras);
   FilmPath film{{}, std::move(path.description)};
   for (std::size_t i = 0; i < path.poses.size(); ++i)
-    film.cameras.push_back(
-        {fmt::format("{:05d}", i), with_pose(cameras[path.lens].camera, path.poses[i])});
+    film.cameras.push_back({fmt::format("{:05d}", i),
+                            with_pose(without_lens(cameras[path.lens].camera), path.poses[i])});
   return film;
 }
 

@@ -95,7 +95,7 @@ std::vector<Camera> cameras_of(const MeshJob& job, const OpenedModel& opened,
         opened.ply.string()));
   std::vector<Camera> cameras;
   for (const std::size_t i : evenly_chosen(named.size(), job.views ? job.views : named.size()))
-    cameras.push_back(named[i].camera);
+    cameras.push_back(without_lens(named[i].camera));  // rays of depth are those of pinholes
   return cameras;
 }
 

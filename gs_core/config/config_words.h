@@ -26,6 +26,8 @@ enum class Background { black, white, random };
 enum class BlendKernel { gemm, simt };
 /// What a masked pixel of a photo means: nothing is known of it, or it shows the background.
 enum class MaskMode { automatic, ignore, background };
+/// How photos with a lens train: as pinhole pictures made of them, or as they are.
+enum class LensUse { automatic, undistort, native };
 /// Which pairs of photos COLMAP compares.
 enum class Matching { automatic, exhaustive, sequential };
 /// How the times of photos are found in scenes of COLMAP.
@@ -75,6 +77,11 @@ struct Words<MaskMode> {
   static constexpr Word<MaskMode> kTable[] = {{"auto", MaskMode::automatic},
                                               {"ignore", MaskMode::ignore},
                                               {"background", MaskMode::background}};
+};
+template <>
+struct Words<LensUse> {
+  static constexpr Word<LensUse> kTable[] = {
+      {"auto", LensUse::automatic}, {"undistort", LensUse::undistort}, {"native", LensUse::native}};
 };
 template <>
 struct Words<DepthKind> {

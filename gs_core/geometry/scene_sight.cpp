@@ -5,7 +5,7 @@
 
 #include <algorithm>
 
-#include "gs_core/math/render/projection.h"
+#include "gs_core/geometry/seen_pixel.h"
 #include "gs_core/threads/parallel.h"
 
 namespace gs {
@@ -23,9 +23,11 @@ enum class Place { behind, too_near, too_far, beside, in_sight };
 Place place_of(const Camera& camera, const FrustumLimits<float>& frustum, const Vec3f& point,
                const DepthLimits& limits) {
   const Vec3f p = to_camera(camera, point);
-  if (!(p.z > 0)) return Place::behind;
-  if (p.z < limits.near_plane) return Place::too_near;
-  if (p.z > limits.far_plane) return Place::too_far;
+  const float depth = depth_of(camera, p);
+  if (!(depth > 0)) return Place::behind;
+  if (depth < limits.near_plane) return Place::too_near;
+  if (depth > limits.far_plane) return Place::too_far;
+  if (camera.has_lens()) return seen_pixel(camera, point) ? Place::in_sight : Place::beside;
   const float x = p.x / p.z, y = p.y / p.z;
   const bool is_inside =
       x >= frustum.low.x && x <= frustum.high.x && y >= frustum.low.y && y <= frustum.high.y;
@@ -52,7 +54,7 @@ ViewSight view_sight(const Camera& camera, Span<const Vec3f> points, const Depth
         return sight;
       }
       if (place != Place::behind && sight.depths.size() < kDepthsOfAView)
-        sight.depths.push_back(to_camera(camera, points[i]).z);
+        sight.depths.push_back(depth_of(camera, to_camera(camera, points[i])));
     }
   return sight;
 }

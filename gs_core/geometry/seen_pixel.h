@@ -16,11 +16,11 @@ inline bool holds_pixel(const Camera& camera, const Vec2f& pixel) {
          pixel.y < float(camera.height);
 }
 
-/// The place of a point in the picture; none if it lies outside, or not in front of the camera.
+/// The place of a point in the picture; none if it lies outside, or out of the camera's sight.
 inline std::optional<Vec2f> seen_pixel(const Camera& camera, const Vec3f& point) {
   const Vec3f p = to_camera(camera, point);
-  if (!(p.z > 0)) return std::nullopt;
-  const Vec2f pixel = project_mean(camera, p);
+  if (!is_in_sight(camera, p)) return std::nullopt;
+  const Vec2f pixel = pixel_of(camera, p);
   if (!holds_pixel(camera, pixel)) return std::nullopt;
   return pixel;
 }

@@ -76,8 +76,8 @@ Box box_of_means(const Gaussians& gaussians) {
 
 bool is_in_picture(const Camera& camera, const Vec3f& point) {
   const Vec3f p = to_camera(camera, point);
-  if (!(p.z > 0)) return false;
-  const Vec2f at = project_mean(camera, p);
+  if (!is_in_sight(camera, p)) return false;
+  const Vec2f at = pixel_of(camera, p);
   return at.x >= 0 && at.y >= 0 && at.x <= float(camera.width) && at.y <= float(camera.height);
 }
 

@@ -47,5 +47,14 @@ inline Dual sqrt(const Dual& a) {
   const double value = std::sqrt(a.value);
   return {value, a.slope / (2 * value)};
 }
+inline Dual tan(const Dual& a) {
+  const double value = std::tan(a.value);
+  return {value, (1 + value * value) * a.slope};
+}
+inline Dual atan(const Dual& a) { return {std::atan(a.value), a.slope / (1 + a.value * a.value)}; }
+inline Dual atan2(const Dual& y, const Dual& x) {
+  return {std::atan2(y.value, x.value),
+          (y.slope * x.value - y.value * x.slope) / (y.value * y.value + x.value * x.value)};
+}
 
 }  // namespace gs

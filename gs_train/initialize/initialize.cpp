@@ -21,8 +21,8 @@ constexpr float kExtentsOfBox = 3;  // half the edge of the box of random points
 
 bool sees(const Camera& camera, const Vec3f& point, float near_plane) {
   const Vec3f p = to_camera(camera, point);
-  if (!(p.z >= near_plane)) return false;
-  return holds_pixel(camera, project_mean(camera, p));
+  return depth_of(camera, p) >= near_plane && is_in_sight(camera, p) &&
+         holds_pixel(camera, pixel_of(camera, p));
 }
 
 struct Box {

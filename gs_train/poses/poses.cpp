@@ -36,8 +36,8 @@ Vec3d focus_of(const PinholeCamera<double>& camera, const std::vector<ScenePoint
   const std::size_t stride = points.size() / kMostPointsLookedAt + 1;
   for (std::size_t i = 0; i < points.size(); i += stride) {
     const Vec3d p = to_camera(camera, Vec3d(points[i].position));
-    if (p.z <= 0) continue;
-    const Vec2<double> pixel = project_mean(camera, p);
+    if (p.z <= 0 || !is_in_sight(camera, p)) continue;
+    const Vec2<double> pixel = pixel_of(camera, p);
     if (pixel.x >= 0 && pixel.y >= 0 && pixel.x <= camera.width && pixel.y <= camera.height)
       depths.push_back(p.z);
   }

@@ -407,7 +407,7 @@ TEST(ConfigWords, EachWordStandsForItsOwnValueAndOthersAreRefused) {
                         HasSubstr("one of " + std::string(joined_words<T>()))));
     }
   });
-  EXPECT_EQ(settings, 11u);
+  EXPECT_EQ(settings, 12u);
 }
 
 TEST(Setting, TakesTomlValuesAndBareWords) {

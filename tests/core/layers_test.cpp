@@ -50,7 +50,8 @@ const std::map<std::string, std::set<std::string>> kLayers = {
 // own files (gs_core/types.h) are not in this table.
 const std::map<std::string, std::set<std::string>> kRooms = {
     {"gs_core/math", {}},
-    {"gs_core/math/render", {"gs_core/math"}},
+    {"gs_core/math/lens", {"gs_core/math"}},
+    {"gs_core/math/render", {"gs_core/math", "gs_core/math/lens"}},
     {"gs_core/math/loss", {"gs_core/math"}},
     {"gs_core/math/update", {"gs_core/math"}},
     {"gs_core/math/view", {"gs_core/math", "gs_core/math/render"}},

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // The fused step by several photos, which share one update, against the scalar backend.
 #include "tests/cuda/fused_step.h"
+#include "tests/support/lens_scenes.h"
 
 namespace gs {
 namespace {
@@ -29,6 +30,23 @@ TEST_F(CudaBatch, ABatchIsThatOfTheScalarBackend) {
       EXPECT_EQ(fused.adam_steps, 9);
       expect_same(on_host(fused), expected, 2e-2);
     }
+}
+
+TEST_F(CudaBatch, ABatchOfLensesAndAPinholeIsThatOfTheScalarBackend) {
+  std::vector<View> views = some_views(131, 77, 3);
+  views[0].camera = with_lens(views[0].camera, CameraModel::simple_fisheye, {0.6, 0.5, 0.4});
+  views[1].camera = with_lens(views[1].camera, CameraModel::opencv,
+                              {0.9, 0.9, 0.5, 0.5, -0.25, 0.05, 2e-3, -3e-3});
+  for (const bool has_time : {false, true}) {
+    SCOPED_TRACE(has_time);
+    Gaussians start = random_gaussians(kTypical, 3000, views[2].camera, 4);
+    if (has_time) start = in_spacetime(start, 8);
+    TrainingModel expected = model_of(start);
+    TrainingModel fused = on_gpu(expected);
+    const std::vector<TrainingPhoto> batch = batch_of(views, {});
+    batches_both(3, expected, fused, batch, {kRates, batch_rule(3)}, {.gather_statistics = true});
+    expect_same(on_host(fused), expected, 2e-2);
+  }
 }
 
 // The gradients of four photos are copied at a time. In space and time each photo has its own.

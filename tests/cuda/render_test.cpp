@@ -3,6 +3,7 @@
 // RenderPass.
 #include "gs_train/density/contribution.h"
 #include "tests/support/cuda.h"
+#include "tests/support/lens_scenes.h"
 
 namespace gs {
 namespace {
@@ -85,6 +86,17 @@ class CudaRender : public CudaTest {
       add("3D filter, degree " + std::to_string(degree), kTypical, 131, 77, settings);
       all.back().gaussians = with_filters(all.back().gaussians, 9);
     }
+    for (const LensScene& lens : lens_scenes()) {
+      add(lens.name, kTypical, 160, 120);
+      Scene& scene = all.back();
+      scene.camera = with_lens(scene.camera, lens.model, lens.params);
+      scene.gaussians =
+          at_angles(std::move(scene.gaussians), scene.camera, lens.least, lens.most, all.size());
+    }
+    add("through a lens, in space and time", kTypical, 131, 77);
+    all.back().camera = with_lens(all.back().camera, CameraModel::simple_fisheye, {0.7, 0.5, 0.4});
+    all.back().gaussians = in_spacetime(all.back().gaussians, 7);
+    all.back().camera.time = 0.5f;
     add("3D filter, sharp", kSharp, 160, 120);
     all.back().gaussians = with_filters(all.back().gaussians, 9);
     white.use_tensor_cores = classic.use_tensor_cores = false;
@@ -123,15 +135,16 @@ TEST_F(CudaRender, SplatsAgree) {
       if (!cpu_counts[i] || !gpu_counts[i]) continue;
       ++visible;
       const Splat &a = gpu_splats[i], &b = cpu_splats[i];
-      // The mean at a moment depends on scales, whose exponential differs in the last digit.
-      const bool has_time = scene.gaussians.has_time;
-      const float rounding = has_time ? 1e-3f : 0.0f;  // pixels
+      // The mean at a moment depends on scales, whose exponential differs in the last digit, and
+      // that through a fisheye on an arctangent.
+      const bool differs = scene.gaussians.has_time || scene.camera.has_lens();
+      const float rounding = differs ? 1e-3f : 0.0f;  // pixels
       EXPECT_NEAR(a.depth, b.depth, 1e-3f * rounding * b.depth);
       EXPECT_NEAR(a.mean2d.x, b.mean2d.x, rounding);
       EXPECT_NEAR(a.mean2d.y, b.mean2d.y, rounding);
       const float largest = std::max(std::abs(b.conic.xx), std::abs(b.conic.yy));
       // The determinant of a needle cancels, and so does the covariance at a moment.
-      const float cancelled = (has_time ? 1e-3f : 2e-4f) * largest;
+      const float cancelled = (differs ? 1e-3f : 2e-4f) * largest;
       EXPECT_NEAR(a.conic.xx, b.conic.xx, cancelled);
       EXPECT_NEAR(a.conic.xy, b.conic.xy, cancelled);
       EXPECT_NEAR(a.conic.yy, b.conic.yy, cancelled);

@@ -7,6 +7,7 @@
 #include "gs_train/poses/poses.h"
 #include "tests/cuda/fused_step.h"
 #include "tests/support/gains.h"
+#include "tests/support/lens_scenes.h"
 #include "tests/support/own_loss.h"
 
 // The linker redirects these calls to this file (-Wl,--wrap), which counts them.
@@ -106,6 +107,24 @@ TEST_F(CudaStep, FusedStepInSpaceAndTimeIsTheScalarOne) {
         in_spacetime(random_gaussians(kTypical, 3000, views[0].camera, std::uint64_t(degree)), 8));
     TrainingModel actual = on_gpu(expected);
     step_both(expected, actual, views, settings, rates, {true});
+    expect_same(on_host(actual), expected, 2e-2);
+  }
+}
+
+// Of one pinhole and two lenses, in turns.
+TEST_F(CudaStep, FusedStepThroughALensIsTheScalarOne) {
+  std::vector<View> views = some_views(131, 77, 3);
+  views[1].camera = with_lens(views[1].camera, CameraModel::opencv,
+                              {0.9, 0.9, 0.5, 0.5, -0.25, 0.05, 2e-3, -3e-3});
+  views[2].camera = with_lens(views[2].camera, CameraModel::simple_fisheye, {0.6, 0.5, 0.4});
+  for (const int degree : {0, 1, 2, 3}) {
+    SCOPED_TRACE(degree);
+    RenderSettings settings;
+    settings.sh_degree = degree;
+    TrainingModel expected =
+        model_of(random_gaussians(kTypical, 3000, views[0].camera, std::uint64_t(degree)));
+    TrainingModel actual = on_gpu(expected);
+    step_both(expected, actual, views, settings, kRates, {true});
     expect_same(on_host(actual), expected, 2e-2);
   }
 }

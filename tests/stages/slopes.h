@@ -4,6 +4,7 @@
 #pragma once
 
 #include "tests/support/brute_force.h"
+#include "tests/support/lens_scenes.h"
 #include "tests/support/models.h"
 
 namespace gs {
@@ -14,7 +15,7 @@ inline constexpr std::size_t kPixels = std::size_t(kWidth) * kHeight;
 /// What makes another scene of the usual one, which has nine Gaussians.
 struct SceneChange {
   const char* name;
-  void (*apply)(const Camera& camera, RenderSettings& settings, Gaussians& gaussians);
+  void (*apply)(Camera& camera, RenderSettings& settings, Gaussians& gaussians);
 };
 
 inline void attach_antialiasing(RenderSettings& settings) {
@@ -22,52 +23,64 @@ inline void attach_antialiasing(RenderSettings& settings) {
   settings.antialias_detach = false;
 }
 
+template <int scene>
+void see_through(Camera& camera, RenderSettings&, Gaussians& gaussians) {
+  const LensScene& lens = lens_scenes()[scene];
+  camera = with_lens(camera, lens.model, lens.params);
+  gaussians = at_angles(std::move(gaussians), camera, lens.least, lens.most, 27);
+}
+
 inline const SceneChange kSceneChanges[] = {
-    {"nothing", [](const Camera&, RenderSettings&, Gaussians&) {}},
+    {"nothing", [](Camera&, RenderSettings&, Gaussians&) {}},
     {"the classic rule on both sides of its clamp",
-     [](const Camera&, RenderSettings& settings, Gaussians& gaussians) {
+     [](Camera&, RenderSettings& settings, Gaussians& gaussians) {
        settings.blend_rule = BlendRule::classic;
        for (std::size_t i = 0; i < 4; ++i) gaussians.logit_opacity[i] = logit(0.997f);
      }},
     {"a background",
-     [](const Camera&, RenderSettings& settings, Gaussians&) {
+     [](Camera&, RenderSettings& settings, Gaussians&) {
        settings.background = {0.3f, 0.6f, 0.4f};
      }},
     {"SH of degree 0",
-     [](const Camera&, RenderSettings& settings, Gaussians&) { settings.sh_degree = 0; }},
+     [](Camera&, RenderSettings& settings, Gaussians&) { settings.sh_degree = 0; }},
     {"SH of degree 1",
-     [](const Camera&, RenderSettings& settings, Gaussians&) { settings.sh_degree = 1; }},
+     [](Camera&, RenderSettings& settings, Gaussians&) { settings.sh_degree = 1; }},
     {"SH of degree 2",
-     [](const Camera&, RenderSettings& settings, Gaussians&) { settings.sh_degree = 2; }},
+     [](Camera&, RenderSettings& settings, Gaussians&) { settings.sh_degree = 2; }},
     {"space and time",  // at half of its duration
-     [](const Camera&, RenderSettings&, Gaussians& gaussians) {
+     [](Camera&, RenderSettings&, Gaussians& gaussians) {
        gaussians = in_spacetime(gaussians, 41);
      }},
     {"space and time, antialiased",
-     [](const Camera&, RenderSettings& settings, Gaussians& gaussians) {
+     [](Camera&, RenderSettings& settings, Gaussians& gaussians) {
        attach_antialiasing(settings);
        gaussians = in_spacetime(gaussians, 41);
      }},
-    {"3D filters", [](const Camera&, RenderSettings&,
+    {"3D filters", [](Camera&, RenderSettings&,
                       Gaussians& gaussians) { gaussians = with_filters(gaussians, 44); }},
     {"3D filters, antialiased",
-     [](const Camera&, RenderSettings& settings, Gaussians& gaussians) {
+     [](Camera&, RenderSettings& settings, Gaussians& gaussians) {
        attach_antialiasing(settings);
        gaussians = with_filters(gaussians, 44);
      }},
     {"antialiasing with its factor attached",
-     [](const Camera&, RenderSettings& settings, Gaussians&) { attach_antialiasing(settings); }},
-    {"truncation by sigma", [](const Camera&, RenderSettings& settings,
+     [](Camera&, RenderSettings& settings, Gaussians&) { attach_antialiasing(settings); }},
+    {"truncation by sigma", [](Camera&, RenderSettings& settings,
                                Gaussians&) { settings.truncation = Truncation::sigma3; }},
     {"negative colors",
-     [](const Camera& camera, RenderSettings&, Gaussians& gaussians) {
+     [](Camera& camera, RenderSettings&, Gaussians& gaussians) {
        gaussians = random_gaussians(kNegativeColors, 9, camera, 23);
      }},
     {"Gaussians beyond the frustum, where the Jacobian is clamped",
-     [](const Camera& camera, RenderSettings&, Gaussians& gaussians) {
+     [](Camera& camera, RenderSettings&, Gaussians& gaussians) {
        gaussians =
            random_gaussians({.sigma_low = 10, .sigma_high = 20, .reach = 1.9f}, 9, camera, 24);
      }},
+    {"a strong lens", see_through<0>},
+    {"a lens beyond its fold", see_through<1>},
+    {"a fisheye at 80 degrees", see_through<2>},
+    {"a fisheye beyond 90 degrees", see_through<3>},
+    {"an equidistant fisheye", see_through<4>},
 };
 
 /// A camera for all of them.

@@ -33,8 +33,9 @@ std::vector<DepthAnchor> anchors_of(const ColmapModel& model, const ColmapImage&
 
 std::optional<DepthAnchor> anchor_of(const Camera& camera, const Vec3f& point) {
   const Vec3f p = to_camera(camera, point);
-  if (!(p.z > 0)) return std::nullopt;
-  const float x = camera.fx * p.x / p.z + camera.cx, y = camera.fy * p.y / p.z + camera.cy;
+  if (!is_in_sight(camera, p)) return std::nullopt;
+  const Vec2f at = pixel_of(camera, p);
+  const float x = at.x, y = at.y;
   if (!(x >= 0 && x < float(camera.width) && y >= 0 && y < float(camera.height)))
     return std::nullopt;
   return DepthAnchor{x, y, p.z};

@@ -26,7 +26,7 @@ class MapPositions {
   Vec2d at(double x, double y) const {
     const PinholeCamera<double>&target = photo_.target, &whole = photo_.undistorted;
     Vec2d at(x * whole.width / target.width, y * whole.height / target.height);
-    if (photo_.has_lens()) {
+    if (photo_.is_undistorted()) {
       const PinholeCamera<double>& lens = photo_.lens.pinhole;
       const Vec2d landed =
           distorted(photo_.lens, {(at.x - whole.cx) / whole.fx, (at.y - whole.cy) / whole.fy});

@@ -37,7 +37,7 @@ GS_HD ProjectedGaussian<float> project_shape(const PinholeCamera<float>& camera,
                                              const Ellipsoid& ellipsoid,
                                              const SplatSettings& settings) {
   const Vec3f p = to_camera(camera, ellipsoid.mean);
-  if (!is_between_planes(p.z, settings)) return {};
+  if (!is_between_planes(depth_of(camera, p), settings)) return {};
   return project_ellipsoid(camera, p, ellipsoid.sigma, ellipsoid.opacity, settings);
 }
 

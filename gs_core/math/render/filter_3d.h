@@ -9,7 +9,8 @@
 
 namespace gs {
 
-/// How densely a camera samples space at a point: focal length / depth, of the finer axis.
+/// How densely a camera samples space at a point: focal length / depth, of the finer axis. Of a
+/// fisheye, focal length / distance.
 ///
 /// mean        world units
 /// near_plane  world units along the viewing axis
@@ -17,13 +18,20 @@ namespace gs {
 /// near_plane, or beyond the picture and a margin of kFrustumMargin of its size on each side.
 template <class T>
 GS_HD T sampling_rate(const PinholeCamera<T>& camera, const Vec3<T>& mean, const T& near_plane) {
+  using std::sqrt;
   const Vec3<T> p = to_camera(camera, mean);
-  if (!(p.z >= near_plane)) return T(0);
+  if (!(depth_of(camera, p) >= near_plane)) return T(0);
   // Pixels times depth, so that there is no division for most cameras.
-  const T x = camera.fx * p.x + camera.cx * p.z, y = camera.fy * p.y + camera.cy * p.z;
-  const T w = T(camera.width) * p.z, h = T(camera.height) * p.z, m = T(kFrustumMargin);
+  T x = camera.fx * p.x + camera.cx * p.z, y = camera.fy * p.y + camera.cy * p.z, z = p.z;
+  if (camera.has_lens()) {
+    if (!is_in_sight(camera, p)) return T(0);
+    if (has_angle_chart(camera.lens.lens)) z = sqrt(inner(p, p));
+    const Vec2<T> pixel = pixel_of(camera, p);
+    x = pixel.x * z, y = pixel.y * z;
+  }
+  const T w = T(camera.width) * z, h = T(camera.height) * z, m = T(kFrustumMargin);
   const bool is_seen = x >= -m * w && x <= (T(1) + m) * w && y >= -m * h && y <= (T(1) + m) * h;
-  return is_seen ? max_of(camera.fx, camera.fy) / p.z : T(0);
+  return is_seen ? max_of(camera.fx, camera.fy) / z : T(0);
 }
 
 /// The filter of a Gaussian, from the largest sampling rate of all training cameras, above 0:

@@ -5,6 +5,7 @@
 
 #include "gs_core/camera.h"
 #include "gs_core/math/constants.h"
+#include "gs_core/math/lens/lens_projection.h"
 #include "gs_core/types.h"
 
 namespace gs {
@@ -20,7 +21,7 @@ GS_HD Vec3<T> to_camera_vjp(const PinholeCamera<T>& camera, const Vec3<T>& dL_dp
   return multiply_transposed(camera.cam_from_world_rotation, dL_dp);
 }
 
-/// Image-plane mean of a point p in camera space, p.z > 0.   pixels
+/// Image-plane mean of a point p in camera space, p.z > 0, of a pinhole.   pixels
 template <class T>
 GS_HD Vec2<T> project_mean(const PinholeCamera<T>& camera, const Vec3<T>& p) {
   return {camera.fx * p.x / p.z + camera.cx, camera.fy * p.y / p.z + camera.cy};
@@ -47,7 +48,7 @@ GS_HD FrustumLimits<T> frustum_limits(const PinholeCamera<T>& camera) {
           {((T(1) + m) * w - camera.cx) / camera.fx, ((T(1) + m) * h - camera.cy) / camera.fy}};
 }
 
-/// A = J W: the projection's first-order change by the world position.   pixels / world unit
+/// A = J W: the first-order change of a pinhole's mean by the world position.  pixels / world unit
 ///
 ///   J = [ fx/z   0    -fx x/z^2 ]    with x/z, y/z clamped to frustum_limits()
 ///       [  0    fy/z  -fy y/z^2 ]                                Kerbl et al. 2023, Eq. 5
@@ -78,9 +79,29 @@ GS_HD Vec3<T> projection_jacobian_vjp(const PinholeCamera<T>& camera, const Vec3
   return {d_x / p.z, d_y / p.z, -(jx * d_jx + jy * d_jy + x_free * d_x + y_free * d_y) / p.z};
 }
 
+/// Image-plane mean of a point in camera space that is_in_sight().   pixels
+template <class T>
+GS_HD Vec2<T> pixel_of(const PinholeCamera<T>& camera, const Vec3<T>& p) {
+  return camera.has_lens() ? project_through_lens(camera, p).mean2d : project_mean(camera, p);
+}
+
+/// Where p is seen, through the lens if there is one.
+template <class T>
+GS_HD ProjectedPoint<T> project_point(const PinholeCamera<T>& camera, const Vec3<T>& p) {
+  if (camera.has_lens()) return project_through_lens(camera, p);
+  return {project_mean(camera, p), projection_jacobian(camera, p)};
+}
+/// dL/dp of project_point().
+template <class T>
+GS_HD Vec3<T> project_point_vjp(const PinholeCamera<T>& camera, const Vec3<T>& p,
+                                const Vec2<T>& dL_dmean2d, const Mat23<T>& dL_dA) {
+  if (camera.has_lens()) return project_through_lens_vjp(camera, p, dL_dmean2d, dL_dA);
+  return project_mean_vjp(camera, p, dL_dmean2d) + projection_jacobian_vjp(camera, p, dL_dA);
+}
+
 /// Image-plane covariance: Sigma' = A Sigma A^T + blur I   Kerbl et al. 2023, Eq. 5
 ///
-/// A      projection_jacobian() at the Gaussian's mean   pixels / world unit
+/// A      of project_point() at the Gaussian's mean      pixels / world unit
 /// sigma  world covariance                               world units^2
 /// blur   low-pass added to the diagonal                 pixels^2
 /// Returns a symmetric matrix in pixels^2, positive definite for blur > 0.

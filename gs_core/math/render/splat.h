@@ -21,7 +21,7 @@ struct SplatSettings {
   TileBounds bounds = TileBounds::exact;      // which tiles list it
   bool antialias = false;                     // smaller dilation with opacity compensation
   bool antialias_detach = true;               // no gradient from the compensation to the covariance
-  float near_plane = 0.2f, far_plane = 1e4f;  // world units along the viewing axis
+  float near_plane = 0.2f, far_plane = 1e4f;  // world units, of depth_of()
   float blur = 0;  // pixels^2 added to the image covariance; 0: kBlur, or kBlurAntialias
 };
 
@@ -65,7 +65,7 @@ using SplatGradient = BasicSplatGradient<float>;
 template <class T>
 struct ProjectedGaussian {
   bool is_visible = false;  // false: everything else is undefined
-  T depth;                  // world units along the viewing axis
+  T depth;                  // world units, by depth_of()
   Sym2<T> cov2d;            // pixels^2, blur included
   BasicSplat<T> splat;
 };
@@ -82,16 +82,18 @@ GS_HD bool is_between_planes(const T& depth, const SplatSettings& settings) {
 }
 
 /// Projects the ellipsoid at p, in camera coordinates, with a world covariance and an opacity. Not
-/// visible: image covariance singular or beyond the scalar's range, opacity under the truncation
-/// rule's threshold, or any value that is not finite.
+/// visible: beyond the lens, image covariance singular or beyond the scalar's range, opacity under the
+/// truncation rule's threshold, or any value that is not finite.
 template <class T>
 GS_HD ProjectedGaussian<T> project_ellipsoid(const PinholeCamera<T>& camera, const Vec3<T>& p,
                                              const Sym3<T>& sigma, const T& opacity,
                                              const SplatSettings& settings) {
   ProjectedGaussian<T> result;
-  result.depth = p.z;
+  if (is_beyond_lens(camera, p, sigma)) return result;
+  result.depth = depth_of(camera, p);
   const T blur = blur_of<T>(settings);
-  result.cov2d = project_covariance(projection_jacobian(camera, p), sigma, blur);
+  const ProjectedPoint<T> point = project_point(camera, p);
+  result.cov2d = project_covariance(point.A, sigma, blur);
   const T det = determinant(result.cov2d);
   if (!(det >= T(kMinCovarianceDeterminant) && det < T(kMaxCovarianceDeterminant))) return result;
 
@@ -101,7 +103,7 @@ GS_HD ProjectedGaussian<T> project_ellipsoid(const PinholeCamera<T>& camera, con
   splat.cutoff = cutoff_of(settings.truncation, splat.opacity);
   if (!(splat.cutoff >= T(0))) return result;
 
-  splat.mean2d = project_mean(camera, p);
+  splat.mean2d = point.mean2d;
   splat.conic = conic_of(result.cov2d);
   splat.variance_y = result.cov2d.yy;
   splat.depth = result.depth;
@@ -122,7 +124,7 @@ GS_HD ProjectedGaussian<T> project_shape(const PinholeCamera<T>& camera, const V
                                          const T& logit_opacity, const T& filter_scale,
                                          const SplatSettings& settings) {
   const Vec3<T> p = to_camera(camera, mean);
-  if (!is_between_planes(p.z, settings) || is_degenerate(rotation)) return {};
+  if (!is_between_planes(depth_of(camera, p), settings) || is_degenerate(rotation)) return {};
   const Vec3<T> variances = variance(log_scale);
   const Sym3<T> sigma =
       covariance(rotation_matrix(rotation), filtered_variance(variances, filter_scale));
@@ -177,7 +179,7 @@ template <class T>
 GS_HD EllipsoidInCameraGradient<T> project_ellipsoid_in_camera_vjp(
     const PinholeCamera<T>& camera, const Vec3<T>& p, const Sym3<T>& sigma, const T& opacity,
     const SplatSettings& settings, const BasicSplatGradient<T>& dL_dsplat) {
-  const Mat23<T> A = projection_jacobian(camera, p);
+  const Mat23<T> A = project_point(camera, p).A;
   const T blur = blur_of<T>(settings);
   const Sym2<T> cov2d = project_covariance(A, sigma, blur);
 
@@ -196,9 +198,8 @@ GS_HD EllipsoidInCameraGradient<T> project_ellipsoid_in_camera_vjp(
   const ProjectCovarianceGradient<T> dL_projection = project_covariance_vjp(A, sigma, dL_dcov2d);
   gradient.sigma = dL_projection.sigma;
   gradient.A = dL_projection.A;
-  gradient.p = project_mean_vjp(camera, p, dL_dsplat.mean2d) +
-               projection_jacobian_vjp(camera, p, dL_projection.A);
-  gradient.p.z += dL_dsplat.depth;
+  gradient.p = project_point_vjp(camera, p, dL_dsplat.mean2d, dL_projection.A);
+  add_depth_vjp(camera, p, dL_dsplat.depth, gradient.p);
   return gradient;
 }
 

@@ -100,7 +100,7 @@ GS_HD ProjectedMoment<T> project_shape(const PinholeCamera<T>& camera,
   ProjectedMoment<T> result{};
   result.mean = shape.mean + moment.shift;
   const Vec3<T> p = to_camera(camera, result.mean);
-  if (is_between_planes(p.z, settings))
+  if (is_between_planes(depth_of(camera, p), settings))
     result.projected = project_ellipsoid(camera, p, moment.covariance,
                                          sigmoid(shape.logit_opacity) * moment.marginal, settings);
   return result;

@@ -1,0 +1,65 @@
+// SPDX-License-Identifier: Apache-2.0
+// The lens of a camera: its kind, its coefficients, and how far its formula counts.
+#pragma once
+
+#include "gs_core/types.h"
+
+namespace gs {
+
+/// The kinds of lenses. First a chart takes a ray to a point u of the plane, then a map bends it:
+///
+///   lens                     chart        map                     COLMAP models
+///   none                     perspective  none                    (SIMPLE_)PINHOLE
+///   radial_tangential        perspective  polynomials             (SIMPLE_)RADIAL, (FULL_)OPENCV
+///   fisheye                  angle        polynomials             *_FISHEYE, FISHEYE
+///   fisheye_rad_tan          angle        polynomials, chained    RAD_TAN_THIN_PRISM_FISHEYE
+///   fov, division, unified   perspective  closed forms            FOV, (SIMPLE_)DIVISION, EUCM
+///
+/// math/lens/chart.h has the charts, math/lens/lens_map.h the maps.
+enum class Lens { none, radial_tangential, fisheye, fisheye_rad_tan, fov, division, unified };
+
+/// Whether a lens begins with the angle chart, which also takes rays beside and behind the camera.
+GS_HD bool has_angle_chart(Lens lens) {
+  return lens == Lens::fisheye || lens == Lens::fisheye_rad_tan;
+}
+
+/// A lens and its coefficients; those that a model does not have are 0.
+template <class T>
+struct LensCoefficients {
+  using Lens = gs::Lens;
+  Lens lens = Lens::none;
+  // radial; fov: omega (radians); division: k; unified: alpha, beta
+  T k[6] = {T(0), T(0), T(0), T(0), T(0), T(0)};
+  T d[3] = {T(0), T(0), T(0)};        // radial, below the line
+  T p[2] = {T(0), T(0)};              // tangential
+  T s[4] = {T(0), T(0), T(0), T(0)};  // thin prism: two for x, two for y
+
+  bool operator==(const LensCoefficients&) const = default;
+};
+
+/// The lens of a camera that sees through it, with the part of the chart where the lens describes
+/// the picture. Beyond, the camera goes on with the lens's tangent at the nearest point inside.
+template <class T>
+struct CameraLens : LensCoefficients<T> {
+  T radius{};                                 // the largest |u|; radians in the angle chart
+  Vec2<T> low{T(0), T(0)}, high{T(0), T(0)};  // the range of u in x and y
+
+  bool operator==(const CameraLens&) const = default;
+};
+
+/// The same lens in another scalar.
+template <class To, class From>
+CameraLens<To> lens_as(const CameraLens<From>& lens) {
+  CameraLens<To> result;
+  result.lens = lens.lens;
+  for (int i = 0; i < 6; ++i) result.k[i] = To(lens.k[i]);
+  for (int i = 0; i < 3; ++i) result.d[i] = To(lens.d[i]);
+  for (int i = 0; i < 2; ++i) result.p[i] = To(lens.p[i]);
+  for (int i = 0; i < 4; ++i) result.s[i] = To(lens.s[i]);
+  result.radius = To(lens.radius);
+  result.low = {To(lens.low.x), To(lens.low.y)};
+  result.high = {To(lens.high.x), To(lens.high.y)};
+  return result;
+}
+
+}  // namespace gs

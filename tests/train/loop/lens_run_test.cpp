@@ -1,0 +1,152 @@
+// SPDX-License-Identifier: Apache-2.0
+// Runs on photos that were taken through a lens too wide for pinhole pictures, from COLMAP's files
+// to the model that they leave.
+#include "gs_core/math/lens/lens_projection.h"
+#include "tests/support/load_scene.h"
+#include "tests/support/scene_run.h"
+
+namespace gs {
+namespace {
+
+constexpr int kSide = 48;        // pixels
+constexpr double kFocal = 12.5;  // pixels per radian: 110 degrees to each side
+constexpr std::size_t kPhotos = 12;
+
+/// Gaussians all around the cameras, and points near them.
+Gaussians truth_around(std::vector<ColmapPoint>& points) {
+  Draws draws(3);
+  Gaussians truth(70, host_memory());
+  for (std::size_t i = 0; i < truth.count(); ++i) {
+    Vec3f direction = draws.uniform3(-1, 1);
+    direction /= std::sqrt(inner(direction, direction));
+    const Vec3f place = draws.uniform(1.6f, 2.6f) * direction;
+    set_gaussian(truth, i, place, draws.uniform(0.2f, 0.5f), draws.uniform(0.5f, 0.95f),
+                 draws.uniform3(0, 1));
+    points.push_back({i + 1, Vec3d(place + draws.uniform3(-0.1f, 0.1f)), {128, 128, 128}});
+  }
+  return truth;
+}
+
+/// Cameras near the origin that look in all directions of the horizon.
+ColmapModel fisheye_model() {
+  ColmapModel model;
+  model.cameras[1] = {1, CameraModel::simple_fisheye, kSide, kSide, {kFocal, 24, 24}};
+  for (std::size_t i = 0; i < kPhotos; ++i) {
+    const double turn = 2.4 * double(i), place = 0.7 * double(i);
+    const Quat<double> q{std::cos(turn / 2), 0, std::sin(turn / 2), 0};
+    const Vec3d center(0.5 * std::cos(place), 0.2 * std::sin(1.7 * double(i)),
+                       0.5 * std::sin(place));
+    model.images.push_back({std::uint32_t(i + 1), std::string(1, char('a' + i)) + ".png", 1, q,
+                            -multiply(rotation_matrix(q), center)});
+  }
+  return model;
+}
+
+class LensRun : public SceneTest {
+ protected:
+  LensRun() {
+    ColmapModel model = fisheye_model();
+    truth_ = truth_around(model.points);
+    write(model);
+  }
+  /// The scene with photos of the truth in place of plain ones.
+  Scene scene_of_truth() const {
+    DatasetConfig dataset = this->dataset();
+    for (const View& view : load_scene(dataset).train_views)
+      write_png(image(view.name), picture_of_truth(view.camera));
+    dataset.eval = true;
+    dataset.test_every = 6;
+    return load_scene(dataset);
+  }
+  Image8 picture_of_truth(const Camera& camera) const {
+    RenderPass pass;
+    make_scalar_renderer()->forward(truth_.span(), camera, {}, pass);
+    return to_image8(image_of(pass));
+  }
+  static Config run_through_lens() {
+    Config config = short_run();
+    config.train.iterations = 400;
+    config.density.until_step = 0;
+    return config;
+  }
+
+  Gaussians truth_;
+  const std::unique_ptr<Backend> backend_ = make_scalar_backend();
+};
+
+TEST_F(LensRun, LearnsWhatPhotosShowBesideAndBehindTheCamera) {
+  const Scene scene = scene_of_truth();
+  ASSERT_EQ(scene.test_views.size(), 2u);
+  ASSERT_TRUE(is_wide(scene.train_views[0].camera.lens));
+  EXPECT_NEAR(scene.train_views[0].camera.lens.radius, std::sqrt(2.0) * 24 / kFocal, 1e-4);
+  Trainer trainer(scene, run_through_lens(), *backend_);
+  const double before = psnr_of(*backend_, trainer, scene.test_views);
+  trainer.run();
+  EXPECT_EQ(backend_->rows().count_not_finite(trainer.model()), 0u);
+  const double after = psnr_of(*backend_, trainer, scene.test_views);
+  EXPECT_GT(after, before + 8);
+  EXPECT_GT(after, 25);
+  // Pinholes see the same scene: the lens put every Gaussian at its place.
+  std::vector<View> pinholes = scene.test_views;
+  for (View& view : pinholes) {
+    view.camera = without_lens(view.camera);
+    view.camera.fx = view.camera.fy = 24;  // 45 degrees to each side
+    view.photo = picture_of_truth(view.camera);
+  }
+  EXPECT_GT(psnr_of(*backend_, trainer, pinholes), 22);
+}
+
+TEST_F(LensRun, GoesOnWhereItWasStopped) {
+  const Scene scene = scene_of_truth();
+  Config config = run_through_lens();
+  config.train.iterations = 60;
+  EXPECT_TRUE(same_bits(resumed_after(25, scene, config, *backend_),
+                        model_of_run(scene, config, *backend_)));
+}
+
+TEST_F(LensRun, RefusesAPinholeAndSaysHowToTrainInstead) {
+  DatasetConfig dataset = this->dataset();
+  dataset.lens = LensUse::undistort;
+  EXPECT_THAT(error_of(dataset), AllOf(HasSubstr("a.png"), HasSubstr("--set dataset.lens=auto")));
+}
+
+// A lens of 55 degrees is undistorted unless it is said otherwise.
+TEST_F(LensRun, TakesALensNativelyWhereItIsToldTo) {
+  ColmapModel model = fisheye_model();
+  model.cameras.at(1) = {
+      1, CameraModel::opencv_fisheye, kSide, kSide, {25, 25, 24, 24, -0.02, 0.005, -0.002, 0.001}};
+  write(model);
+  DatasetConfig dataset = this->dataset();
+  const Camera undistorted = load_scene(dataset).train_views[0].camera;
+  EXPECT_FALSE(undistorted.has_lens());
+  dataset.lens = LensUse::native;
+  const View native = load_scene(dataset).train_views[0];
+  EXPECT_TRUE(native.camera.has_lens());
+  EXPECT_FALSE(is_wide(native.camera.lens));
+  EXPECT_EQ(native.camera.width, kSide);
+  EXPECT_EQ(native.photo.width, kSide);
+  EXPECT_TRUE(native.mask.empty());
+  dataset.resolution = 24;  // pixels wide
+  EXPECT_EQ(load_scene(dataset).train_views[0].camera.lens, native.camera.lens);
+}
+
+// A lens that folds inside of its picture: what lies beyond shows nothing that it could explain.
+TEST_F(LensRun, DoesNotTrainPixelsThatNoRayReaches) {
+  ColmapModel model = fisheye_model();
+  model.cameras.at(1) = {1, CameraModel::opencv, kSide, kSide, {20, 20, 24, 24, -0.4, 0, 0, 0}};
+  write(model);
+  DatasetConfig dataset = this->dataset();
+  dataset.lens = LensUse::native;
+  const View view = load_scene(dataset).train_views[0];
+  ASSERT_FALSE(view.mask.empty());
+  EXPECT_EQ(view.mask.at(24, 24, 0), 255);
+  EXPECT_EQ(view.mask.at(0, 0, 0), 0);
+}
+
+TEST_F(LensRun, RefusesDepthMapsThroughAWideLens) {
+  write_png(folder() / "depth" / "a.png", Image8(kSide, kSide, 1, 50));
+  EXPECT_THAT(error(), AllOf(HasSubstr("a.png"), HasSubstr("dataset.depth=none")));
+}
+
+}  // namespace
+}  // namespace gs
