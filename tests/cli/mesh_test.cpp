@@ -87,5 +87,33 @@ TEST_F(MeshVerb, EndsWithOneLineAndARemedy) {
   EXPECT_FALSE(std::filesystem::exists(path("a.glb")));
 }
 
+TEST_F(MeshVerb, IsMeasuredAgainstAKnownSurface) {
+  make_wall();
+  ASSERT_EQ(run(mesh("wall-mesh.glb")).code, 0);
+  write_bytes(path("truth.obj"), "v -2 -2 3\nv 2 -2 3\nv 2 2 3\nv -2 2 3\nf 1 2 3 4\n");
+  const std::string command =
+      "mesh-error " + text("wall-mesh.glb") + " " + text("truth.obj") + " --samples 5000";
+  const Outcome outcome = run(command);
+  ASSERT_EQ(outcome.code, 0) << outcome.err;
+  EXPECT_THAT(outcome.out, AllOf(HasSubstr("Chamfer distance"), HasSubstr("F1")));
+  const Json json = Json::parse(run(command + " --json --threshold 0.01 0.05").out);
+  EXPECT_LT(json["accuracy"], 0.02);
+  EXPECT_GT(json["normal_consistency"], 0.9);
+  ASSERT_EQ(json["within"].size(), 2u);
+  EXPECT_GT(json["within"][1]["precision"], 0.95);
+}
+
+TEST_F(MeshVerb, MeasuresNothingEmpty) {
+  write_bytes(path("empty.obj"), "");
+  write_bytes(path("line.obj"), "v 0 0 0\nv 1 0 0\nf 1 2 1\n");
+  write_bytes(path("point.obj"), "v 0 0 0\n");
+  const Outcome empty = run("mesh-error " + text("empty.obj") + " " + text("point.obj"));
+  EXPECT_EQ(empty.code, 3);
+  EXPECT_THAT(empty.err, HasSubstr("has no vertex; name a mesh"));
+  const Outcome line = run("mesh-error " + text("point.obj") + " " + text("line.obj"));
+  EXPECT_EQ(line.code, 3);
+  EXPECT_THAT(line.err, HasSubstr("no area"));
+}
+
 }  // namespace
 }  // namespace gs

@@ -93,7 +93,7 @@ const std::map<std::string, std::set<std::string>> kRooms = {
       "gs_model/formats/npz", "gs_model/formats/sog", "gs_model/formats/spz"}},
     {"gs_model/tiles",
      {"gs_model/edit", "gs_model/formats", "gs_model/formats/coding", "gs_model/formats/spz"}},
-    {"gs_model/mesh", {"gs_model/formats", "gs_model/formats/coding"}},
+    {"gs_model/mesh", {"gs_model/formats", "gs_model/formats/coding", "gs_model/formats/ply"}},
     {"data_loaders/refine", {"data_loaders/colmap", "data_loaders/lenses", "data_loaders/photos"}},
     {"data_loaders/transforms", {"data_loaders/colmap", "data_loaders/photos"}},
     {"data_loaders/scene",
