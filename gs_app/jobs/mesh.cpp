@@ -12,6 +12,7 @@
 #include "gs_app/run/open_model.h"
 #include "gs_app/run/output_place.h"
 #include "gs_app/run/text.h"
+#include "gs_app/run/wall_clock.h"
 #include "gs_core/evenly_chosen.h"
 #include "gs_core/system/bytes.h"
 #include "gs_core/system/files/atomic_file.h"
@@ -19,8 +20,8 @@
 #include "gs_model/mesh/clean_mesh.h"
 #include "gs_model/mesh/decimate_mesh.h"
 #include "gs_model/mesh/mesh_file.h"
+#include "gs_render/fusion/fusion.h"
 #include "gs_render/fusion/marching_cubes.h"
-#include "gs_render/fusion/surface_depth.h"
 
 namespace gs {
 namespace {
@@ -111,39 +112,39 @@ void check_views(const std::vector<Camera>& cameras) {
                 ExitCode::out_of_memory);
 }
 
-std::vector<DepthView> draw_views(const std::vector<Camera>& cameras, const OpenedModel& opened,
+/// A fusion with the depth of all cameras, on the backend's device.
+std::unique_ptr<Fusion> fusion_of(const MeshJob& job, Backend& backend,
+                                  const std::vector<Camera>& cameras, const OpenedModel& opened,
                                   const Config& config, JobEvents& events) {
-  const std::unique_ptr<Backend> backend = make_backend(config.train.device);
-  const Gaussians gaussians = copy_to(backend->memory(), opened.model);
+  Renderer& renderer = backend.renderer();
+  std::unique_ptr<Fusion> fusion = renderer.fusion(job.rule);
+  const Gaussians gaussians = copy_to(backend.memory(), opened.model);
   RenderSettings settings = view_settings(opened, config);
   settings.for_backward = true;  // the lists of tiles are needed, too
-  RenderPass pass(backend->memory());
-  std::vector<DepthView> views;
+  RenderPass pass(backend.memory());
   for (const Camera& camera : cameras) {
-    backend->renderer().forward(gaussians.span(), camera, settings, pass);
-    views.push_back(
-        depth_view(camera, surface_inverse_depth(pass, opened.model.gaussians, camera, settings),
-                   backend->renderer().picture_of(pass)));
-    events.progress("depth rendered", "view", views.size(), cameras.size());
+    renderer.forward(gaussians.span(), camera, settings, pass);
+    fusion->add(gaussians.span(), camera, settings, pass, renderer.picture_of(pass));
+    events.progress("depth rendered", "view", fusion->views().size(), cameras.size());
   }
-  return views;
+  return fusion;
 }
 
 /// The edge of a voxel, for which there is memory.
-float voxel_of(const MeshJob& job, const std::vector<DepthView>& views) {
-  const double pixel = median_pixel(views);
+float voxel_of(const MeshJob& job, Fusion& fusion) {
+  const double pixel = fusion.median_pixel();
   if (!(pixel > 0))
     throw Error(
         fmt::format("no pixel of {} views shows a surface; the cameras look elsewhere, or "
                     "the model is too faint: look at it with `gemsplat view {}`",
-                    views.size(), shell_word(job.model)));
+                    fusion.views().size(), shell_word(job.model)));
   const double voxel = job.voxel.value_or(kVoxelPixels * pixel);
   if (voxel < kLeastVoxelPixels * pixel)
     throw UsageError(
         fmt::format("--voxel {:.3g} is finer than the views, whose pixels are {:.3g} "
                     "wide on the surface; give --voxel {:.3g} or more",
                     voxel, pixel, 1.01 * kLeastVoxelPixels * pixel));
-  const VolumeForecast forecast = forecast_volume(views, float(voxel), job.rule);
+  const VolumeForecast forecast = fusion.forecast(float(voxel));
   const auto bytes_at = [&](double size) {
     return forecast.bytes_at(size) * (job.triangles ? kDecimationBytes : 1);
   };
@@ -157,23 +158,23 @@ float voxel_of(const MeshJob& job, const std::vector<DepthView>& views) {
               ExitCode::out_of_memory);
 }
 
-TriangleMesh mesh_of(const MeshJob& job, const std::vector<DepthView>& views, float voxel,
-                     JobEvents& events) {
-  const VolumeFrame frame = volume_frame(views, voxel, job.rule);
-  const Volume volume = fuse(views, frame, surface_blocks(views, frame, job.rule), job.rule,
-                             [&](std::size_t done, std::size_t total) {
-                               events.progress("blocks fused", "block", done, total);
-                             });
+TriangleMesh mesh_of(Fusion& fusion, float voxel, WallClock& clock, JobEvents& events) {
+  const Volume volume = fusion.fuse(fusion.frame(voxel), [&](std::size_t done, std::size_t total) {
+    events.progress("blocks fused", "block", done, total);
+  });
+  clock.end("fusion");
   TriangleMesh mesh = surface_of(volume);
+  clock.end("triangles");
   if (mesh.triangles.empty())
     throw Error(
         fmt::format("no two of {} views agree on a surface of voxels of {:.3g}; give a "
                     "smaller --voxel, or views that overlap",
-                    views.size(), voxel));
+                    fusion.views().size(), voxel));
   return mesh;
 }
 
 Outcome run(const MeshJob& given, JobEvents& events) {
+  WallClock clock(WallClock::Clock::now());
   MeshJob job = given;
   if (job.output.empty()) job.output = new_place(beside(job.model, "-mesh"), {".glb"}).string();
   const MeshFormat& format = mesh_format_of(job.output);
@@ -187,10 +188,14 @@ Outcome run(const MeshJob& given, JobEvents& events) {
   const Config config = resolve_to_work(job, opened.config);
   const std::vector<Camera> cameras = cameras_of(job, opened, config);
   check_views(cameras);
-  const std::vector<DepthView> views = draw_views(cameras, opened, config, events);
-  const float voxel = voxel_of(job, views);
-  TriangleMesh mesh = mesh_of(job, views, voxel, events);
-  const std::vector<char> is_seen = color_vertices(views, voxel, mesh);
+  clock.end("model");
+  const std::unique_ptr<Backend> backend = make_backend(config.train.device);
+  const std::unique_ptr<Fusion> fusion = fusion_of(job, *backend, cameras, opened, config, events);
+  clock.end("depth");
+  const float voxel = voxel_of(job, *fusion);
+  TriangleMesh mesh = mesh_of(*fusion, voxel, clock, events);
+  const std::vector<char> is_seen = color_vertices(fusion->views(), voxel, mesh);
+  clock.end("colors");
   // What no view sees are the rims of surfaces, as thick as the truncation, and what closes a mesh.
   if (!job.rule.is_watertight)
     std::erase_if(mesh.triangles, [&](const Triangle& t) {
@@ -199,21 +204,26 @@ Outcome run(const MeshJob& given, JobEvents& events) {
   const std::size_t pieces = keep_large_pieces(mesh, job.components);
   if (job.triangles) decimate_mesh(mesh, job.triangles);
   compute_normals(mesh);
+  clock.end("cleaning");
   const OutputLock lock = OutputLock::of_file(job.output);
   keep_older_aside(job.output);
   AtomicFile file(job.output);
   format.write(file, mesh, opened.model.world_offset);
   file.commit();
+  clock.end("file");
+  Json seconds;
+  for (const auto& [part, time] : clock.parts()) seconds[part] = time;
   return {fmt::format("{}: {} triangles in {} {}, with voxels of {:.3g}, from {} views\n",
                       job.output, with_commas(mesh.triangles.size()), pieces,
-                      pieces == 1 ? "piece" : "pieces", voxel, views.size()),
+                      pieces == 1 ? "piece" : "pieces", voxel, cameras.size()),
           {{"output", job.output},
            {"model", opened.ply.string()},
            {"vertices", mesh.vertices.size()},
            {"triangles", mesh.triangles.size()},
            {"pieces", pieces},
            {"voxel", voxel},
-           {"views", views.size()}},
+           {"views", cameras.size()},
+           {"seconds", seconds}},
           {{"look at it", "xdg-open " + shell_word(job.output)}}};
 }
 

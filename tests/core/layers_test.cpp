@@ -126,6 +126,7 @@ const std::map<std::string, std::set<std::string>> kRooms = {
     {"cuda/step", {"cuda/device", "cuda/photo_terms", "cuda/render"}},
     {"cuda/gpus", {"cuda/device", "cuda/photo_terms", "cuda/render", "cuda/step"}},
     {"cuda/operator", {"cuda/device", "cuda/render", "cuda/render/blend"}},
+    {"cuda/fusion", {"cuda/device", "cuda/render", "cuda/render/blend"}},
     {"gs_train/stages", {"gs_train/photometric"}},
     {"gs_train/photo_terms", {"gs_train/photometric", "gs_train/poses", "gs_train/stages"}},
     {"gs_train/loop",

@@ -2,53 +2,16 @@
 // Surfaces of known things: their meshes are closed, where they should be, and lie on them.
 #include <map>
 
-#include "gs_core/geometry/vectors.h"
 #include "gs_core/threads/parallel.h"
+#include "gs_render/fusion/fusion.h"
 #include "gs_render/fusion/marching_cubes.h"
 #include "gs_render/fusion/surface_depth.h"
 #include "gs_render/renderer.h"
 #include "gs_render/surface_renderer.h"
-#include "tests/support/scenes.h"
+#include "tests/support/surfaces.h"
 
 namespace gs {
 namespace {
-
-constexpr int kPictureSide = 96;  // pixels
-constexpr float kDistance = 3;    // of cameras from the origin
-const float kFar = std::numeric_limits<float>::infinity();
-
-/// Directions that are spread evenly over the sphere.
-std::vector<Vec3f> directions(int count) {
-  std::vector<Vec3f> all;
-  for (int i = 0; i < count; ++i) {
-    const float y = 1 - (2 * float(i) + 1) / float(count), turn = 2.39996323f * float(i);
-    const float r = std::sqrt(1 - y * y);
-    all.emplace_back(r * std::cos(turn), y, r * std::sin(turn));
-  }
-  return all;
-}
-
-/// A camera in this direction from the origin, which it looks at.
-Camera camera_from(const Vec3f& direction) {
-  Camera camera;
-  camera.width = camera.height = kPictureSide;
-  camera.fx = camera.fy = 110;
-  camera.cx = camera.cy = kPictureSide / 2;
-  const Vec3f z = -direction;
-  const Vec3f x = unit(cross(std::abs(z.y) < 0.9f ? Vec3f(0, 1, 0) : Vec3f(1, 0, 0), z));
-  camera.cam_from_world_rotation = {x, cross(z, x), z};
-  camera.cam_from_world_translation = {0, 0, kDistance};
-  return camera;
-}
-
-/// How far a ray goes from a point until it meets the thing; infinity where it does not.
-using Trace = float (*)(const Vec3f& from, const Vec3f& ray);
-
-float trace_sphere(const Vec3f& from, const Vec3f& ray) {
-  const float a = inner(ray, ray), b = inner(from, ray), c = inner(from, from) - 1;
-  const float root = b * b - a * c;
-  return root > 0 ? (-b - std::sqrt(root)) / a : kFar;
-}
 
 const Vec3f kHalfBox{0.8f, 0.6f, 0.5f};
 float trace_box(const Vec3f& from, const Vec3f& ray) {
@@ -62,27 +25,10 @@ float trace_box(const Vec3f& from, const Vec3f& ray) {
   return enter < leave ? enter : kFar;
 }
 
-std::vector<DepthView> views_of(Trace trace, const std::vector<Vec3f>& from) {
-  std::vector<DepthView> views;
-  for (const Vec3f& direction : from) {
-    const Camera camera = camera_from(direction);
-    ImageF inverse(kPictureSide, kPictureSide, 1, kOpenPixel);
-    for (int y = 0; y < kPictureSide; ++y)
-      for (int x = 0; x < kPictureSide; ++x) {
-        const Vec3f ray =
-            behind_pixel(camera, float(x) + 0.5f, float(y) + 0.5f, 1) - camera.position();
-        const float z = trace(camera.position(), ray);
-        if (z < kFar) inverse.at(x, y, 0) = 1 / z;
-      }
-    views.push_back(depth_view(camera, inverse, Image8(kPictureSide, kPictureSide, 3, 77)));
-  }
-  return views;
-}
-
 TriangleMesh mesh_of(const std::vector<DepthView>& views, float voxel, bool is_watertight) {
-  const FusionRule rule{4, is_watertight};
-  const VolumeFrame frame = volume_frame(views, voxel, rule);
-  return surface_of(fuse(views, frame, surface_blocks(views, frame, rule), rule));
+  Fusion fusion({4, is_watertight});
+  for (const DepthView& view : views) fusion.add(view);
+  return surface_of(fusion.fuse(fusion.frame(voxel)));
 }
 
 struct EdgeCounts {
@@ -196,16 +142,16 @@ TEST(Fusion, ABoxIsWhereItWas) {
 }
 
 TEST(Fusion, MemoryIsForecastAlsoForVoxelsThatAreNotCounted) {
-  const auto views = views_of(trace_sphere, directions(20));
-  const FusionRule rule;
-  const VolumeForecast coarse = forecast_volume(views, 0.04f, rule);
-  const VolumeFrame finer = volume_frame(views, 0.02f, rule);
-  const double blocks = double(surface_blocks(views, finer, rule).size());
+  Fusion fusion({}), closed({4, true});
+  for (const DepthView& view : views_of(trace_sphere, directions(20)))
+    fusion.add(view), closed.add(view);
+  const VolumeForecast coarse = fusion.forecast(0.04f);
+  const double blocks = double(fusion.surface_blocks(fusion.frame(0.02f)).size());
   const double bytes_of_block = coarse.bytes_at(0.04) / coarse.blocks;
   EXPECT_NEAR(coarse.bytes_at(0.02) / bytes_of_block / blocks, 1.2, 0.3);  // rather too many
   // Finer than a pixel, blocks are not counted one by one.
-  EXPECT_FLOAT_EQ(float(forecast_volume(views, 1e-6f, rule).voxel), median_pixel(views));
-  EXPECT_GT(forecast_volume(views, 1e-6f, {4, true}).bytes_at(1e-6), 1e15);
+  EXPECT_FLOAT_EQ(float(fusion.forecast(1e-6f).voxel), fusion.median_pixel());
+  EXPECT_GT(closed.forecast(1e-6f).bytes_at(1e-6), 1e15);
 }
 
 // From above alone, the lower half is not seen.
@@ -253,20 +199,6 @@ TEST(Fusion, VerticesHaveTheColorsOfTheViewsThatSeeThem) {
   EXPECT_EQ(is_seen, (std::vector<char>{1, 0}));
 }
 
-/// Flat Gaussians on the unit sphere, and faint ones that float around it.
-Gaussians sphere_of_gaussians() {
-  const std::vector<Vec3f> on = directions(1500), off = directions(60);
-  Gaussians all(on.size() + off.size(), host_memory());
-  for (std::size_t i = 0; i < on.size(); ++i) {
-    set_gaussian(all, i, on[i], 0.06f, 0.95f);
-    all.log_scale[i].z = std::log(2e-3f);
-    all.rotation[i] = {1 + on[i].z, -on[i].y, on[i].x, 0};  // z to the normal; any length
-  }
-  for (std::size_t i = 0; i < off.size(); ++i)
-    set_gaussian(all, on.size() + i, 1.4f * off[i], 0.1f, 0.15f);
-  return all;
-}
-
 // The depth of surface_renderer.h lies between floating Gaussians and the surface.
 TEST(Fusion, AModelIsMeshedWhereItsOpaqueGaussiansAre) {
   const Gaussians model = sphere_of_gaussians();
@@ -277,7 +209,7 @@ TEST(Fusion, AModelIsMeshedWhereItsOpaqueGaussiansAre) {
   for (const Vec3f& direction : directions(40)) {
     const Camera camera = camera_from(direction);
     renderer->forward(model.span(), camera, {}, pass);
-    views.push_back(depth_view(camera, surface_inverse_depth(pass, model, camera, {}),
+    views.push_back(depth_view(camera, surface_inverse_depth(pass, model.span(), camera, {}),
                                renderer->picture_of(pass)));
     ImageF inverse = mean_depth.depth(camera);
     for (float& value : inverse.pixels) value = value > 0 ? 1 / value : kOpenPixel;
@@ -306,7 +238,7 @@ class SplatDepth : public ::testing::Test {
   }
   float depth_at(const Gaussians& gaussians, int x, int y) {
     make_scalar_renderer()->forward(gaussians.span(), camera_, settings_, pass_);
-    return 1 / surface_inverse_depth(pass_, gaussians, camera_, settings_).at(x, y, 0);
+    return 1 / surface_inverse_depth(pass_, gaussians.span(), camera_, settings_).at(x, y, 0);
   }
   Camera camera_;
   RenderSettings settings_;
