@@ -22,6 +22,7 @@
 #include "gs_model/mesh/mesh_file.h"
 #include "gs_render/fusion/fusion.h"
 #include "gs_render/fusion/marching_cubes.h"
+#include "gs_render/fusion/solid_volume.h"
 
 namespace gs {
 namespace {
@@ -29,10 +30,12 @@ namespace {
 constexpr double kVoxelPixels = 1.5;  // of the default voxel
 // Of decimation, times those of the mesh and what it came from (docs/lab/2026-11-meshes.md).
 constexpr double kDecimationBytes = 3;
+constexpr std::size_t kCollisionTriangles = 20000;
+constexpr Rgb8 kCollisionColor = {160, 160, 160};
 constexpr double kLeastVoxelPixels = 0.25;  // smaller voxels lie between the rays of pixels
 
 struct MeshJob : JobSettings {
-  std::string model, output, cameras;
+  std::string model, output, cameras, collision;
   ModelChoice choice;
   std::optional<double> voxel, time;
   FusionRule rule;
@@ -62,6 +65,16 @@ void visit_options(MeshJob& job, OptionList& list) {
       .rare();
   option("--watertight", job.rule.is_watertight,
          "close the surface, for printing: space that no view sees through is solid");
+  option("--collision", job.collision,
+         "a closed solid of 20,000 triangles from the model alone, without cameras, for games and "
+         "robots; with which air: inside hollow things, outside of a room, or below the floor")
+      .one_of({"inside", "outside", "floor"})
+      .alone("inside")
+      .excludes("--cameras")
+      .excludes("--data")
+      .excludes("--watertight")
+      .excludes("--truncation")
+      .excludes("--mesh-views");
   option("--components", job.components,
          "keep the N largest pieces [those with 50 triangles and 0.01 % of all]")
       .takes("N")
@@ -70,7 +83,10 @@ void visit_options(MeshJob& job, OptionList& list) {
          "keep N triangles, or more where a noisy surface is full of tunnels [all]")
       .takes("N")
       .positive();
-  option("--mesh-views", job.views, "take N views, evenly chosen [all]").takes("N").positive();
+  option("--mesh-views", job.views, "take N views, evenly chosen [all]")
+      .takes("N")
+      .positive()
+      .rare();
   time_option(list, job.time, "moment of Gaussians in space and time, 0 to 1").group("Mesh");
   option("--force", job.force, "if the file exists, move it to FILE.bak-N first");
   render_options(list);
@@ -173,19 +189,14 @@ TriangleMesh mesh_of(Fusion& fusion, float voxel, WallClock& clock, JobEvents& e
   return mesh;
 }
 
-Outcome run(const MeshJob& given, JobEvents& events) {
-  WallClock clock(WallClock::Clock::now());
-  MeshJob job = given;
-  if (job.output.empty()) job.output = new_place(beside(job.model, "-mesh"), {".glb"}).string();
-  const MeshFormat& format = mesh_format_of(job.output);
-  check_place(job.output, job.force);
-  OpenedModel opened = open_model(job.model, job.choice.step);
-  if (job.time) take_moment(opened, *job.time);
-  if (opened.model.gaussians.has_time)
-    throw UsageError(opened.ply.string() + " moves; give the moment of the mesh with --time T");
-  // A cameras.json has the size of its pictures already; only -r makes them smaller.
-  if (!job.has("dataset.source")) opened.config.dataset.resolution = 1;
-  const Config config = resolve_to_work(job, opened.config);
+struct MadeMesh {
+  TriangleMesh mesh;
+  float voxel;
+  std::size_t views;  // 0: of the model alone
+};
+
+MadeMesh mesh_by_views(const MeshJob& job, const OpenedModel& opened, const Config& config,
+                       WallClock& clock, JobEvents& events) {
   const std::vector<Camera> cameras = cameras_of(job, opened, config);
   check_views(cameras);
   clock.end("model");
@@ -201,7 +212,55 @@ Outcome run(const MeshJob& given, JobEvents& events) {
     std::erase_if(mesh.triangles, [&](const Triangle& t) {
       return !is_seen[t[0]] && !is_seen[t[1]] && !is_seen[t[2]];
     });
+  return {std::move(mesh), voxel, cameras.size()};
+}
+
+MadeMesh mesh_by_opacity(const MeshJob& job, const OpenedModel& opened, WallClock& clock) {
+  const Gaussians& gaussians = opened.model.gaussians;
+  const VolumeFrame frame = solid_frame(gaussians, float(job.voxel.value_or(0)));
+  double bytes = kSolidVoxelBytes * kBlockVoxels;
+  for (const std::uint64_t blocks : frame.blocks) bytes *= double(blocks);
+  const double free = double(host_memory().free_bytes());
+  if (bytes > free)
+    throw Error(fmt::format("voxels of {:.3g} take {:.1f} GiB, and {:.1f} GiB are free; give "
+                            "--voxel {:.3g} or more, or crop the model with `gemsplat edit`",
+                            frame.voxel, bytes / kBytesPerGib, free / kBytesPerGib,
+                            1.1 * frame.voxel * std::cbrt(bytes / free)),
+                ExitCode::out_of_memory);
+  clock.end("model");
+  const SolidFill fill = job.collision == "inside"    ? SolidFill::inside
+                         : job.collision == "outside" ? SolidFill::outside
+                                                      : SolidFill::floor;
+  const Volume volume = solid_volume(gaussians, frame, fill);
+  clock.end("voxels");
+  TriangleMesh mesh = surface_of(volume);
+  if (mesh.triangles.empty())
+    throw Error(
+        fmt::format("no voxel of {:.3g} is half opaque; give a smaller --voxel", frame.voxel));
+  mesh.colors.assign(mesh.vertices.size(), kCollisionColor);
+  clock.end("triangles");
+  return {std::move(mesh), frame.voxel, 0};
+}
+
+Outcome run(const MeshJob& given, JobEvents& events) {
+  WallClock clock(WallClock::Clock::now());
+  MeshJob job = given;
+  const bool collides = !job.collision.empty();
+  if (job.output.empty())
+    job.output = new_place(beside(job.model, collides ? "-collision" : "-mesh"), {".glb"}).string();
+  const MeshFormat& format = mesh_format_of(job.output);
+  check_place(job.output, job.force);
+  OpenedModel opened = open_model(job.model, job.choice.step);
+  if (job.time) take_moment(opened, *job.time);
+  if (opened.model.gaussians.has_time)
+    throw UsageError(opened.ply.string() + " moves; give the moment of the mesh with --time T");
+  // A cameras.json has the size of its pictures already; only -r makes them smaller.
+  if (!job.has("dataset.source")) opened.config.dataset.resolution = 1;
+  const Config config = resolve_to_work(job, opened.config);
+  auto [mesh, voxel, views] = collides ? mesh_by_opacity(job, opened, clock)
+                                       : mesh_by_views(job, opened, config, clock, events);
   const std::size_t pieces = keep_large_pieces(mesh, job.components);
+  if (collides && !job.triangles) job.triangles = kCollisionTriangles;
   if (job.triangles) decimate_mesh(mesh, job.triangles);
   compute_normals(mesh);
   clock.end("cleaning");
@@ -213,16 +272,16 @@ Outcome run(const MeshJob& given, JobEvents& events) {
   clock.end("file");
   Json seconds;
   for (const auto& [part, time] : clock.parts()) seconds[part] = time;
-  return {fmt::format("{}: {} triangles in {} {}, with voxels of {:.3g}, from {} views\n",
-                      job.output, with_commas(mesh.triangles.size()), pieces,
-                      pieces == 1 ? "piece" : "pieces", voxel, cameras.size()),
+  return {fmt::format("{}: {} triangles in {} {}, with voxels of {:.3g}, from {}\n", job.output,
+                      with_commas(mesh.triangles.size()), pieces, pieces == 1 ? "piece" : "pieces",
+                      voxel, views ? fmt::format("{} views", views) : "the model alone"),
           {{"output", job.output},
            {"model", opened.ply.string()},
            {"vertices", mesh.vertices.size()},
            {"triangles", mesh.triangles.size()},
            {"pieces", pieces},
            {"voxel", voxel},
-           {"views", cameras.size()},
+           {"views", views},
            {"seconds", seconds}},
           {{"look at it", "xdg-open " + shell_word(job.output)}}};
 }
@@ -232,8 +291,8 @@ Outcome run(const MeshJob& given, JobEvents& events) {
 Verb mesh_verb() {
   return verb_of<MeshJob>(
       "mesh", VerbGroup::change, "Write the surface of a trained model as a mesh of triangles",
-      {"mesh out/scene -o scene.glb", "mesh out/scene -o print.stl --watertight",
-       "mesh model.ply -o mesh.ply --cameras cameras.json"});
+      {"mesh out/scene -o scene.glb", "mesh model.ply -o mesh.ply --cameras cameras.json",
+       "mesh out/scene -o solid.glb --collision"});
 }
 
 }  // namespace gs

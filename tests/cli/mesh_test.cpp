@@ -87,6 +87,29 @@ TEST_F(MeshVerb, EndsWithOneLineAndARemedy) {
   EXPECT_FALSE(std::filesystem::exists(path("a.glb")));
 }
 
+TEST_F(MeshVerb, MakesASolidWithoutCameras) {
+  GaussianModel ball{Gaussians(400, host_memory()), 0, true, false};
+  for (std::size_t i = 0; i < 400; ++i) {
+    const float y = 1 - (2 * float(i) + 1) / 400, turn = 2.39996323f * float(i);
+    const float r = std::sqrt(1 - y * y);
+    set_gaussian(ball.gaussians, i, {r * std::cos(turn), y, r * std::sin(turn)}, 0.12f, 0.95f);
+  }
+  write_model(path("ball.ply"), ball);
+  const std::string command = "mesh " + text("ball.ply") + " --collision";
+  const Outcome outcome = run(command + " --json --voxel 0.05 --decimate 500");
+  ASSERT_EQ(outcome.code, 0) << outcome.err;
+  const Json json = Json::parse(outcome.out);
+  EXPECT_EQ(json["output"], text("ball-collision.glb"));
+  EXPECT_EQ(json["views"], 0);
+  EXPECT_EQ(json["pieces"], 1);
+  EXPECT_LE(json["triangles"], 500);
+  EXPECT_EQ(json["vertices"].get<int>() - json["triangles"].get<int>() / 2, 2);  // closed
+  EXPECT_THAT(run(command + " floor --voxel 0.05 -o " + text("floor.stl")).out,
+              HasSubstr("the model alone"));
+  EXPECT_THAT(run(command + " --voxel 1e-5").err, HasSubstr("give --voxel"));
+  EXPECT_THAT(run(command + " --watertight").err, HasSubstr("--watertight"));
+}
+
 TEST_F(MeshVerb, IsMeasuredAgainstAKnownSurface) {
   make_wall();
   ASSERT_EQ(run(mesh("wall-mesh.glb")).code, 0);

@@ -5,6 +5,7 @@
 #include "gs_core/threads/parallel.h"
 #include "gs_render/fusion/fusion.h"
 #include "gs_render/fusion/marching_cubes.h"
+#include "gs_render/fusion/solid_volume.h"
 #include "gs_render/fusion/surface_depth.h"
 #include "gs_render/renderer.h"
 #include "gs_render/surface_renderer.h"
@@ -266,6 +267,93 @@ TEST_F(SplatDepth, SaysWhatIsOpenAndWhatIsUnknown) {
   set_gaussian(faint, 0, {0, 0, 2}, 0.2f, 0.4f);
   EXPECT_EQ(depth_at(faint, 32, 32), 1 / kUnknownDepth);
   EXPECT_EQ(depth_at(faint, 0, 0), 1 / kOpenPixel);
+}
+
+/// Opaque, round Gaussians.
+Gaussians balls(const std::vector<Vec3f>& at, float size) {
+  Gaussians all(at.size(), host_memory());
+  for (std::size_t i = 0; i < at.size(); ++i) set_gaussian(all, i, at[i], size, 0.95f);
+  return all;
+}
+TriangleMesh solid_of(const Gaussians& gaussians, float voxel, SolidFill fill) {
+  return surface_of(solid_volume(gaussians, solid_frame(gaussians, voxel), fill));
+}
+long euler_number(const TriangleMesh& mesh) {
+  return long(mesh.vertices.size()) - long(edges_of(mesh).all) + long(mesh.triangles.size());
+}
+
+TEST(Solid, AHollowBallIsOneSolid) {
+  const TriangleMesh mesh = solid_of(sphere_of_gaussians(), 0.05f, SolidFill::inside);
+  expect_closed(mesh);
+  EXPECT_EQ(euler_number(mesh), 2);        // one piece without a hole, and nothing within
+  EXPECT_LT(volume_in(mesh), 1.2 * 4.19);  // the wall is some voxels thick
+  EXPECT_GT(volume_in(mesh), 4.19);
+  EXPECT_LT(completeness(mesh, directions(500)), 2 * 0.05f);
+}
+
+// Thin walls, also between two rows of voxels.
+TEST(Solid, WallsThinnerThanAVoxelHaveNoHoles) {
+  for (const float shift : {0.0f, 0.02f, 0.04f, 0.06f}) {
+    Gaussians wall = sphere_of_gaussians();
+    for (std::size_t i = 0; i < wall.count(); ++i) wall.mean[i].x += shift;
+    const TriangleMesh mesh = solid_of(wall, 0.08f, SolidFill::inside);
+    expect_closed(mesh);
+    EXPECT_EQ(euler_number(mesh), 2);
+  }
+}
+
+// A box that one is inside of, and a ball in it.
+std::vector<Vec3f> room() {
+  std::vector<Vec3f> at;
+  for (int i = -10; i <= 10; ++i)
+    for (int j = -10; j <= 10; ++j)
+      for (const float side : {-1.0f, 1.0f}) {
+        const float a = 0.1f * float(i), b = 0.1f * float(j);
+        at.insert(at.end(), {Vec3f(side, a, b), Vec3f(a, side, b), Vec3f(a, b, side)});
+      }
+  return at;
+}
+
+TEST(Solid, ARoomIsAHoleInASolid) {
+  std::vector<Vec3f> at = room();
+  at.emplace_back(0.6f, 0.5f, 0.5f);
+  const Gaussians gaussians = balls(at, 0.07f);
+  const TriangleMesh mesh = solid_of(gaussians, 0.05f, SolidFill::outside);
+  expect_closed(mesh);
+  EXPECT_EQ(euler_number(mesh), 6);  // the outside, the room, and what is in it
+  const VolumeFrame frame = solid_frame(gaussians, 0.05f);
+  double box = 1;
+  for (const std::uint64_t blocks : frame.blocks) box *= 0.05 * 8 * double(blocks - 2);
+  EXPECT_NEAR(volume_in(mesh), box - 1.75 * 1.75 * 1.75, 0.06 * box);
+  std::erase_if(at, [](const Vec3f& p) { return p.y < -0.9f; });  // no ceiling
+  EXPECT_THROW(solid_of(balls(at, 0.07f), 0.05f, SolidFill::outside), Error);
+}
+
+TEST(Solid, WhatIsBelowTheFloorIsSolid) {
+  std::vector<Vec3f> at;
+  for (int i = -10; i <= 10; ++i)
+    for (int j = -10; j <= 10; ++j)
+      at.emplace_back(0.1f * float(i), i > 0 ? 0.0f : 0.5f, 0.1f * float(j));  // a step
+  const TriangleMesh mesh = solid_of(balls(at, 0.07f), 0.05f, SolidFill::floor);
+  expect_closed(mesh);
+  EXPECT_EQ(euler_number(mesh), 2);
+  float lowest = 0;
+  for (const Vec3f& vertex : mesh.vertices) lowest = std::max(lowest, vertex.y);
+  EXPECT_GT(lowest, 0.5f);
+  EXPECT_GT(volume_in(mesh), 0.5);  // below the upper half of the step
+  EXPECT_GT(volume_in(mesh), 1.5 * volume_in(solid_of(balls(at, 0.07f), 0.05f, SolidFill::inside)));
+}
+
+TEST(Solid, IsTheSameForAnyThreadsAndNothingWithoutGaussians) {
+  const Gaussians model = sphere_of_gaussians();
+  set_thread_count(1);
+  const TriangleMesh one = solid_of(model, 0.06f, SolidFill::inside);
+  set_thread_count(4);
+  const TriangleMesh four = solid_of(model, 0.06f, SolidFill::inside);
+  set_thread_count(0);
+  EXPECT_EQ(one.vertices, four.vertices);
+  EXPECT_EQ(one.triangles, four.triangles);
+  EXPECT_THROW(solid_frame(balls({}, 1), 0), Error);
 }
 
 }  // namespace
