@@ -3,6 +3,7 @@
 #include <gmock/gmock.h>
 
 #include "gs_model/formats/formats.h"
+#include "tests/support/depth_png.h"
 #include "tests/support/program.h"
 #include "tests/support/scenes.h"
 
@@ -85,6 +86,26 @@ TEST_F(MeshVerb, EndsWithOneLineAndARemedy) {
   write_model(path("wall.ply"), one);
   EXPECT_NE(run(mesh("a.glb")).code, 0);
   EXPECT_FALSE(std::filesystem::exists(path("a.glb")));
+}
+
+// A wall three units in front of all cameras, of which one has no map.
+TEST_F(MeshVerb, FusesDepthMapsOfOtherPrograms) {
+  write_scene(path("scene"));
+  for (int v = 0; v + 1 < kViews; ++v)
+    write_depth_png(path("maps/view_" + std::to_string(v) + ".png"),
+                    ImageF(kWidth, kHeight, 1, 3000));
+  const std::string command = "mesh " + text("scene") + " --depths " + text("maps");
+  const Outcome outcome = run(command + " --json -o " + text("wall.ply"));
+  ASSERT_EQ(outcome.code, 0) << outcome.err;
+  EXPECT_EQ(Json::parse(outcome.out)["views"], kViews - 1);
+  write_bytes(path("truth.obj"), "v -2 -2 3\nv 2 -2 3\nv 2 2 3\nv -2 2 3\nf 1 2 3 4\n");
+  const Outcome error =
+      run("mesh-error " + text("wall.ply") + " " + text("truth.obj") + " --samples 1000 --json");
+  EXPECT_LT(Json::parse(error.out)["accuracy"], 1e-3) << error.err;
+  write_depth_png(path("none/view_0.png"), ImageF(kWidth, kHeight, 1, 0));
+  EXPECT_THAT(run("mesh " + text("scene") + " --depths " + text("none")).err,
+              HasSubstr("know nothing"));
+  EXPECT_EQ(run("mesh " + text("scene") + " --depths " + text("nowhere")).code, 3);
 }
 
 TEST_F(MeshVerb, MakesASolidWithoutCameras) {
