@@ -146,6 +146,8 @@ MeshOfFile read_glb_mesh(const Path& path) {
       if (GlbFile::find(primitive, "indices"))
         indices.emplace(glb, glb.number(primitive, "indices"), 1, true);
       const std::size_t corners = indices ? indices->count() : at.count();
+      if (result.mesh.vertices.size() + 3 * result.mesh.triangles.size() + corners > size)
+        glb.fail("has primitives that share arrays, which are not read");
       const auto corner = [&](std::size_t k) { return first + (indices ? indices->whole(k) : k); };
       for (std::size_t k = 0; k + 2 < corners; k += 3)
         add_polygon(result.mesh, {corner(k), corner(k + 1), corner(k + 2)});
