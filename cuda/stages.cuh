@@ -330,6 +330,8 @@ void add_position_noise(Context& context, const GaussiansSpan& gaussians,
 
 /// The other stages, behind the interfaces of gs_train.
 std::unique_ptr<Loss> make_loss(Context& context, Memory& memory, PhotoStore& photos);  // 5 ssim.cu
+/// fusion/fusion.cu: the surface of passes, as triangles are made of it.
+std::unique_ptr<Fusion> make_fusion(Context& context, Memory& memory, const FusionRule& rule);
 /// 5 ssim.cu for pictures of callers: writes the value, and the gradient by the picture where
 /// dL_dimage is not null.
 void compare_pictures(Context& context, Memory& scratch, const OperatorComparison& given,

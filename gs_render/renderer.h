@@ -11,6 +11,9 @@
 
 namespace gs {
 
+class Fusion;
+struct FusionRule;
+
 /// A model that is drawn many times and does not change in between, as a renderer likes to have it
 /// (Renderer::pack). This base class is the Gaussians themselves.
 class PackedScene {
@@ -50,6 +53,9 @@ class Renderer {
   /// rounds before it copies, so that a quarter of the bytes is copied; a value halfway between two
   /// may then be rounded to the other one.
   virtual Image8 picture_of(const RenderPass& pass);
+
+  /// What makes a surface of this renderer's passes, on its device: fusion/fusion.h.
+  virtual std::unique_ptr<Fusion> fusion(const FusionRule& rule);
 
   /// Pulls dL/d(picture) back to the parameters. `pass` is the result of forward() with the same
   /// arguments.

@@ -5,6 +5,7 @@
 #include <limits>
 
 #include "cuda/render/packed_scene.cuh"
+#include "gs_render/fusion/fusion.h"
 
 namespace gs::cuda {
 namespace {
@@ -104,6 +105,10 @@ Image8 CudaRenderer::picture_of(const RenderPass& pass) {
   pack_picture(context_, pass, picture_words_);
   memory_.download(picture.pixels.data(), picture_words_.data(), picture.pixels.size());
   return picture;
+}
+
+std::unique_ptr<Fusion> CudaRenderer::fusion(const FusionRule& rule) {
+  return make_fusion(context_, memory_, rule);
 }
 
 void CudaRenderer::finish(const RenderSettings& settings, RenderPass& pass,

@@ -27,6 +27,7 @@ class CudaRenderer final : public Renderer {
   void draw(const PackedScene& scene, const Camera& camera, const RenderSettings& settings,
             RenderPass& pass) override;
   Image8 picture_of(const RenderPass& pass) override;
+  std::unique_ptr<Fusion> fusion(const FusionRule& rule) override;
   void backward(const GaussiansSpan& gaussians, const Camera& camera,
                 const RenderSettings& settings, RenderPass& pass, const PictureGradient& dL,
                 const GaussiansSpan& gradients, Span<Vec2f> dL_dmean2d) override;

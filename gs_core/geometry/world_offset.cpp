@@ -4,6 +4,8 @@
 #include <spdlog/fmt/fmt.h>
 
 #include <cmath>
+#include <locale>
+#include <sstream>
 
 #include "gs_core/geometry/outliers.h"
 #include "gs_core/geometry/vectors.h"
@@ -40,6 +42,18 @@ bool are_nearer_to(const Vec3d& offset, const std::vector<Vec3d>& positions) {
 
 std::string text_of_offset(const Vec3d& offset) {
   return fmt::format("{} {} {}", offset.x, offset.y, offset.z);
+}
+
+Vec3d offset_of_comments(const std::vector<std::string>& comments) {
+  constexpr std::string_view kWord = "world_offset ";
+  for (const std::string& comment : comments) {
+    if (!comment.starts_with(kWord)) continue;
+    std::istringstream numbers(comment.substr(kWord.size()));
+    numbers.imbue(std::locale::classic());
+    Vec3d offset(0.0);
+    if (numbers >> offset.x >> offset.y >> offset.z && is_finite(offset)) return offset;
+  }
+  return Vec3d(0.0);
 }
 
 void write_world_offset(const std::filesystem::path& path, const Vec3d& offset) {

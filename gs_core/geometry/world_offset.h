@@ -26,6 +26,10 @@ bool are_nearer_to(const Vec3d& offset, const std::vector<Vec3d>& positions);
 /// "500000 5400000 0", with all digits that a double needs.
 std::string text_of_offset(const Vec3d& offset);
 
+/// The numbers of the first comment "world_offset X Y Z" of a file; 0 without it, or where it is
+/// damaged.
+Vec3d offset_of_comments(const std::vector<std::string>& comments);
+
 /// Writes {"world_offset": [x, y, z]}; added to the run's coordinates it gives the scene's. The
 /// file exists whole or not at all. Throws Error.
 void write_world_offset(const std::filesystem::path& path, const Vec3d& offset);

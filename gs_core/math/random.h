@@ -22,7 +22,8 @@ enum class RandomStream : std::uint32_t {
   growth = 10,  // 9 was that of noise on times
   alignment,
   moment_rounding,
-  score_photos
+  score_photos,
+  mesh_samples
 };
 
 struct RandomBits {

@@ -237,10 +237,7 @@ TriangleMesh surface_of(const Volume& volume) {
   parallel_for(blocks, 16, [&](std::size_t b) {
     if (crossed[b].count() == 0) return;
     const PaddedBlock block(volume, b);
-    Vec3f low = volume.frame.low;
-    for (int axis = 0; axis < 3; ++axis)
-      low[axis] +=
-          volume.frame.voxel * float(kBlockEdge * volume.frame.place(volume.keys[b], axis));
+    const Vec3f low = volume.frame.corner(volume.keys[b]);
     std::uint32_t vertex = crossed[b].first;
     for_crossings(block, [&](int, float from, float to, Vec3f at, int axis) {
       at[axis] += clamp_to(from / (from - to), kLeastShare, 1 - kLeastShare);

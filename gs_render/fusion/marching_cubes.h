@@ -5,6 +5,7 @@
 #include <array>
 
 #include "gs_core/triangle_mesh.h"
+#include "gs_render/fusion/depth_view.h"
 #include "gs_render/fusion/volume.h"
 
 namespace gs {

@@ -6,15 +6,28 @@
 #include "gs_core/camera.h"
 #include "gs_core/gaussians.h"
 #include "gs_core/image.h"
+#include "gs_core/math/render/covariance.h"
+#include "gs_core/math/render/filter_3d.h"
+#include "gs_core/math/render/surface.h"
+#include "gs_render/fusion/depth_picture.h"
 #include "gs_render/render_pass.h"
 
 namespace gs {
 
-/// What an inverse depth says of a pixel that shows no surface: a positive value is that of one.
-inline constexpr float kUnknownDepth = 0;  // Gaussians cover the pixel in part
-inline constexpr float kOpenPixel = -1;    // nothing is there
+inline constexpr float kDepthWindow = 0.01f;  // of the inverse depth at the crossing
+inline constexpr float kMostLight = 0.45f;    // that a surface lets through
+inline constexpr float kOpenLight = 0.9f;     // more is left where nothing is
 
-/// The inverse depth of each pixel's surface, 1 / world units, or one of the two values above.
+/// The plane of a Gaussian without time, whose splat has this conic.
+GS_HD SplatPlane<float> plane_of(const GaussiansSpan& gaussians, std::size_t i,
+                                 const Camera& camera, const Sym2<float>& conic) {
+  const Vec3f variances = filtered_variance(
+      variance(gaussians.log_scale[i]), gaussians.has_filter ? gaussians.filter_scale[i] : 0.0f);
+  return splat_plane(camera, to_camera(camera, gaussians.mean[i]),
+                     covariance(rotation_matrix(gaussians.rotation[i]), variances), conic);
+}
+
+/// The inverse depth of each pixel's surface, 1 / world units, kUnknownDepth or kOpenPixel.
 /// (height, width, 1)
 ///
 ///   o = sum w o_i / sum w   over the fragments with |o_i - o_c| <= kDepthWindow o_c
@@ -23,9 +36,9 @@ inline constexpr float kOpenPixel = -1;    // nothing is there
 /// in blending, and c the fragment behind which less than half of the light is left. Fragments in
 /// front of the surface and behind it thus do not move it.
 ///
-/// pass       what Renderer::forward() of any renderer made of the Gaussians and the camera
+/// pass       what forward() of the scalar renderer made of the Gaussians and the camera
 /// gaussians  in host memory, without time
-ImageF surface_inverse_depth(const RenderPass& pass, const Gaussians& gaussians,
+ImageF surface_inverse_depth(const RenderPass& pass, const GaussiansSpan& gaussians,
                              const Camera& camera, const RenderSettings& settings);
 
 }  // namespace gs

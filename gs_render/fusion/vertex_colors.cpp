@@ -4,7 +4,6 @@
 #include <cmath>
 #include <utility>
 
-#include "gs_core/math/render/projection.h"
 #include "gs_core/threads/parallel.h"
 #include "gs_render/fusion/marching_cubes.h"
 
@@ -22,15 +21,13 @@ struct ColorSample {
 };
 
 ColorSample sample_of(const DepthView& view, const Vec3f& p, float voxel) {
+  const DepthPicture picture = view.picture();
   const Vec3f c = to_camera(view.camera, p);
-  if (!(c.z > 0)) return {};
-  const Vec2f at = project_mean(view.camera, c);
-  if (!(at.x >= 0 && at.x < float(view.camera.width) && at.y >= 0 &&
-        at.y < float(view.camera.height)))
-    return {};
-  const float o = view.inverse_depth_at(at.x, at.y);
+  Vec2f at;
+  if (!picture.contains(c, at)) return {};
+  const float o = picture.inverse_depth_at(at);
   if (!(o > 0) || std::abs(1 / o - c.z) > kVisibleVoxels * voxel) return {};
-  const float facing = view.facing_at(int(at.x), int(at.y));
+  const float facing = picture.facing_at(int(at.x), int(at.y));
   return {facing * facing * o * o, &view.color.at(int(at.x), int(at.y), 0)};
 }
 

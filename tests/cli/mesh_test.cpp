@@ -3,6 +3,7 @@
 #include <gmock/gmock.h>
 
 #include "gs_model/formats/formats.h"
+#include "tests/support/depth_png.h"
 #include "tests/support/program.h"
 #include "tests/support/scenes.h"
 
@@ -85,6 +86,77 @@ TEST_F(MeshVerb, EndsWithOneLineAndARemedy) {
   write_model(path("wall.ply"), one);
   EXPECT_NE(run(mesh("a.glb")).code, 0);
   EXPECT_FALSE(std::filesystem::exists(path("a.glb")));
+}
+
+// A wall three units in front of all cameras, of which one has no map.
+TEST_F(MeshVerb, FusesDepthMapsOfOtherPrograms) {
+  write_scene(path("scene"));
+  for (int v = 0; v + 1 < kViews; ++v)
+    write_depth_png(path("maps/view_" + std::to_string(v) + ".png"),
+                    ImageF(kWidth, kHeight, 1, 3000));
+  const std::string command = "mesh " + text("scene") + " --depths " + text("maps");
+  const Outcome outcome = run(command + " --json -o " + text("wall.ply"));
+  ASSERT_EQ(outcome.code, 0) << outcome.err;
+  EXPECT_EQ(Json::parse(outcome.out)["views"], kViews - 1);
+  write_bytes(path("truth.obj"), "v -2 -2 3\nv 2 -2 3\nv 2 2 3\nv -2 2 3\nf 1 2 3 4\n");
+  const Outcome error =
+      run("mesh-error " + text("wall.ply") + " " + text("truth.obj") + " --samples 1000 --json");
+  EXPECT_LT(Json::parse(error.out)["accuracy"], 1e-3) << error.err;
+  write_depth_png(path("none/view_0.png"), ImageF(kWidth, kHeight, 1, 0));
+  EXPECT_THAT(run("mesh " + text("scene") + " --depths " + text("none")).err,
+              HasSubstr("know nothing"));
+  EXPECT_EQ(run("mesh " + text("scene") + " --depths " + text("nowhere")).code, 3);
+}
+
+TEST_F(MeshVerb, MakesASolidWithoutCameras) {
+  GaussianModel ball{Gaussians(400, host_memory()), 0, true, false};
+  for (std::size_t i = 0; i < 400; ++i) {
+    const float y = 1 - (2 * float(i) + 1) / 400, turn = 2.39996323f * float(i);
+    const float r = std::sqrt(1 - y * y);
+    set_gaussian(ball.gaussians, i, {r * std::cos(turn), y, r * std::sin(turn)}, 0.12f, 0.95f);
+  }
+  write_model(path("ball.ply"), ball);
+  const std::string command = "mesh " + text("ball.ply") + " --collision";
+  const Outcome outcome = run(command + " --json --voxel 0.05 --decimate 500");
+  ASSERT_EQ(outcome.code, 0) << outcome.err;
+  const Json json = Json::parse(outcome.out);
+  EXPECT_EQ(json["output"], text("ball-collision.glb"));
+  EXPECT_EQ(json["views"], 0);
+  EXPECT_EQ(json["pieces"], 1);
+  EXPECT_LE(json["triangles"], 500);
+  EXPECT_EQ(json["vertices"].get<int>() - json["triangles"].get<int>() / 2, 2);  // closed
+  EXPECT_THAT(run(command + " floor --voxel 0.05 -o " + text("floor.stl")).out,
+              HasSubstr("the model alone"));
+  EXPECT_THAT(run(command + " --voxel 1e-5").err, HasSubstr("give --voxel"));
+  EXPECT_THAT(run(command + " --watertight").err, HasSubstr("--watertight"));
+}
+
+TEST_F(MeshVerb, IsMeasuredAgainstAKnownSurface) {
+  make_wall();
+  ASSERT_EQ(run(mesh("wall-mesh.glb")).code, 0);
+  write_bytes(path("truth.obj"), "v -2 -2 3\nv 2 -2 3\nv 2 2 3\nv -2 2 3\nf 1 2 3 4\n");
+  const std::string command =
+      "mesh-error " + text("wall-mesh.glb") + " " + text("truth.obj") + " --samples 5000";
+  const Outcome outcome = run(command);
+  ASSERT_EQ(outcome.code, 0) << outcome.err;
+  EXPECT_THAT(outcome.out, AllOf(HasSubstr("Chamfer distance"), HasSubstr("F1")));
+  const Json json = Json::parse(run(command + " --json --threshold 0.01 0.05").out);
+  EXPECT_LT(json["accuracy"], 0.02);
+  EXPECT_GT(json["normal_consistency"], 0.9);
+  ASSERT_EQ(json["within"].size(), 2u);
+  EXPECT_GT(json["within"][1]["precision"], 0.95);
+}
+
+TEST_F(MeshVerb, MeasuresNothingEmpty) {
+  write_bytes(path("empty.obj"), "");
+  write_bytes(path("line.obj"), "v 0 0 0\nv 1 0 0\nf 1 2 1\n");
+  write_bytes(path("point.obj"), "v 0 0 0\n");
+  const Outcome empty = run("mesh-error " + text("empty.obj") + " " + text("point.obj"));
+  EXPECT_EQ(empty.code, 3);
+  EXPECT_THAT(empty.err, HasSubstr("has no vertex; name a mesh"));
+  const Outcome line = run("mesh-error " + text("point.obj") + " " + text("line.obj"));
+  EXPECT_EQ(line.code, 3);
+  EXPECT_THAT(line.err, HasSubstr("no area"));
 }
 
 }  // namespace

@@ -41,7 +41,7 @@ class VerbList : public Program {
   // As `gemsplat --help` lists them.
   std::vector<std::string> names() {
     std::vector<std::string> result;
-    const std::regex verb("^  ([a-z]+) .*");
+    const std::regex verb("^  ([a-z-]+) .*");
     std::smatch match;
     for (const std::string& line : lines_of(run("--help").out))
       if (std::regex_match(line, match, verb)) result.push_back(match[1]);
@@ -53,7 +53,7 @@ TEST_F(VerbList, StandInFiveGroups) {
   EXPECT_THAT(run("--help").out,
               AllOf(HasSubstr("\nTrain:\n"), HasSubstr("\nLook:\n"), HasSubstr("\nChange:\n"),
                     HasSubstr("\nCompare:\n"), HasSubstr("\nCheck:\n")));
-  EXPECT_EQ(names().size(), 18u);
+  EXPECT_EQ(names().size(), 19u);
 }
 
 TEST_F(VerbList, HelpShowsWhatMostPeopleNeedWithExamplesAndHelpAllShowsTheRest) {
@@ -184,6 +184,8 @@ std::vector<std::string> calls_of(const std::string& verb, const std::string& fo
       {"undistort", {"undistort " + scene}},
       {"georef", {"georef " + scene + " --origin 8.5,47.4,400 --force"}},
       {"eval", {"eval " + run}},
+      {"mesh-error",
+       {"mesh-error " + folder + "/run-mesh.glb " + folder + "/run-mesh.glb --samples 1000"}},
       {"experiment",
        {"experiment " + folder + "/e.toml --dry-run",
         "experiment " + folder + "/e.toml --slurm --dry-run",

@@ -6,7 +6,10 @@
 #include "gs_model/mesh/clean_mesh.h"
 #include "gs_model/mesh/decimate_mesh.h"
 #include "gs_model/mesh/mesh_file.h"
+#include "gs_model/mesh/mesh_read.h"
+#include "tests/support/error_of.h"
 #include "tests/support/glb_parts.h"
+#include "tests/support/temp_folder.h"
 #include "tests/support/test.h"
 
 namespace gs {
@@ -183,6 +186,66 @@ TEST(Mesh, GlbIsATriangleMeshTurnedUpright) {
   EXPECT_EQ(std::uint8_t(parts.binary[start(2)]), 255);
   EXPECT_EQ(std::uint8_t(parts.binary[start(2) + 1]), 55);  // 128 of 255, linear
   EXPECT_EQ(load_little<Triangle>(&parts.binary[start(3)]), mesh.triangles[0]);
+}
+
+TEST(Mesh, IsReadAsItWasWritten) {
+  const TempFolder folder;
+  const TriangleMesh mesh = tetrahedron();
+  const Vec3d offset(1e6, 0, 0.5);
+  for (const std::string ending : {".glb", ".obj", ".ply"}) {
+    write_bytes(folder.path() / ("mesh" + ending), file_of(ending, mesh, offset));
+    const MeshOfFile read = read_mesh(folder.path() / ("mesh" + ending));
+    EXPECT_EQ(read.mesh.vertices, mesh.vertices) << ending;
+    EXPECT_EQ(read.mesh.triangles, mesh.triangles) << ending;
+    EXPECT_EQ(read.world_offset, offset) << ending;
+  }
+  write_bytes(folder.path() / "mesh.stl", file_of(".stl", mesh));
+  const TriangleMesh soup = read_mesh(folder.path() / "mesh.stl").mesh;
+  ASSERT_EQ(soup.triangles.size(), mesh.triangles.size());
+  for (std::size_t t = 0; t < soup.triangles.size(); ++t)
+    for (std::size_t k = 0; k < 3; ++k)
+      EXPECT_EQ(soup.vertices[soup.triangles[t][k]], mesh.vertices[mesh.triangles[t][k]]);
+}
+
+TEST(Mesh, PolygonsOfTextAreReadAsFans) {
+  const TempFolder folder;
+  write_bytes(folder.path() / "a.obj",
+              "o quad\nv 0 0 0\nv 1 0 0\nv 1 1 0 0.5 0.5 0.5\nvn 0 0 1\nv 0 1 0\n"
+              "f 1/1/1 2//1 3 -1");  // without its last line's end
+  write_bytes(folder.path() / "a.ply",
+              "ply\nformat ascii 1.0\nelement vertex 4\nproperty double x\nproperty double y\n"
+              "property double z\nelement face 1\nproperty uchar red\n"
+              "property list uchar int vertex_index\nend_header\n"
+              "0 0 0\n1 0 0\n1 1 0\n0 1 0\n9 4 0 1 2 3\n");
+  for (const char* name : {"a.obj", "a.ply"}) {
+    const TriangleMesh mesh = read_mesh(folder.path() / name).mesh;
+    EXPECT_EQ(mesh.vertices.size(), 4u);
+    EXPECT_EQ(mesh.vertices[2], Vec3f(1, 1, 0));
+    EXPECT_EQ(mesh.triangles, (std::vector<Triangle>{{0, 1, 2}, {0, 2, 3}})) << name;
+  }
+}
+
+TEST(Mesh, DamagedFilesAreRefusedWithARemedy) {
+  const TempFolder folder;
+  const auto expect = [&](const std::string& name, const std::string& bytes,
+                          const std::string& part) {
+    write_bytes(folder.path() / name, bytes);
+    const std::string error = error_of([&] { read_mesh(folder.path() / name); });
+    EXPECT_NE(error.find(part), error.npos) << error;
+    EXPECT_NE(error.find(name), error.npos) << error;
+  };
+  expect("a.obj", "f 1 2 3\n", "no vertex");
+  expect("a.obj", "v 0 0 0\nf 1 2 -5\n", "not there");
+  expect("a.obj", "v 0 x 0\n", "line 1");
+  expect("a.obj", "v 0 nan 0\n", "not finite");
+  expect("a.stl", "solid text\n", "binary .stl");
+  expect("a.stl", file_of(".stl", tetrahedron()).substr(0, 200), "cut short");
+  expect("a.ply", file_of(".ply", tetrahedron()).substr(0, 400), "impossible length");
+  expect("a.glb", file_of(".glb", tetrahedron()).substr(0, 500), ".glb");
+  std::string far = file_of(".ply", tetrahedron());
+  far[far.size() - 1] = 1;  // the last corner
+  expect("a.ply", far, "not there");
+  expect("a.fbx", "", "read as .glb");
 }
 
 TEST(Mesh, OtherEndingsAreRefused) {

@@ -2,53 +2,17 @@
 // Surfaces of known things: their meshes are closed, where they should be, and lie on them.
 #include <map>
 
-#include "gs_core/geometry/vectors.h"
 #include "gs_core/threads/parallel.h"
+#include "gs_render/fusion/fusion.h"
 #include "gs_render/fusion/marching_cubes.h"
+#include "gs_render/fusion/solid_volume.h"
 #include "gs_render/fusion/surface_depth.h"
 #include "gs_render/renderer.h"
 #include "gs_render/surface_renderer.h"
-#include "tests/support/scenes.h"
+#include "tests/support/surfaces.h"
 
 namespace gs {
 namespace {
-
-constexpr int kPictureSide = 96;  // pixels
-constexpr float kDistance = 3;    // of cameras from the origin
-const float kFar = std::numeric_limits<float>::infinity();
-
-/// Directions that are spread evenly over the sphere.
-std::vector<Vec3f> directions(int count) {
-  std::vector<Vec3f> all;
-  for (int i = 0; i < count; ++i) {
-    const float y = 1 - (2 * float(i) + 1) / float(count), turn = 2.39996323f * float(i);
-    const float r = std::sqrt(1 - y * y);
-    all.emplace_back(r * std::cos(turn), y, r * std::sin(turn));
-  }
-  return all;
-}
-
-/// A camera in this direction from the origin, which it looks at.
-Camera camera_from(const Vec3f& direction) {
-  Camera camera;
-  camera.width = camera.height = kPictureSide;
-  camera.fx = camera.fy = 110;
-  camera.cx = camera.cy = kPictureSide / 2;
-  const Vec3f z = -direction;
-  const Vec3f x = unit(cross(std::abs(z.y) < 0.9f ? Vec3f(0, 1, 0) : Vec3f(1, 0, 0), z));
-  camera.cam_from_world_rotation = {x, cross(z, x), z};
-  camera.cam_from_world_translation = {0, 0, kDistance};
-  return camera;
-}
-
-/// How far a ray goes from a point until it meets the thing; infinity where it does not.
-using Trace = float (*)(const Vec3f& from, const Vec3f& ray);
-
-float trace_sphere(const Vec3f& from, const Vec3f& ray) {
-  const float a = inner(ray, ray), b = inner(from, ray), c = inner(from, from) - 1;
-  const float root = b * b - a * c;
-  return root > 0 ? (-b - std::sqrt(root)) / a : kFar;
-}
 
 const Vec3f kHalfBox{0.8f, 0.6f, 0.5f};
 float trace_box(const Vec3f& from, const Vec3f& ray) {
@@ -62,27 +26,10 @@ float trace_box(const Vec3f& from, const Vec3f& ray) {
   return enter < leave ? enter : kFar;
 }
 
-std::vector<DepthView> views_of(Trace trace, const std::vector<Vec3f>& from) {
-  std::vector<DepthView> views;
-  for (const Vec3f& direction : from) {
-    const Camera camera = camera_from(direction);
-    ImageF inverse(kPictureSide, kPictureSide, 1, kOpenPixel);
-    for (int y = 0; y < kPictureSide; ++y)
-      for (int x = 0; x < kPictureSide; ++x) {
-        const Vec3f ray =
-            behind_pixel(camera, float(x) + 0.5f, float(y) + 0.5f, 1) - camera.position();
-        const float z = trace(camera.position(), ray);
-        if (z < kFar) inverse.at(x, y, 0) = 1 / z;
-      }
-    views.push_back(depth_view(camera, inverse, Image8(kPictureSide, kPictureSide, 3, 77)));
-  }
-  return views;
-}
-
 TriangleMesh mesh_of(const std::vector<DepthView>& views, float voxel, bool is_watertight) {
-  const FusionRule rule{4, is_watertight};
-  const VolumeFrame frame = volume_frame(views, voxel, rule);
-  return surface_of(fuse(views, frame, surface_blocks(views, frame, rule), rule));
+  Fusion fusion({4, is_watertight});
+  for (const DepthView& view : views) fusion.add(view);
+  return surface_of(fusion.fuse(fusion.frame(voxel)));
 }
 
 struct EdgeCounts {
@@ -196,16 +143,16 @@ TEST(Fusion, ABoxIsWhereItWas) {
 }
 
 TEST(Fusion, MemoryIsForecastAlsoForVoxelsThatAreNotCounted) {
-  const auto views = views_of(trace_sphere, directions(20));
-  const FusionRule rule;
-  const VolumeForecast coarse = forecast_volume(views, 0.04f, rule);
-  const VolumeFrame finer = volume_frame(views, 0.02f, rule);
-  const double blocks = double(surface_blocks(views, finer, rule).size());
+  Fusion fusion({}), closed({4, true});
+  for (const DepthView& view : views_of(trace_sphere, directions(20)))
+    fusion.add(view), closed.add(view);
+  const VolumeForecast coarse = fusion.forecast(0.04f);
+  const double blocks = double(fusion.surface_blocks(fusion.frame(0.02f)).size());
   const double bytes_of_block = coarse.bytes_at(0.04) / coarse.blocks;
   EXPECT_NEAR(coarse.bytes_at(0.02) / bytes_of_block / blocks, 1.2, 0.3);  // rather too many
   // Finer than a pixel, blocks are not counted one by one.
-  EXPECT_FLOAT_EQ(float(forecast_volume(views, 1e-6f, rule).voxel), median_pixel(views));
-  EXPECT_GT(forecast_volume(views, 1e-6f, {4, true}).bytes_at(1e-6), 1e15);
+  EXPECT_FLOAT_EQ(float(fusion.forecast(1e-6f).voxel), fusion.median_pixel());
+  EXPECT_GT(closed.forecast(1e-6f).bytes_at(1e-6), 1e15);
 }
 
 // From above alone, the lower half is not seen.
@@ -253,20 +200,6 @@ TEST(Fusion, VerticesHaveTheColorsOfTheViewsThatSeeThem) {
   EXPECT_EQ(is_seen, (std::vector<char>{1, 0}));
 }
 
-/// Flat Gaussians on the unit sphere, and faint ones that float around it.
-Gaussians sphere_of_gaussians() {
-  const std::vector<Vec3f> on = directions(1500), off = directions(60);
-  Gaussians all(on.size() + off.size(), host_memory());
-  for (std::size_t i = 0; i < on.size(); ++i) {
-    set_gaussian(all, i, on[i], 0.06f, 0.95f);
-    all.log_scale[i].z = std::log(2e-3f);
-    all.rotation[i] = {1 + on[i].z, -on[i].y, on[i].x, 0};  // z to the normal; any length
-  }
-  for (std::size_t i = 0; i < off.size(); ++i)
-    set_gaussian(all, on.size() + i, 1.4f * off[i], 0.1f, 0.15f);
-  return all;
-}
-
 // The depth of surface_renderer.h lies between floating Gaussians and the surface.
 TEST(Fusion, AModelIsMeshedWhereItsOpaqueGaussiansAre) {
   const Gaussians model = sphere_of_gaussians();
@@ -277,7 +210,7 @@ TEST(Fusion, AModelIsMeshedWhereItsOpaqueGaussiansAre) {
   for (const Vec3f& direction : directions(40)) {
     const Camera camera = camera_from(direction);
     renderer->forward(model.span(), camera, {}, pass);
-    views.push_back(depth_view(camera, surface_inverse_depth(pass, model, camera, {}),
+    views.push_back(depth_view(camera, surface_inverse_depth(pass, model.span(), camera, {}),
                                renderer->picture_of(pass)));
     ImageF inverse = mean_depth.depth(camera);
     for (float& value : inverse.pixels) value = value > 0 ? 1 / value : kOpenPixel;
@@ -306,7 +239,7 @@ class SplatDepth : public ::testing::Test {
   }
   float depth_at(const Gaussians& gaussians, int x, int y) {
     make_scalar_renderer()->forward(gaussians.span(), camera_, settings_, pass_);
-    return 1 / surface_inverse_depth(pass_, gaussians, camera_, settings_).at(x, y, 0);
+    return 1 / surface_inverse_depth(pass_, gaussians.span(), camera_, settings_).at(x, y, 0);
   }
   Camera camera_;
   RenderSettings settings_;
@@ -334,6 +267,93 @@ TEST_F(SplatDepth, SaysWhatIsOpenAndWhatIsUnknown) {
   set_gaussian(faint, 0, {0, 0, 2}, 0.2f, 0.4f);
   EXPECT_EQ(depth_at(faint, 32, 32), 1 / kUnknownDepth);
   EXPECT_EQ(depth_at(faint, 0, 0), 1 / kOpenPixel);
+}
+
+/// Opaque, round Gaussians.
+Gaussians balls(const std::vector<Vec3f>& at, float size) {
+  Gaussians all(at.size(), host_memory());
+  for (std::size_t i = 0; i < at.size(); ++i) set_gaussian(all, i, at[i], size, 0.95f);
+  return all;
+}
+TriangleMesh solid_of(const Gaussians& gaussians, float voxel, SolidFill fill) {
+  return surface_of(solid_volume(gaussians, solid_frame(gaussians, voxel), fill));
+}
+long euler_number(const TriangleMesh& mesh) {
+  return long(mesh.vertices.size()) - long(edges_of(mesh).all) + long(mesh.triangles.size());
+}
+
+TEST(Solid, AHollowBallIsOneSolid) {
+  const TriangleMesh mesh = solid_of(sphere_of_gaussians(), 0.05f, SolidFill::inside);
+  expect_closed(mesh);
+  EXPECT_EQ(euler_number(mesh), 2);        // one piece without a hole, and nothing within
+  EXPECT_LT(volume_in(mesh), 1.2 * 4.19);  // the wall is some voxels thick
+  EXPECT_GT(volume_in(mesh), 4.19);
+  EXPECT_LT(completeness(mesh, directions(500)), 2 * 0.05f);
+}
+
+// Thin walls, also between two rows of voxels.
+TEST(Solid, WallsThinnerThanAVoxelHaveNoHoles) {
+  for (const float shift : {0.0f, 0.02f, 0.04f, 0.06f}) {
+    Gaussians wall = sphere_of_gaussians();
+    for (std::size_t i = 0; i < wall.count(); ++i) wall.mean[i].x += shift;
+    const TriangleMesh mesh = solid_of(wall, 0.08f, SolidFill::inside);
+    expect_closed(mesh);
+    EXPECT_EQ(euler_number(mesh), 2);
+  }
+}
+
+// A box that one is inside of, and a ball in it.
+std::vector<Vec3f> room() {
+  std::vector<Vec3f> at;
+  for (int i = -10; i <= 10; ++i)
+    for (int j = -10; j <= 10; ++j)
+      for (const float side : {-1.0f, 1.0f}) {
+        const float a = 0.1f * float(i), b = 0.1f * float(j);
+        at.insert(at.end(), {Vec3f(side, a, b), Vec3f(a, side, b), Vec3f(a, b, side)});
+      }
+  return at;
+}
+
+TEST(Solid, ARoomIsAHoleInASolid) {
+  std::vector<Vec3f> at = room();
+  at.emplace_back(0.6f, 0.5f, 0.5f);
+  const Gaussians gaussians = balls(at, 0.07f);
+  const TriangleMesh mesh = solid_of(gaussians, 0.05f, SolidFill::outside);
+  expect_closed(mesh);
+  EXPECT_EQ(euler_number(mesh), 6);  // the outside, the room, and what is in it
+  const VolumeFrame frame = solid_frame(gaussians, 0.05f);
+  double box = 1;
+  for (const std::uint64_t blocks : frame.blocks) box *= 0.05 * 8 * double(blocks - 2);
+  EXPECT_NEAR(volume_in(mesh), box - 1.75 * 1.75 * 1.75, 0.06 * box);
+  std::erase_if(at, [](const Vec3f& p) { return p.y < -0.9f; });  // no ceiling
+  EXPECT_THROW(solid_of(balls(at, 0.07f), 0.05f, SolidFill::outside), Error);
+}
+
+TEST(Solid, WhatIsBelowTheFloorIsSolid) {
+  std::vector<Vec3f> at;
+  for (int i = -10; i <= 10; ++i)
+    for (int j = -10; j <= 10; ++j)
+      at.emplace_back(0.1f * float(i), i > 0 ? 0.0f : 0.5f, 0.1f * float(j));  // a step
+  const TriangleMesh mesh = solid_of(balls(at, 0.07f), 0.05f, SolidFill::floor);
+  expect_closed(mesh);
+  EXPECT_EQ(euler_number(mesh), 2);
+  float lowest = 0;
+  for (const Vec3f& vertex : mesh.vertices) lowest = std::max(lowest, vertex.y);
+  EXPECT_GT(lowest, 0.5f);
+  EXPECT_GT(volume_in(mesh), 0.5);  // below the upper half of the step
+  EXPECT_GT(volume_in(mesh), 1.5 * volume_in(solid_of(balls(at, 0.07f), 0.05f, SolidFill::inside)));
+}
+
+TEST(Solid, IsTheSameForAnyThreadsAndNothingWithoutGaussians) {
+  const Gaussians model = sphere_of_gaussians();
+  set_thread_count(1);
+  const TriangleMesh one = solid_of(model, 0.06f, SolidFill::inside);
+  set_thread_count(4);
+  const TriangleMesh four = solid_of(model, 0.06f, SolidFill::inside);
+  set_thread_count(0);
+  EXPECT_EQ(one.vertices, four.vertices);
+  EXPECT_EQ(one.triangles, four.triangles);
+  EXPECT_THROW(solid_frame(balls({}, 1), 0), Error);
 }
 
 }  // namespace

@@ -69,7 +69,7 @@ def _check(name, keywords, parameters):
             raise _gemsplat.UsageError(f"{name} has no keyword {keyword}; {hint}")
 
 
-_VERBS = {(verb + "_" + sub).rstrip("_"): (verb, sub, meaning, json.loads(options))
+_VERBS = {(verb.replace("-", "_") + "_" + sub).rstrip("_"): (verb, sub, meaning, json.loads(options))
           for verb, sub, meaning, options in _gemsplat.list_verbs()}
 
 

@@ -13,6 +13,9 @@ template <class T>
 struct SplatPlane {
   T at_mean;      // 1 / world units
   Vec2<T> slope;  // 1 / (world units * pixels)
+
+  /// The inverse depth at an offset from the mean, pixels.
+  GS_HD T at(const Vec2<T>& d) const { return at_mean + inner(slope, d); }
 };
 
 /// The plane on which rays meet the most of a Gaussian. For a flat Gaussian it is the plane in

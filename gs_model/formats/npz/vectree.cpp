@@ -24,12 +24,12 @@ namespace {
 
 using Path = std::filesystem::path;
 
-constexpr std::size_t kPaletteColors = 8192;       // [LightGaussian]
-constexpr double kOwnShare = 0.4;                  // of the Gaussians have their own color, too
+constexpr std::size_t kPaletteColors = 8192;  // [LightGaussian]
+constexpr double kOwnShare = 0.4;             // of the Gaussians have their own color, too
 constexpr std::size_t kColorColumns = 3 + 3 * kShRestCount, kShapeColumns = 8;
-constexpr std::size_t kMostColors = 1 << 20;       // of a palette that is read
-constexpr std::size_t kSmallFile = 1 << 16;        // bytes; others are no larger than the archive
-constexpr float kLeastColorWeight = 1e-3f;         // of a Gaussian, in units of the largest
+constexpr std::size_t kMostColors = 1 << 20;  // of a palette that is read
+constexpr std::size_t kSmallFile = 1 << 16;   // bytes; others are no larger than the archive
+constexpr float kLeastColorWeight = 1e-3f;    // of a Gaussian, in units of the largest
 
 /// The archive of archives. What is missing or of another size is an Error.
 class VectreeFiles {
@@ -142,7 +142,9 @@ std::vector<std::uint8_t> packed_bits(const std::vector<bool>& bits) {
 
 // An array that is a Python dict, by the protocol of pickle: numpy.array({...}, "O").
 ZipEntry metadata_file(const std::vector<std::pair<std::string, std::size_t>>& numbers) {
-  std::string pickle = "\x80\x02" "cnumpy\narray\n}(";
+  std::string pickle =
+      "\x80\x02"
+      "cnumpy\narray\n}(";
   const auto add_text = [&](const std::string& text) {
     pickle += 'X';
     append_little(pickle, std::uint32_t(text.size()));
@@ -215,11 +217,11 @@ void add_vectree_colors(const GaussianModel& model, const std::vector<float>& we
     for (int bit = kWidth - 1; bit >= 0; --bit) bits.push_back((label >> bit) & 1);
   const std::vector<std::uint8_t> indices = packed_bits(bits), mask = packed_bits(has_own);
   files.push_back(vectree_file("vq_indexs", "u1", {indices.size()}, indices));
-  files.push_back(vectree_file("codebook", "f2", {kPaletteColors, columns},
-                               halves_of(palette.centroids)));
+  files.push_back(
+      vectree_file("codebook", "f2", {kPaletteColors, columns}, halves_of(palette.centroids)));
   files.push_back(vectree_file("non_vq_mask", "u1", {mask.size()}, mask));
-  files.push_back(vectree_file("non_vq_feats", "f2", {own.size() / columns, columns},
-                               halves_of(own)));
+  files.push_back(
+      vectree_file("non_vq_feats", "f2", {own.size() / columns, columns}, halves_of(own)));
   files.push_back(metadata_file({{"input_pc_num", weights.size()},
                                  {"input_pc_dim", 3 + 3 + columns + kShapeColumns},
                                  {"codebook_size", kPaletteColors},
@@ -267,8 +269,8 @@ void write_vectree(ByteSink& sink, const GaussianModel& model, const RowImportan
   }
   std::vector<ZipEntry> files;
   files.push_back(vectree_file("xyz", "f4", {g.count(), 3}, means));
-  files.push_back(vectree_file("other_attribute", "f2", {g.count(), kShapeColumns},
-                               halves_of(other)));
+  files.push_back(
+      vectree_file("other_attribute", "f2", {g.count(), kShapeColumns}, halves_of(other)));
   add_vectree_colors(model, importance.color.empty() ? coverages_of(g) : importance.color, files);
   sink.write(zip_of(files));
 }

@@ -6,11 +6,10 @@
 #include <spdlog/fmt/fmt.h>
 
 #include <algorithm>
-#include <locale>
 #include <optional>
-#include <sstream>
 
 #include "gs_core/bake_filter.h"
+#include "gs_core/geometry/world_offset.h"
 #include "gs_core/system/log.h"
 #include "gs_model/formats/ply/compressed_ply.h"
 #include "gs_model/formats/ply/mip_filter.h"
@@ -84,19 +83,6 @@ std::optional<bool> antialiased_comment(const PlyHeader& header) {
   return std::nullopt;
 }
 
-/// The numbers of the comment "world_offset X Y Z"; 0 without it, or where it is damaged.
-Vec3d world_offset_in(const PlyHeader& header) {
-  constexpr std::string_view kWord = "world_offset ";
-  for (const std::string& comment : header.comments) {
-    if (!comment.starts_with(kWord)) continue;
-    std::istringstream numbers(comment.substr(kWord.size()));
-    numbers.imbue(std::locale::classic());
-    Vec3d offset(0.0);
-    if (numbers >> offset.x >> offset.y >> offset.z && is_finite(offset)) return offset;
-  }
-  return Vec3d(0.0);
-}
-
 GaussianModel read_plain_ply(PlyFile& file) {
   const PlyElement& vertex = *file.header().find("vertex");
   GaussianModel model;
@@ -152,7 +138,7 @@ int sh_degree_of(const PlyElement& element, const std::filesystem::path& path) {
 void take_comments(const PlyHeader& header, GaussianModel& model) {
   model.antialiased = antialiased_comment(header).value_or(false);
   model.is_ours = is_ours(header);
-  model.world_offset = world_offset_in(header);
+  model.world_offset = offset_of_comments(header.comments);
 }
 
 std::vector<PlyColumn> gaussian_columns(const Gaussians& gaussians, int sh_degree) {

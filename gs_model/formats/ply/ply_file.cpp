@@ -131,8 +131,13 @@ void PlyFile::read_tables(const std::vector<PlyTable>& tables) {
     for (const PlyTable& table : tables) {
       if (table.element != &element) continue;
       for (const PlyColumn& column : table.columns) {
-        const int property = element.find(column.property);
-        GS_CHECK(property >= 0);
+        const auto property = std::size_t(
+            std::find_if(element.properties.begin(), element.properties.end(),
+                         [&](const PlyProperty& p) {
+                           return p.name == column.property && !!p.count_type == !!column.take_list;
+                         }) -
+            element.properties.begin());
+        GS_CHECK(property < element.properties.size());
         GS_CHECK(!column.is_word || element.properties[property].type == PlyType::uint32);
         targets[property] = &column;
       }
@@ -185,7 +190,7 @@ void PlyFile::read_list_rows(const PlyElement& element, const Targets& targets) 
     for (std::size_t i = 0; i < targets.size(); ++i) {
       const PlyProperty& property = element.properties[i];
       if (property.count_type) {
-        skip_list(property);
+        read_list(property, targets[i]);
       } else if (targets[i]) {
         const std::uint8_t* value = reader_.take(size_of(property.type));
         converter_of(property.type, *targets[i], swap_bytes_)(value, 0, 1, *targets[i], row);
@@ -196,23 +201,29 @@ void PlyFile::read_list_rows(const PlyElement& element, const Targets& targets) 
   }
 }
 
-void PlyFile::skip_list(const PlyProperty& list) {
+std::uint64_t PlyFile::take_whole(PlyType type) {
+  const std::size_t size = size_of(type);
+  const std::uint8_t* bytes = reader_.take(size);
+  std::uint64_t value = 0;
+  for (std::size_t i = 0; i < size; ++i)
+    value |= std::uint64_t(bytes[swap_bytes_ ? size - 1 - i : i]) << (8 * i);
+  const bool is_signed = type == PlyType::int8 || type == PlyType::int16 || type == PlyType::int32;
+  if (is_signed && value >> (8 * size - 1)) value |= ~std::uint64_t(0) << (8 * size - 1);
+  return value;
+}
+
+void PlyFile::read_list(const PlyProperty& list, const PlyColumn* column) {
   const std::uint64_t position = reader_.position();
-  const std::size_t count_bytes = size_of(*list.count_type);
-  const std::uint8_t* bytes = reader_.take(count_bytes);
-  std::uint64_t count = 0;
-  for (std::size_t i = 0; i < count_bytes; ++i) {
-    count |= std::uint64_t(bytes[swap_bytes_ ? count_bytes - 1 - i : i]) << (8 * i);
-  }
-  const bool is_signed = *list.count_type == PlyType::int8 || *list.count_type == PlyType::int16 ||
-                         *list.count_type == PlyType::int32;
-  const bool is_negative = is_signed && count >> (8 * count_bytes - 1);
-  if (is_negative || count > reader_.left() / size_of(list.type)) {
+  const std::uint64_t count = take_whole(*list.count_type);
+  if (count > reader_.left() / size_of(list.type)) {
     cannot_read(path(), fmt::format("the list \"{}\" at byte {} has an impossible length; "
                                     "the file is damaged, copy or export it again",
                                     list.name, position));
   }
-  reader_.skip(count * size_of(list.type));
+  if (!column) return reader_.skip(count * size_of(list.type));
+  std::vector<std::uint64_t> values(count);
+  for (std::uint64_t& value : values) value = take_whole(list.type);
+  column->take_list(values);
 }
 
 void PlyFile::read_ascii_rows(const PlyElement& element, const Targets& targets) {
@@ -245,9 +256,15 @@ void PlyFile::read_ascii_row(const PlyElement& element, const Targets& targets, 
       std::uint64_t count = 0;
       if (!parse_number(word, count))
         fail(fmt::format("has \"{}\" as a list's length", word.substr(0, 40)));
+      std::vector<std::uint64_t> values;
       for (; count > 0; --count) {
-        if (words.next().empty()) fail(fmt::format("ends inside the list \"{}\"", property.name));
+        word = words.next();
+        if (word.empty()) fail(fmt::format("ends inside the list \"{}\"", property.name));
+        if (!targets[i]) continue;
+        if (!parse_number(word, values.emplace_back()))
+          fail(fmt::format("has \"{}\" in the list \"{}\"", word.substr(0, 40), property.name));
       }
+      if (targets[i]) targets[i]->take_list(values);
     } else if (targets[i]) {
       if (!parse_value(word, *targets[i], row)) {
         fail(fmt::format("has \"{}\" as \"{}\", which is not a number", word.substr(0, 40),

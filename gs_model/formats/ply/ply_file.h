@@ -3,6 +3,7 @@
 #pragma once
 
 #include <filesystem>
+#include <functional>
 #include <string>
 #include <vector>
 
@@ -17,6 +18,9 @@ struct PlyColumn {
   float* array = nullptr;
   std::size_t offset = 0, stride = 1;  // floats
   bool is_word = false;  // a property of type uint32 goes bit by bit into the place of each float
+  // Of a list of whole numbers, in place of an array: called with those of each row. Numbers below 0
+  // are very large ones.
+  std::function<void(const std::vector<std::uint64_t>&)> take_list = {};
 };
 
 /// The columns to read of an element.
@@ -36,7 +40,7 @@ class PlyFile {
   const PlyHeader& header() const { return header_; }
   const std::filesystem::path& path() const { return reader_.path(); }
   /// Reads all rows of `element`, one of header(), into the columns; everything else is skipped.
-  /// The columns must be properties of it (element.find() >= 0).
+  /// The columns must be properties of it (element.find() >= 0), or lists.
   void read_columns(const PlyElement& element, const std::vector<PlyColumn>& columns) {
     read_tables({{&element, columns}});
   }
@@ -53,7 +57,9 @@ class PlyFile {
   void read_list_rows(const PlyElement& element, const Targets& targets);
   void read_ascii_rows(const PlyElement& element, const Targets& targets);
   void read_ascii_row(const PlyElement& element, const Targets& targets, std::uint64_t row);
-  void skip_list(const PlyProperty& list);
+  // A list is read if there is a column for it, else skipped.
+  void read_list(const PlyProperty& list, const PlyColumn* column);
+  std::uint64_t take_whole(PlyType type);
 
   ByteReader reader_;
   PlyHeader header_;

@@ -1,0 +1,216 @@
+// SPDX-License-Identifier: Apache-2.0
+#include <spdlog/fmt/fmt.h>
+
+#include <cmath>
+
+#include "data_loaders/scene/load_scene.h"
+#include "gs_app/export/cameras.h"
+#include "gs_app/export/export_model.h"
+#include "gs_app/jobs/mesh/mesh_job.h"
+#include "gs_app/run/make_backend.h"
+#include "gs_app/run/text.h"
+#include "gs_core/evenly_chosen.h"
+#include "gs_core/system/bytes.h"
+#include "gs_render/fusion/fusion.h"
+#include "gs_render/fusion/marching_cubes.h"
+#include "gs_render/fusion/solid_volume.h"
+
+namespace gs {
+namespace {
+
+constexpr double kVoxelPixels = 1.5;  // of the default voxel
+// Of decimation, times those of the mesh and what it came from (docs/lab/2026-11-meshes.md).
+constexpr double kDecimationBytes = 3;
+constexpr Rgb8 kCollisionColor = {160, 160, 160};
+constexpr double kLeastVoxelPixels = 0.25;  // smaller voxels lie between the rays of pixels
+
+std::vector<Camera> cameras_of(const MeshJob& job, const OpenedModel& opened,
+                               const Config& config) {
+  const int resolution = config.dataset.resolution;
+  const Vec3d& offset = opened.model.world_offset;
+  std::vector<NamedCamera> named;
+  if (job.has("dataset.source"))
+    named = cameras_of_scene(config.dataset, "all", offset);
+  else if (!job.cameras.empty())
+    named = cameras_of_file(job.cameras, resolution, offset);
+  else if (opened.run)
+    named = cameras_of_run(*opened.run, resolution,
+                           std::filesystem::exists(opened.run->split()) ? "train" : "all", offset);
+  if (named.empty())
+    throw UsageError(fmt::format(
+        "there are no cameras that see {}; give --cameras with a cameras.json, a transforms.json "
+        "or a COLMAP model, or --data SCENE",
+        opened.ply.string()));
+  std::vector<Camera> cameras;
+  for (const std::size_t i : evenly_chosen(named.size(), job.views ? job.views : named.size()))
+    cameras.push_back(without_lens(named[i].camera));  // rays of depth are those of pinholes
+  return cameras;
+}
+
+void check_views(const std::vector<Camera>& cameras) {
+  double bytes = 0;
+  for (const Camera& camera : cameras) bytes += double(kViewBytes) * camera.width * camera.height;
+  const double free = double(host_memory().free_bytes());
+  if (bytes > free)
+    throw Error(fmt::format("the depth of {} views takes {:.1f} GiB, and {:.1f} GiB are free; give "
+                            "--mesh-views {}, or smaller views with -r 2",
+                            cameras.size(), bytes / kBytesPerGib, free / kBytesPerGib,
+                            std::max(1, int(double(cameras.size()) * free / bytes))),
+                ExitCode::out_of_memory);
+}
+
+/// A fusion with the depth of all cameras, on the backend's device.
+std::unique_ptr<Fusion> fusion_of(const MeshJob& job, Backend& backend,
+                                  const std::vector<Camera>& cameras, const OpenedModel& opened,
+                                  const Config& config, JobEvents& events) {
+  Renderer& renderer = backend.renderer();
+  std::unique_ptr<Fusion> fusion = renderer.fusion(job.rule);
+  const Gaussians gaussians = copy_to(backend.memory(), opened.model);
+  RenderSettings settings = view_settings(opened, config);
+  settings.for_backward = true;  // the lists of tiles are needed, too
+  RenderPass pass(backend.memory());
+  for (const Camera& camera : cameras) {
+    renderer.forward(gaussians.span(), camera, settings, pass);
+    fusion->add(gaussians.span(), camera, settings, pass, renderer.picture_of(pass));
+    events.progress("depth rendered", "view", fusion->views().size(), cameras.size());
+  }
+  return fusion;
+}
+
+/// The edge of a voxel, for which there is memory.
+float voxel_of(const MeshJob& job, Fusion& fusion) {
+  const double pixel = fusion.median_pixel();
+  if (!(pixel > 0))
+    throw Error(
+        fmt::format("no pixel of {} views shows a surface; {}", fusion.views().size(),
+                    job.depths.empty()
+                        ? "the cameras look elsewhere, or the model is too faint: look at it with "
+                          "`gemsplat view " +
+                              shell_word(job.model) + "`"
+                        : "the depth maps in " + job.depths + " know nothing"));
+  const double voxel = job.voxel.value_or(kVoxelPixels * pixel);
+  if (voxel < kLeastVoxelPixels * pixel)
+    throw UsageError(
+        fmt::format("--voxel {:.3g} is finer than the views, whose pixels are {:.3g} "
+                    "wide on the surface; give --voxel {:.3g} or more",
+                    voxel, pixel, 1.01 * kLeastVoxelPixels * pixel));
+  const VolumeForecast forecast = fusion.forecast(float(voxel));
+  const auto bytes_at = [&](double size) {
+    return forecast.bytes_at(size) * (job.triangles ? kDecimationBytes : 1);
+  };
+  const double free = double(host_memory().free_bytes());
+  if (bytes_at(voxel) <= free) return float(voxel);
+  double fitting = voxel;
+  while (bytes_at(fitting) > free) fitting *= 1.05;
+  throw Error(fmt::format("voxels of {:.3g} take {:.1f} GiB, and {:.1f} GiB are free; give --voxel "
+                          "{:.3g} or more, or crop the model with `gemsplat edit`",
+                          voxel, bytes_at(voxel) / kBytesPerGib, free / kBytesPerGib, fitting),
+              ExitCode::out_of_memory);
+}
+
+TriangleMesh triangles_of(Fusion& fusion, float voxel, WallClock& clock, JobEvents& events) {
+  const Volume volume = fusion.fuse(fusion.frame(voxel), [&](std::size_t done, std::size_t total) {
+    events.progress("blocks fused", "block", done, total);
+  });
+  clock.end("fusion");
+  TriangleMesh mesh = surface_of(volume);
+  clock.end("triangles");
+  if (mesh.triangles.empty())
+    throw Error(
+        fmt::format("no two of {} views agree on a surface of voxels of {:.3g}; give a "
+                    "smaller --voxel, or views that overlap",
+                    fusion.views().size(), voxel));
+  return mesh;
+}
+
+/// Fuses what was added.
+MadeMesh mesh_of(const MeshJob& job, Fusion& fusion, WallClock& clock, JobEvents& events) {
+  clock.end("depth");
+  const float voxel = voxel_of(job, fusion);
+  TriangleMesh mesh = triangles_of(fusion, voxel, clock, events);
+  const std::vector<char> is_seen = color_vertices(fusion.views(), voxel, mesh);
+  clock.end("colors");
+  // What no view sees are the rims of surfaces, as thick as the truncation, and what closes a mesh.
+  if (!job.rule.is_watertight)
+    std::erase_if(mesh.triangles, [&](const Triangle& t) {
+      return !is_seen[t[0]] && !is_seen[t[1]] && !is_seen[t[2]];
+    });
+  return {std::move(mesh), voxel, fusion.views().size(), {}, {}};
+}
+
+}  // namespace
+
+MadeMesh mesh_by_views(const MeshJob& job, const OpenedModel& opened, const Config& config,
+                       WallClock& clock, JobEvents& events) {
+  const std::vector<Camera> cameras = cameras_of(job, opened, config);
+  check_views(cameras);
+  clock.end("model");
+  const std::unique_ptr<Backend> backend = make_backend(config.train.device);
+  const std::unique_ptr<Fusion> fusion = fusion_of(job, *backend, cameras, opened, config, events);
+  return mesh_of(job, *fusion, clock, events);
+}
+
+MadeMesh mesh_by_depths(const MeshJob& job, const Config& config, WallClock& clock,
+                        JobEvents& events) {
+  DatasetConfig dataset = config.dataset;
+  dataset.source = job.model;
+  dataset.depth = job.depths;
+  dataset.depth_kind = DepthKind::metric;  // surfaces are in the units of the cameras
+  dataset.eval = dataset.exposure = false;
+  const Scene scene = load_scene(dataset, {}, PhotoLoading::when_asked);
+  std::vector<const View*> views;
+  std::vector<Camera> cameras;
+  for (const View& view : scene.train_views)
+    if (view.has_depth_map) views.push_back(&view), cameras.push_back(view.camera);
+  const std::vector<std::size_t> chosen =
+      evenly_chosen(views.size(), job.views ? job.views : views.size());
+  check_views(cameras);
+  clock.end("model");
+  const std::unique_ptr<Backend> backend = make_backend(config.train.device);
+  const std::unique_ptr<Fusion> fusion = backend->renderer().fusion(job.rule);
+  for (const std::size_t i : chosen) {
+    const std::shared_ptr<const View> view = with_photo(*views[i]);
+    ImageF inverse_depth = view->depth;
+    for (std::size_t p = 0; p < inverse_depth.pixels.size(); ++p) {
+      float& z = inverse_depth.pixels[p];
+      const bool is_known = z > 0 && (view->mask.empty() || view->mask.pixels[p] > 0);
+      z = is_known ? 1 / z : kUnknownDepth;
+    }
+    fusion->add(depth_view(view->camera, std::move(inverse_depth), view->photo));
+    release_photo(*views[i]);
+    events.progress("depth read", "view", fusion->views().size(), chosen.size());
+  }
+  MadeMesh made = mesh_of(job, *fusion, clock, events);
+  made.model = job.model;
+  made.world_offset = scene.world_offset;
+  return made;
+}
+
+MadeMesh mesh_by_opacity(const MeshJob& job, const OpenedModel& opened, WallClock& clock) {
+  const Gaussians& gaussians = opened.model.gaussians;
+  const VolumeFrame frame = solid_frame(gaussians, float(job.voxel.value_or(0)));
+  double bytes = kSolidVoxelBytes * kBlockVoxels;
+  for (const std::uint64_t blocks : frame.blocks) bytes *= double(blocks);
+  const double free = double(host_memory().free_bytes());
+  if (bytes > free)
+    throw Error(fmt::format("voxels of {:.3g} take {:.1f} GiB, and {:.1f} GiB are free; give "
+                            "--voxel {:.3g} or more, or crop the model with `gemsplat edit`",
+                            frame.voxel, bytes / kBytesPerGib, free / kBytesPerGib,
+                            1.1 * frame.voxel * std::cbrt(bytes / free)),
+                ExitCode::out_of_memory);
+  clock.end("model");
+  const SolidFill fill = job.collision == "inside"    ? SolidFill::inside
+                         : job.collision == "outside" ? SolidFill::outside
+                                                      : SolidFill::floor;
+  const Volume volume = solid_volume(gaussians, frame, fill);
+  clock.end("voxels");
+  TriangleMesh mesh = surface_of(volume);
+  if (mesh.triangles.empty())
+    throw Error(
+        fmt::format("no voxel of {:.3g} is half opaque; give a smaller --voxel", frame.voxel));
+  mesh.colors.assign(mesh.vertices.size(), kCollisionColor);
+  clock.end("triangles");
+  return {std::move(mesh), frame.voxel, 0, {}, {}};
+}
+
+}  // namespace gs
