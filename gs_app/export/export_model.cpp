@@ -23,9 +23,7 @@ namespace fs = std::filesystem;
 
 /// The model as the file is to hold it.
 GaussianModel prepared(const GaussianModel& model, const ExportRequest& request) {
-  GaussianModel result{copy_of(model.gaussians), model.sh_degree, model.is_ours, model.antialiased,
-                       model.world_offset};
-  limit_sh_degree(result, request.sh_degree);
+  GaussianModel result = copy_with_degree(model, request.sh_degree);
   transform_model(result, request.transform);
   return result;
 }

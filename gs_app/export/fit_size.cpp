@@ -26,13 +26,6 @@ constexpr double kNextGuess = 0.99;   // of the count that the last size asks fo
 // The share of Gaussians with which an SH degree is worth its bytes, where no pictures are compared.
 constexpr double kLeastShare[kMaxShDegree + 1] = {0, 0.1, 0.2, 0.5};
 
-GaussianModel copy_with_degree(const GaussianModel& model, int degree) {
-  GaussianModel copy{copy_of(model.gaussians), model.sh_degree, model.is_ours, model.antialiased,
-                     model.world_offset};
-  limit_sh_degree(copy, degree);
-  return copy;
-}
-
 /// A model that only ever gets fewer Gaussians, with what pictures show of each.
 class Shrinking {
  public:
@@ -110,10 +103,9 @@ GaussianModel fit_size(const GaussianModel& model, std::uint64_t bytes, const Fi
   const bool is_compared = viewpoints && !viewpoints->cameras.empty();
   Shrinking work(model, viewpoints);
   std::optional<Candidate> best;
-  for (int degree = 0; degree <= model.sh_degree; ++degree) {
-    // A higher degree with as many Gaussians is better.
-    if (degree < model.sh_degree && size_of(copy_with_degree(work.model(), degree + 1)) <= bytes)
-      continue;
+  int degree = 0;  // the highest one that needs no merges is better than those below it
+  while (size_of(copy_with_degree(model, degree + 1)) <= bytes) ++degree;
+  for (; degree <= model.sh_degree; ++degree) {
     std::optional<GaussianModel> fitted = fit_degree(work, degree, bytes, size_of);
     if (!fitted) break;
     Candidate found{std::move(*fitted)};

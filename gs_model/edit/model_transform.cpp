@@ -126,6 +126,13 @@ void limit_sh_degree(GaussianModel& model, int degree) {
     std::fill(rest.coefficient + sh_rest_count(degree), std::end(rest.coefficient), Vec3f(0));
 }
 
+GaussianModel copy_with_degree(const GaussianModel& model, int degree) {
+  GaussianModel copy{copy_of(model.gaussians), model.sh_degree, model.is_ours, model.antialiased,
+                     model.world_offset};
+  limit_sh_degree(copy, degree);
+  return copy;
+}
+
 ModelTransform transform_of(const Similarity& similarity, const Vec3d& offset) {
   const Vec3d from_shift = multiply_transposed(similarity.R, similarity.shift) / similarity.scale;
   return {-(offset + from_shift), quaternion_of(similarity.R), similarity.scale};

@@ -32,6 +32,8 @@ void transform_model(GaussianModel& model, const ModelTransform& transform);
 
 /// Sets the SH degree to `degree` if that is lower, and the coefficients beyond it to 0.
 void limit_sh_degree(GaussianModel& model, int degree);
+/// A copy with that limit.
+GaussianModel copy_with_degree(const GaussianModel& model, int degree);
 
 /// The transform x -> similarity(x + offset).
 ModelTransform transform_of(const Similarity& similarity, const Vec3d& offset);

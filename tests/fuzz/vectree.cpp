@@ -3,26 +3,15 @@
 // line with its name, which the target packs twice, so that no checksum refuses them.
 #include "gs_model/formats/npz/vectree.h"
 
-#include "gs_model/formats/coding/zip_file.h"
-#include "tests/fuzz/fuzz_target.h"
+#include "tests/fuzz/named_arrays.h"
 
 namespace gs::fuzz {
 namespace {
 
 std::string packed_twice(std::string_view arrays) {
-  std::vector<ZipEntry> entries;
-  while (!arrays.empty()) {
-    const std::size_t end = arrays.find(kNextFile);
-    const std::string_view array = arrays.substr(0, end);
-    const std::size_t line = std::min(array.find('\n'), array.size());
-    entries.push_back(
-        {std::string(array.substr(0, line)),
-         zip_of({{"arr_0.npy", std::string(array.substr(std::min(line + 1, array.size())))}},
-                true)});
-    if (end == arrays.npos) break;
-    arrays.remove_prefix(end + kNextFile.size());
-  }
-  return zip_of(entries, true);
+  std::vector<ZipEntry> files = named_arrays(arrays);
+  for (ZipEntry& file : files) file.bytes = zip_of({{"arr_0.npy", file.bytes}}, true);
+  return zip_of(files, true);
 }
 
 void read_twice_packed(std::string_view bytes) {

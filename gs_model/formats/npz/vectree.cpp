@@ -5,8 +5,6 @@
 
 #include <algorithm>
 #include <bit>
-#include <cmath>
-#include <functional>
 #include <numeric>
 
 #include "gs_core/system/byte_reader.h"
@@ -24,6 +22,7 @@ namespace {
 
 using Path = std::filesystem::path;
 
+constexpr std::string_view kVectreeFolder = "extreme_saving/";
 constexpr std::size_t kPaletteColors = 8192;  // [LightGaussian]
 constexpr double kOwnShare = 0.4;             // of the Gaussians have their own color, too
 constexpr std::size_t kColorColumns = 3 + 3 * kShRestCount, kShapeColumns = 8;
@@ -118,13 +117,17 @@ int take_colors(const VectreeFiles& files, const Gaussians& g) {
   return *degree;
 }
 
-/// NAME.npz with one array.
+/// A file of the archive with one array, called `array_name`.
+ZipEntry packed_array(const std::string& name, const char* array_name, const NpyArray& array) {
+  return {std::string(kVectreeFolder) + name + ".npz",
+          zip_of({{std::string(array_name) + ".npy", npy_bytes(array)}}, true)};
+}
 template <class T>
 ZipEntry vectree_file(const std::string& name, const char* type, std::vector<std::size_t> shape,
                       const std::vector<T>& values) {
   const char* const first = reinterpret_cast<const char*>(values.data());
-  const NpyArray array{type, std::move(shape), {first, first + values.size() * sizeof(T)}};
-  return {"extreme_saving/" + name + ".npz", zip_of({{"arr_0.npy", npy_bytes(array)}}, true)};
+  return packed_array(name, "arr_0",
+                      {type, std::move(shape), {first, first + values.size() * sizeof(T)}});
 }
 
 std::vector<std::uint16_t> halves_of(const std::vector<float>& values) {
@@ -158,8 +161,7 @@ ZipEntry metadata_file(const std::vector<std::pair<std::string, std::size_t>>& n
   pickle += 'u';
   add_text("O");
   pickle += "\x86R.";
-  const NpyArray array{"O", {}, pickle};
-  return {"extreme_saving/metadata.npz", zip_of({{"metadata.npy", npy_bytes(array)}}, true)};
+  return packed_array("metadata", "metadata", {"O", {}, pickle});
 }
 
 /// (N, columns) as the archive has them.
