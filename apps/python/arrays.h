@@ -9,6 +9,7 @@
 #include <tuple>
 #include <vector>
 
+#include "gs_core/buffer.h"
 #include "gs_core/image.h"
 #include "gs_core/types.h"
 

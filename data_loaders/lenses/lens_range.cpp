@@ -120,7 +120,8 @@ PinholeCamera<double> camera_with_lens(const LensCamera& camera, const std::stri
   const double most = has_angles ? kLargestAngle : kWidestPerspective * kRadians;
   const double margin = has_angles ? 0.0 : double(kFrustumMargin);
   CameraLens<double>& lens = result.lens;
-  static_cast<LensCoefficients<double>&>(lens) = camera;
+  static_cast<LensCoefficients<double>&>(lens) =
+      static_cast<const LensCoefficients<double>&>(camera);
   double end_of_lens = most, widest = 0;
   for (const Vec2d& direction : directions(camera.pinhole)) {
     const Outward ray(camera, direction);

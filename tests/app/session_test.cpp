@@ -330,7 +330,7 @@ TEST_F(Session, AFullDiskAtASaveStepCostsThatModelAndIsSaidAgainAtTheEnd) {
   const FullDisk full("iteration_8");
   CapturedLog logged;
   EXPECT_EQ(run(asked), SessionEnd::finished);
-  const std::string log = logged.text();
+  const std::string& log = logged.text();
   EXPECT_FALSE(fs::exists(ply("out", 8)));
   EXPECT_TRUE(fs::exists(ply("out", 12)));
   EXPECT_TRUE(fs::exists(ply("out")));

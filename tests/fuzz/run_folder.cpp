@@ -16,8 +16,6 @@
 namespace gs::fuzz {
 namespace {
 
-namespace fs = std::filesystem;
-
 /// The folder of a run with a model, and with the settings of its experiment, which are the defaults.
 ExperimentRun make_run() {
   ExperimentRun run;

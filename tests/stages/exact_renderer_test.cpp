@@ -53,7 +53,7 @@ constexpr const char* kNames[] = {"means",     "rotations",  "log_scales", "cova
 
 /// The gradients in the shape of the inputs.
 ExactInputs<double> as_inputs(const ExactGradients& gradients) {
-  ExactInputs<double> in{gradients, {}};
+  ExactInputs<double> in{static_cast<const ExactGaussians<double>&>(gradients), {}};
   in.view.camera.cam_from_world_rotation = gradients.camera.rotation;
   in.view.camera.cam_from_world_translation = gradients.camera.translation;
   in.view.camera.fx = gradients.camera.fx;

@@ -67,7 +67,7 @@ std::string complaint_of(const std::filesystem::path& folder) {
   } catch (const Error& error) {
     return logged.text() + error.what();
   }
-  const std::string log = logged.text();
+  const std::string& log = logged.text();
   EXPECT_THAT(log, HasSubstr("going on without rigs"));
   return log;
 }

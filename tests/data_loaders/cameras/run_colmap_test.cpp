@@ -690,7 +690,7 @@ TEST_F(PhotoFolder, EveryFormatOfTrainingIsTakenAndAFileThatIsLeftOutIsNamed) {
   std::vector<std::string> names;
   CapturedLog logged;
   for (const PhotoFile& photo : find_photos(folder(), {})) names.push_back(photo.name);
-  const std::string log = logged.text();
+  const std::string& log = logged.text();
   EXPECT_THAT(names, ElementsAre("a.heic.jpg", "a.jpg", "b.png", "c.jpg", "d.png", "e.bmp"));
   EXPECT_THAT(log, HasSubstr("f.DNG"));
 }
@@ -767,7 +767,7 @@ TEST_F(PhotoFolder, PhotosThatAreCutShortAndPanoramasAreLeftOutAndNamed) {
   write_bytes(path("sphere.jpg"), sphere);
   CapturedLog logged;
   const std::vector<PhotoFile> photos = find_photos(folder(), {});
-  const std::string log = logged.text();
+  const std::string& log = logged.text();
   ASSERT_THAT(photos, SizeIs(1));
   EXPECT_EQ(photos[0].name, "a.png");
   EXPECT_THAT(log, AllOf(HasSubstr("cut.png is cut short"), HasSubstr("wide.png is a panorama"),

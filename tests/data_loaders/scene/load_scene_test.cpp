@@ -186,7 +186,7 @@ std::pair<PhotoSize, std::string> trained_size(const PhotoSize& photo,
             plain_photo(photo.width, photo.height, 50));
   CapturedLog logged;
   const View view = load_scene(dataset).train_views[0];
-  const std::string log = logged.text();
+  const std::string& log = logged.text();
   EXPECT_EQ(view.photo.width, view.camera.width);
   return {{view.camera.width, view.camera.height}, log};
 }
