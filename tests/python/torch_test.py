@@ -72,6 +72,31 @@ class OnTheCpuTest(TestCase):
         self.assertGreater(after, before + 8)
         self.assertGreater((self.folder / "fit.ppm").stat().st_size, 60 * 45 * 3)
 
+    def test_the_example_shrinks_a_model(self):
+        courtyard = SOURCE / "examples" / "courtyard"
+        scene = gemsplat.Scene.load(courtyard, eval=True, resolution=24)
+        trained = self.folder / "trained.ply"
+        gemsplat.train(scene, {"density.max_gaussians": 300}, iterations=60, device="cpu").model.save(trained)
+
+        def shrunk(method, *flags):
+            file = self.folder / f"{method}.ply"
+            printed = subprocess.run(
+                [sys.executable, str(SOURCE / "examples" / "shrink_model.py"), method, str(trained), str(courtyard),
+                 "--output", str(file), "--steps", "60", "--resolution", "24", *flags],
+                check=True, capture_output=True, text=True, env={**os.environ, "CUDA_VISIBLE_DEVICES": ""}).stdout
+            before, after = map(float, re.findall(r"(\d+\.\d+) dB", printed))
+            self.assertGreater(after, before - 0.1, printed)
+            return gemsplat.load(file)
+
+        count = len(gemsplat.load(trained))
+        masked = shrunk("masks", "--rate", "0.3", "--weight", "0.01")
+        self.assertLess(len(masked), 0.7 * count)
+        self.assertGreater(len(masked), 0.3 * count)
+        self.assertLess(np.count_nonzero(masked.sh_rest), 0.2 * masked.sh_rest.size)
+        distilled = shrunk("distill", "--degree", "1")
+        self.assertEqual(distilled.sh_rest.shape, (count, 3, 3))
+        np.testing.assert_array_equal(distilled.logit_opacities, gemsplat.load(trained).logit_opacities)
+
     def test_a_second_derivative_is_refused(self):
         arrays = arguments(6)
         slope, = torch.autograd.grad(loss_of(draw(arrays)) ** 2, arrays["means"], create_graph=True)
