@@ -11,6 +11,7 @@ GS_PACKAGES=(
   libopencv-dev libceres-dev                                                      # lenses, cameras
   libzstd-dev libxxhash-dev                                                       # decoded photos on disk; .spz 4
   zlib1g-dev libwebp-dev                                                          # .spz, .sog
+  libpugixml-dev                                                                  # cameras of Metashape
   pybind11-dev python3-dev python3-numpy                                          # the Python module
   libgtest-dev libgmock-dev libbenchmark-dev                                      # tests
 )

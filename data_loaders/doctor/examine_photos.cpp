@@ -30,14 +30,16 @@ void report_unused(Examination& examination) {
   const std::vector<std::string> unused = pictures_besides(examination.scene);
   if (unused.empty()) return;
   if (examination.scene.folders.kind != SceneKind::colmap) {
-    const bool is_blender = examination.scene.folders.kind == SceneKind::blender;
+    const SceneKind kind = examination.scene.folders.kind;
     examination.add(
         Level::note, "photos",
         fmt::format("{} not used: {}",
                     counted(unused.size(), "picture", "in the folder is", "in the folder are"),
-                    is_blender ? "neither transforms_train.json nor the file of the test photos "
-                                 "names them"
-                               : "transforms.json does not name them, or its lists leave them out"),
+                    kind == SceneKind::blender
+                        ? "neither transforms_train.json nor the file of the test photos names them"
+                    : kind == SceneKind::foreign
+                        ? "the file with the cameras has no poses of them"
+                        : "transforms.json does not name them, or its lists leave them out"),
         unused);
     return;
   }

@@ -3,6 +3,7 @@
 #include <algorithm>
 
 #include "data_loaders/colmap/colmap_model.h"
+#include "data_loaders/foreign/foreign_scene.h"
 #include "data_loaders/photos/photo_names.h"
 #include "data_loaders/reconstruct/photo_folder.h"
 #include "data_loaders/reconstruct/photo_walk.h"
@@ -56,7 +57,7 @@ bool holds_only_photos(const fs::path& folder) {
   const bool has_videos = !find_videos(folder).empty();
   if (!fs::is_directory(folder, error)) return has_videos;
   if (!has_videos && !holds_photos(folder)) return false;
-  if (has_poses(folder) || has_model(folder) ||
+  if (has_poses(folder) || find_foreign_scene(folder) || has_model(folder) ||
       has_model(fs::absolute(folder / "").lexically_normal() / ".."))
     return false;
   for (fs::directory_iterator entry(folder, error), end; !error && entry != end;

@@ -25,22 +25,16 @@ struct Kind {
 };
 
 constexpr const char* kMetashape =
-    "export them there (File, Export, Export Cameras, type Colmap; Metashape 2.2 or later)";
+    "export them there (File, Export, Export Cameras, type Agisoft XML or Colmap)";
 constexpr const char* kRealityCapture =
-    "export them there (Alignment, Export, Registration, type COLMAP), with undistorted photos";
+    "export them there (Alignment, Export, Registration, type Internal/External camera parameters, "
+    "or COLMAP with undistorted photos)";
 
 constexpr Kind kKinds[] = {
-    {".xml", "<document", "Metashape", kMetashape},
     {".psx", "", "Metashape", kMetashape},
-    {".csv", "#name,x,y", "RealityCapture", kRealityCapture},
     {".csv", "#cameras ", "RealityCapture", kRealityCapture},
     {".xmp", "xcr:", "RealityCapture", kRealityCapture},
     {".rcproj", "", "RealityCapture", kRealityCapture},
-    {"reconstruction.json", "\"cameras\"", "OpenSfM",
-     "export them with `opensfm export_colmap DATASET` (OpenDroneMap has it, too)"},
-    {".sfm", "", "Meshroom", "export them with `aliceVision_exportColmap -i FILE.sfm -o FOLDER`"},
-    {".json", "\"t_00\"", "Polycam",
-     "convert them with nerfstudio's `ns-process-data polycam --data FOLDER --output-dir SCENE`"},
 };
 
 std::string head_of(const fs::path& file) {

@@ -14,8 +14,8 @@ struct ForeignCameras {
   std::string way;  // how that program gives a scene that gemsplat reads
 };
 
-/// The first such file in a folder and below it, by its name and its first bytes: of Metashape,
-/// RealityCapture (RealityScan), OpenSfM (OpenDroneMap), Meshroom or Polycam.
+/// The first such file in a folder and below it, by its name and its first bytes: a project of
+/// Metashape or RealityCapture. What foreign_scene.h reads is not among them.
 std::optional<ForeignCameras> find_foreign_cameras(const std::filesystem::path& folder);
 
 /// "cameras.xml holds camera poses of Metashape, which gemsplat does not read: ...", with the way,

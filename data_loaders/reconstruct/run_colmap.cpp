@@ -11,6 +11,7 @@
 
 #include "data_loaders/colmap/colmap_model.h"
 #include "data_loaders/colmap/colmap_write.h"
+#include "data_loaders/foreign/foreign_scene.h"
 #include "data_loaders/reconstruct/colmap_commands.h"
 #include "data_loaders/reconstruct/colmap_log.h"
 #include "data_loaders/reconstruct/colmap_plan.h"
@@ -161,6 +162,11 @@ void check_reconstruction(const ColmapJob& job) { plan_of(job); }
 
 Reconstruction run_colmap(const ColmapJob& job, const ColmapProgress& progress) {
   ColmapPlan plan = plan_of(job);
+  if (const auto foreign = job.poses ? std::nullopt : find_foreign_scene(job.photos))
+    log_warning(
+        "{} holds camera poses of {}, which are not used: COLMAP places the photos anew; "
+        "`gemsplat train {}` uses them",
+        foreign->file.string(), foreign->program, job.photos.string());
   if (const auto foreign = job.poses ? std::nullopt : find_foreign_cameras(job.photos))
     log_warning(
         "{} holds camera poses of {}, which are not used: COLMAP places the photos anew; to "

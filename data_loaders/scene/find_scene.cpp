@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "data_loaders/colmap/colmap_model.h"
+#include "data_loaders/foreign/foreign_scene.h"
 #include "data_loaders/photos/not_a_folder.h"
 #include "data_loaders/photos/photo_names.h"
 #include "data_loaders/transforms/transforms_json.h"
@@ -137,6 +138,10 @@ SceneFolders find_scene(const DatasetConfig& dataset) {
       if (has_transforms(folder))
         return {folder, folder,
                 is_blender_scene(folder) ? SceneKind::blender : SceneKind::transforms};
+  if (models.empty())
+    for (const fs::path& place : is_named ? named : std::vector<fs::path>{source})
+      if (const auto foreign = find_foreign_scene(place))
+        return {foreign->file, foreign_photos(source, dataset.images), SceneKind::foreign};
   if (models.empty())
     throw Error(fmt::format(
         "cannot find a scene in {}: there is no COLMAP model (cameras and images, .bin "

@@ -141,11 +141,17 @@ void check_registered(const SceneModel& scene) {
   const fs::path& images = scene.folders.images;
   const std::size_t photos = picture_names_in(images).size();
   if (photos < kManyTimes * registered) return;
+  const bool is_of_colmap = scene.folders.kind == SceneKind::colmap;
   throw Error(fmt::format(
-      "the model in {} holds only {} of the {} photos in {}: COLMAP could not register the others; "
-      "run COLMAP again (exhaustive matching, or photos that overlap more), or use this model "
-      "nevertheless by naming it with --set dataset.model=FOLDER",
-      scene.model.folder.string(), registered, photos, images.string()));
+      "the model in {} holds only {} of the {} photos in {}: {} could not register the others; {}",
+      scene.model.folder.string(), registered, photos, images.string(),
+      is_of_colmap ? "COLMAP" : "its program",
+      is_of_colmap ? "run COLMAP again (exhaustive matching, or photos that overlap more), or use "
+                     "this model "
+                     "nevertheless by naming it with --set dataset.model=FOLDER"
+                   : "let COLMAP place all photos with `gemsplat reconstruct`, or use this model "
+                     "nevertheless "
+                     "by naming it with --set dataset.model=FILE"));
 }
 
 }  // namespace

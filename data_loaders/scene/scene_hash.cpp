@@ -50,8 +50,14 @@ bool belongs_to_model(const fs::path& file) {
           stem == "frames");
 }
 
-std::vector<fs::path> model_files(const fs::path& folder) {
-  std::vector<fs::path> files = entries_of(folder);
+std::vector<fs::path> model_files(const SceneFolders& folders) {
+  if (folders.kind == SceneKind::foreign) {  // the file, or one of those for each photo
+    std::vector<fs::path> files = entries_of(folders.model.parent_path());
+    std::erase_if(
+        files, [&](const fs::path& file) { return file.extension() != folders.model.extension(); });
+    return files;
+  }
+  std::vector<fs::path> files = entries_of(folders.model);
   std::erase_if(files, [](const fs::path& file) { return !belongs_to_model(file); });
   return files;
 }
@@ -116,7 +122,7 @@ std::string scene_hash(const DatasetConfig& dataset) {
     std::error_code ignored;
     hash.add(fmt::format("{}\n{}\n", name, fs::file_size(folders.images / name, ignored)));
   }
-  for (const fs::path& file : model_files(folders.model)) {
+  for (const fs::path& file : model_files(folders)) {
     hash.add(file.filename().string() + "\n");
     add_file(hash, file);
   }

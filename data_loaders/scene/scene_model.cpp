@@ -9,6 +9,7 @@
 #include <unordered_map>
 
 #include "data_loaders/colmap/world_offset.h"
+#include "data_loaders/foreign/foreign_scene.h"
 #include "data_loaders/photos/photo_names.h"
 #include "data_loaders/transforms/transforms_json.h"
 #include "gs_core/error.h"
@@ -152,6 +153,8 @@ SceneModel read_scene(const DatasetConfig& dataset, const SceneFolders& folders,
   if (folders.kind == SceneKind::colmap) {
     scene.model = read_colmap_model(folders.model, tracks);
     localize_names(scene.model, folders.images);
+  } else if (folders.kind == SceneKind::foreign) {
+    scene.model = read_foreign_scene(folders.model, folders.images);
   } else {
     transforms = read_transforms(folders.model);
     scene.model = std::move(transforms.model);

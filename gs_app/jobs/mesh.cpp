@@ -2,6 +2,7 @@
 // gemsplat mesh: the surface of a trained model of any trainer, as triangles.
 #include <spdlog/fmt/fmt.h>
 
+#include "gs_app/export/export_model.h"
 #include "gs_app/jobs/mesh/mesh_job.h"
 #include "gs_app/jobs/verbs.h"
 #include "gs_app/run/output_place.h"

@@ -49,7 +49,14 @@ std::shared_ptr<const ColmapModel> poses_without_points(const DatasetConfig& dat
   } catch (const Error&) {  // no scene: photos, or a sentence that helps
     return nullptr;
   }
-  ColmapModel model = read_scene(dataset, folders).model;
+  ColmapModel model;
+  try {
+    model = read_scene(dataset, folders).model;
+  } catch (const Error& error) {
+    if (folders.kind != SceneKind::foreign) throw;
+    log_warning("{}; COLMAP places the photos anew", error.what());
+    return nullptr;
+  }
   if (!model.points.empty()) return nullptr;
   log_info("{} has cameras and no points: COLMAP finds points for these cameras", dataset.source);
   photos = folders.images;

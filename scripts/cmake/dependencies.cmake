@@ -130,6 +130,16 @@ if(GS_WITH_WEBP AND GS_WEBP_LIBRARY AND GS_WEBP_DIR)
 endif()
 gs_report("libwebp" GS_WITH_WEBP "${GS_HAVE_WEBP}" "no .sog is read or written" "reads and writes .sog" libwebp-dev)
 
+if(GS_WITH_PUGIXML)
+  find_library(GS_PUGIXML_LIBRARY pugixml)
+  find_path(GS_PUGIXML_DIR pugixml.hpp)
+endif()
+set(GS_HAVE_PUGIXML FALSE)
+if(GS_WITH_PUGIXML AND GS_PUGIXML_LIBRARY AND GS_PUGIXML_DIR)
+  set(GS_HAVE_PUGIXML TRUE)
+endif()
+gs_report("pugixml" GS_WITH_PUGIXML "${GS_HAVE_PUGIXML}" "no cameras of Metashape are read" "reads the cameras of Metashape" libpugixml-dev)
+
 # The BLAS and LAPACK that the system chooses, not one of them by name: a program linked with ATLAS
 # would need it everywhere. Debian's Ceres names ATLAS beside them.
 if(GS_WITH_CERES)

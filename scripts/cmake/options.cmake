@@ -15,6 +15,7 @@ option(GS_WITH_LIBJPEG "Write JPEGs with libjpeg where OpenImageIO is off or mis
 option(GS_WITH_OPENCV "Undistort photos of lens models with OpenCV" ON)
 option(GS_WITH_ZSTD "Keep undistorted and resized photos on disk, with zstd and xxhash" ON)
 option(GS_WITH_ZLIB "Read and write .spz with zlib (version 4: with zstd)" ON)
+option(GS_WITH_PUGIXML "Read the cameras of Metashape with pugixml" ON)
 option(GS_WITH_WEBP "Read and write .sog with libwebp" ON)
 option(GS_WITH_CERES "Check every gradient against ceres::Jet; refine cameras" ON)
 option(GS_WITH_CUDA "Build the CUDA backend where nvcc is found" ON)

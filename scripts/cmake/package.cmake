@@ -4,7 +4,7 @@
 
 # What is inside this build, in the words of scripts/release/third_party.json.
 set(gs_has "")
-foreach(part OPENIMAGEIO OPENCV CERES ZLIB ZSTD WEBP CUDA PYTHON WEB)
+foreach(part OPENIMAGEIO OPENCV CERES ZLIB ZSTD WEBP PUGIXML CUDA PYTHON WEB)
   if(GS_HAVE_${part})
     list(APPEND gs_has ${part})
   endif()
@@ -64,7 +64,7 @@ function(gs_packages_of_headers result)
   set(packages libglm-dev libfmt-dev libspdlog-dev)
   foreach(pair OPENIMAGEIO:libopenimageio-dev OPENIMAGEIO:openimageio-tools OPENIMAGEIO:libopenexr-dev OPENIMAGEIO:libimath-dev
           OPENCV:libopencv-dev CERES:libceres-dev ZLIB:zlib1g-dev
-          ZSTD:libzstd-dev ZSTD:libxxhash-dev WEBP:libwebp-dev)
+          ZSTD:libzstd-dev ZSTD:libxxhash-dev WEBP:libwebp-dev PUGIXML:libpugixml-dev)
     string(REPLACE ":" ";" pair ${pair})
     list(GET pair 0 part)
     list(GET pair 1 package)

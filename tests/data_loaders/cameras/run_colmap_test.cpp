@@ -725,13 +725,9 @@ TEST_F(PhotoFolder, PhotosInSubFoldersAreABareScene) {
 
 TEST_F(PhotoFolder, PosesOfOtherProgramsAreSeenWithTheWayToColmap) {
   for (const auto& [name, content, program, way] :
-       {std::tuple("cameras.xml", "<?xml version=\"1.0\"?><document version=\"2.0.0\"><chunk>",
-                   "Metashape", "Export Cameras"),
-        std::tuple("poses/cams.csv", "#name,x,y,alt,heading,pitch,roll\na.jpg,1,2,3,4,5,6\n",
-                   "RealityCapture", "Registration"),
-        std::tuple("a.xmp", "<rdf:Description xcr:Version=\"3\">", "RealityCapture", "COLMAP"),
-        std::tuple("reconstruction.json", "[{\"cameras\": {}}]", "OpenSfM", "export_colmap"),
-        std::tuple("keyframes/cameras/1.json", "{\"t_00\": 1}", "Polycam", "ns-process-data")}) {
+       {std::tuple("walk.psx", "<document>", "Metashape", "Export Cameras"),
+        std::tuple("poses/cams.csv", "#cameras 12\n", "RealityCapture", "Registration"),
+        std::tuple("a.xmp", "<rdf:Description xcr:Version=\"3\">", "RealityCapture", "COLMAP")}) {
     std::filesystem::remove_all(folder());
     write_png(path("images/a.png"), plain_photo(4, 4, 9));
     write_bytes(path("notes.xml"), "<html>");
