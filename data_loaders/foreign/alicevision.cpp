@@ -22,8 +22,8 @@ std::pair<double, double> focal_lengths(const ForeignJson& json, const SortedJso
     const std::vector<double> f = json.numbers(*pixels, "pxFocalLength", 2);
     return {f[0], f[1]};
   }
-  const double f = json.number_at(intrinsic, "focalLength") * width /
-                   json.number_at(intrinsic, "sensorWidth");
+  const double f =
+      json.number_at(intrinsic, "focalLength") * width / json.number_at(intrinsic, "sensorWidth");
   return {f, f / json.number_or(intrinsic, "pixelRatio", 1)};
 }
 
@@ -48,14 +48,14 @@ std::uint32_t camera_of_alicevision(ForeignModel& model, const ForeignJson& json
   if (kind == "pinhole") return model.camera(size, {fx, fy, cx, cy});
   if (kind == "radial1" || kind == "radialk1" || kind == "radial3" || kind == "radialk3")
     return model.camera(size, {fx, fy, cx, cy, k[0], k[1], k[2]});
-  if (kind == "brown")
-    return model.camera(size, {fx, fy, cx, cy, k[0], k[1], k[2], 0, k[3], k[4]});
+  if (kind == "brown") return model.camera(size, {fx, fy, cx, cy, k[0], k[1], k[2], 0, k[3], k[4]});
   if (kind == "fisheye" || kind == "fisheye4")
     return model.camera(CameraModel::opencv_fisheye, size,
                         {fx, fy, cx, cy, k[0], k[1], k[2], k[3]});
-  model.fail(fmt::format("gemsplat has no camera like its '{}'; convert it with "
-                         "`aliceVision_exportColmap -i FILE.sfm -o FOLDER`",
-                         kind));
+  model.fail(
+      fmt::format("gemsplat has no camera like its '{}'; convert it with "
+                  "`aliceVision_exportColmap -i FILE.sfm -o FOLDER`",
+                  kind));
 }
 
 }  // namespace

@@ -37,8 +37,8 @@ class Words {
   std::size_t count() {
     const double value = number();
     if (!(value >= 0 && value <= double(text_.size())))
-      model_.fail(fmt::format("it counts {} at byte {}, more than it has; export it again", value,
-                              next_));
+      model_.fail(
+          fmt::format("it counts {} at byte {}, more than it has; export it again", value, next_));
     return std::size_t(value);
   }
   void skip_line() { next_ = std::min(text_.find('\n', next_), text_.size()); }

@@ -53,9 +53,10 @@ std::optional<std::string> ForeignModel::photo(const std::string& label) {
     const auto found = names_.find(end);
     if (found == names_.end()) continue;
     if (found->second.size() > 1)
-      fail(fmt::format("its photo '{}' could be {} or {} in {}; name the folder of the right photos "
-                       "with --set dataset.images=FOLDER",
-                       label, found->second[0], found->second[1], photos_.string()));
+      fail(
+          fmt::format("its photo '{}' could be {} or {} in {}; name the folder of the right photos "
+                      "with --set dataset.images=FOLDER",
+                      label, found->second[0], found->second[1], photos_.string()));
     return found->second[0];
   }
   missing_.push_back(label);
@@ -82,8 +83,9 @@ std::uint32_t ForeignModel::camera(CameraModel model, PhotoSize size, std::vecto
 
 std::uint32_t ForeignModel::camera(PhotoSize size, const BrownLens& l) {
   if (l.k4 != 0)
-    fail("a camera has a coefficient k4 of r^8, which no lens of gemsplat has; export the photos "
-         "undistorted, with their cameras");
+    fail(
+        "a camera has a coefficient k4 of r^8, which no lens of gemsplat has; export the photos "
+        "undistorted, with their cameras");
   if (l.k3 != 0)
     return camera(CameraModel::full_opencv, size,
                   {l.fx, l.fy, l.cx, l.cy, l.k1, l.k2, l.p1, l.p2, l.k3, 0, 0, 0});
@@ -97,9 +99,10 @@ void ForeignModel::add(const std::string& photo, std::uint32_t camera, const Mat
   const double back = looks_back ? -1 : 1;
   const Mat3<double> rows{R.row0, back * R.row1, back * R.row2};
   if (!is_rotation(rows, kRotationTolerance) || !is_finite(t))
-    fail(fmt::format("the pose of '{}' is not one: its axes are not at right angles, or of other "
-                     "lengths than 1; export it again",
-                     photo));
+    fail(
+        fmt::format("the pose of '{}' is not one: its axes are not at right angles, or of other "
+                    "lengths than 1; export it again",
+                    photo));
   if (!added_.try_emplace(photo, model_.images.size()).second)
     fail(fmt::format("two poses belong to the photo {}; leave one out", photo));
   ColmapImage& image = model_.images.emplace_back();
@@ -120,17 +123,18 @@ void ForeignModel::add_at(const std::string& photo, std::uint32_t camera,
 void ForeignModel::add_point(const Vec3d& position, const Vec3d& color) {
   if (!is_finite(position) || !is_finite(color)) return;
   const auto byte = [](double value) { return std::uint8_t(std::clamp(value + 0.5, 0.0, 255.0)); };
-  model_.points.push_back({model_.points.size() + 1, position,
-                           {byte(color.x), byte(color.y), byte(color.z)}});
+  model_.points.push_back(
+      {model_.points.size() + 1, position, {byte(color.x), byte(color.y), byte(color.z)}});
 }
 
 ColmapModel ForeignModel::take() {
   if (model_.images.empty())
-    fail(missing_.empty()
-             ? "it has no photo with a pose; align the photos first"
-             : fmt::format("none of its {} photos, such as '{}', is in {}; copy them there, or name "
-                           "their folder with --set dataset.images=FOLDER",
-                           missing_.size(), missing_[0], photos_.string()));
+    fail(
+        missing_.empty()
+            ? "it has no photo with a pose; align the photos first"
+            : fmt::format("none of its {} photos, such as '{}', is in {}; copy them there, or name "
+                          "their folder with --set dataset.images=FOLDER",
+                          missing_.size(), missing_[0], photos_.string()));
   if (!missing_.empty())
     log_warning("{} poses of {} have no photo in {}, such as '{}': left out", missing_.size(),
                 file_.string(), photos_.string(), missing_[0]);

@@ -88,7 +88,6 @@ class ForeignJson {
 Mat3<double> matrix_of_rows(const std::vector<double>& numbers);
 Mat3<double> transposed(const Mat3<double>& m);
 
-
 // One reader for each form; the file is model.file().
 void read_alicevision(ForeignModel& model);
 void read_bundler(ForeignModel& model);

@@ -41,9 +41,9 @@ constexpr Form kForms[] = {
     {"cams", "_cam.txt", "extrinsic", "MVSNet", read_mvsnet},
 };
 
-constexpr int kDeepest = 3;               // folders below the scene's
+constexpr int kDeepest = 3;                   // folders below the scene's
 constexpr std::size_t kMostEntries = 200000;  // of folders that are looked through
-constexpr std::uint64_t kHead = 4096;     // bytes
+constexpr std::uint64_t kHead = 4096;         // bytes
 
 std::string beginning_of(const fs::path& file) {
   try {
@@ -67,7 +67,8 @@ bool is_of(const Form& form, const fs::path& file) {
 }
 
 /// The files that may be of a form, sorted by depth and name.
-void collect(const fs::path& folder, int depth, std::size_t& entries, std::vector<fs::path>& files) {
+void collect(const fs::path& folder, int depth, std::size_t& entries,
+             std::vector<fs::path>& files) {
   std::error_code error;
   std::vector<fs::path> below;
   for (fs::directory_iterator entry(folder, error), end; !error && entry != end;
@@ -75,7 +76,8 @@ void collect(const fs::path& folder, int depth, std::size_t& entries, std::vecto
     if (++entries > kMostEntries) break;
     const fs::path& path = entry->path();
     if (path.filename().string().starts_with('.')) continue;
-    if (entry->is_directory(error)) below.push_back(path);
+    if (entry->is_directory(error))
+      below.push_back(path);
     else if (std::any_of(std::begin(kForms), std::end(kForms),
                          [&](const Form& form) { return may_be(form, path); }))
       files.push_back(path);

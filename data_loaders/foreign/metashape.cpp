@@ -26,7 +26,8 @@ std::vector<double> numbers_of(const ForeignModel& model, const pugi::xml_node& 
     numbers.push_back(value);
   }
   if (numbers.size() != count)
-    model.fail(fmt::format("a <{}> has not {} numbers; export the cameras again", node.name(), count));
+    model.fail(
+        fmt::format("a <{}> has not {} numbers; export the cameras again", node.name(), count));
   return numbers;
 }
 
@@ -38,7 +39,8 @@ std::vector<double> numbers_of(const ForeignModel& model, const pugi::xml_node& 
 
 std::uint32_t camera_of_sensor(ForeignModel& model, const pugi::xml_node& sensor) {
   const pugi::xml_node resolution = sensor.child("resolution");
-  const PhotoSize size{resolution.attribute("width").as_int(), resolution.attribute("height").as_int()};
+  const PhotoSize size{resolution.attribute("width").as_int(),
+                       resolution.attribute("height").as_int()};
   const std::string type = sensor.attribute("type").value();
   if (type == "spherical")
     return model.camera(CameraModel::equirectangular, size,

@@ -30,13 +30,17 @@ std::uint32_t camera_of_openmvg(ForeignModel& model, const ForeignJson& json,
                         {f, f, c[0], c[1], k[0], k[1], k[2], k[3]});
   }
   std::vector<double> k(5);  // k1 k2 k3 t1 t2
-  if (kind == "pinhole_radial_k1") k = coefficients("disto_k1", 1);
-  else if (kind == "pinhole_radial_k3") k = coefficients("disto_k3", 3);
-  else if (kind == "pinhole_brown_t2") k = coefficients("disto_t2", 5);
+  if (kind == "pinhole_radial_k1")
+    k = coefficients("disto_k1", 1);
+  else if (kind == "pinhole_radial_k3")
+    k = coefficients("disto_k3", 3);
+  else if (kind == "pinhole_brown_t2")
+    k = coefficients("disto_t2", 5);
   else if (kind != "pinhole")
-    model.fail(fmt::format("gemsplat has no camera like its '{}'; export it by "
-                           "openMVG_main_openMVG2Colmap",
-                           kind));
+    model.fail(
+        fmt::format("gemsplat has no camera like its '{}'; export it by "
+                    "openMVG_main_openMVG2Colmap",
+                    kind));
   return model.camera(size, {f, f, c[0], c[1], k[0], k[1], k[2], 0, k[3], k[4]});
 }
 
@@ -45,9 +49,9 @@ std::uint32_t camera_of_openmvg(ForeignModel& model, const ForeignJson& json,
 void read_openmvg(ForeignModel& model) {
   const auto file = read_json_as<SortedJson>(model.file(), "export it again");
   const ForeignJson json(model);
-  std::map<double, std::uint32_t> cameras;       // by their keys
-  std::map<double, std::string> kinds;           // by the numbers of their types
-  constexpr double kFirstUse = 2147483648.0;     // is added to the number
+  std::map<double, std::uint32_t> cameras;    // by their keys
+  std::map<double, std::string> kinds;        // by the numbers of their types
+  constexpr double kFirstUse = 2147483648.0;  // is added to the number
   for (const SortedJson& intrinsic : json.list(file, "intrinsics")) {
     const SortedJson& value = json.at(intrinsic, "value");
     double kind = json.number_at(value, "polymorphic_id");
@@ -55,8 +59,8 @@ void read_openmvg(ForeignModel& model) {
       kind -= kFirstUse;
       kinds[kind] = json.text_at(value, "polymorphic_name");
     }
-    cameras[json.number_at(intrinsic, "key")] = camera_of_openmvg(
-        model, json, kinds[kind], json.at(json.at(value, "ptr_wrapper"), "data"));
+    cameras[json.number_at(intrinsic, "key")] =
+        camera_of_openmvg(model, json, kinds[kind], json.at(json.at(value, "ptr_wrapper"), "data"));
   }
   std::map<double, const SortedJson*> poses;
   for (const SortedJson& pose : json.list(file, "extrinsics"))

@@ -7,8 +7,8 @@
 #include <cmath>
 
 #include "data_loaders/foreign/foreign_model.h"
-#include "gs_core/math/render/rotation.h"
 #include "gs_core/geometry/vectors.h"
+#include "gs_core/math/render/rotation.h"
 #include "gs_core/system/log.h"
 #include "gs_core/system/text/read_json.h"
 
@@ -32,12 +32,12 @@ std::uint32_t camera_of_opensfm(ForeignModel& model, const ForeignJson& json,
     return model.camera(size, {fx, fy, cx, cy, number("k1"), number("k2"), number("k3"), 0,
                                number("p1"), number("p2")});
   if (kind == "fisheye" || kind == "fisheye_opencv")
-    return model.camera(
-        CameraModel::opencv_fisheye, size,
-        {fx, fy, cx, cy, number("k1"), number("k2"), number("k3"), number("k4")});
-  model.fail(fmt::format("gemsplat has no camera like its '{}'; run `opensfm undistort DATASET` and "
-                         "`opensfm export_colmap DATASET`",
-                         kind));
+    return model.camera(CameraModel::opencv_fisheye, size,
+                        {fx, fy, cx, cy, number("k1"), number("k2"), number("k3"), number("k4")});
+  model.fail(
+      fmt::format("gemsplat has no camera like its '{}'; run `opensfm undistort DATASET` and "
+                  "`opensfm export_colmap DATASET`",
+                  kind));
 }
 
 /// The rotation by |v| about v.
@@ -52,12 +52,12 @@ Mat3<double> rotation_about(const Vec3d& v) {
 void read_opensfm(ForeignModel& model) {
   const auto file = read_json_as<SortedJson>(model.file(), "run OpenSfM again");
   const ForeignJson json(model);
-  if (!file.is_array() || file.empty()) model.fail("it has no reconstruction; align the photos first");
+  if (!file.is_array() || file.empty())
+    model.fail("it has no reconstruction; align the photos first");
   const auto photos_of = [&](const SortedJson& part) { return json.list(part, "shots").size(); };
-  const auto largest =
-      std::max_element(file.begin(), file.end(), [&](const SortedJson& a, const SortedJson& b) {
-        return photos_of(a) < photos_of(b);
-      });
+  const auto largest = std::max_element(
+      file.begin(), file.end(),
+      [&](const SortedJson& a, const SortedJson& b) { return photos_of(a) < photos_of(b); });
   if (file.size() > 1)
     log_info("{} holds {} reconstructions; the largest has {} photos", model.file().string(),
              file.size(), photos_of(*largest));

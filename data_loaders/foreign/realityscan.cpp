@@ -53,9 +53,10 @@ void read_realityscan(ForeignModel& model) {
   }
   for (const char* name : {"name", "x", "y", "alt", "heading", "pitch", "roll", "f"})
     if (!columns.contains(name))
-      model.fail(fmt::format("its header has no column '{}'; export Internal/External camera "
-                             "parameters, with all of them",
-                             name));
+      model.fail(
+          fmt::format("its header has no column '{}'; export Internal/External camera "
+                      "parameters, with all of them",
+                      name));
   for (int number = 2; std::getline(lines, line); ++number) {
     const std::vector<std::string> fields = fields_of(line);
     if (fields.empty() || fields[0].empty()) continue;

@@ -28,17 +28,17 @@ void read_record3d(ForeignModel& model) {
   }
   std::sort(photos.begin(), photos.end());
   if (!poses.is_array() || poses.size() < photos.size())
-    model.fail(fmt::format("it has {} poses for {} photos with a number for a name; export all of "
-                           "them again",
-                           poses.size(), photos.size()));
+    model.fail(
+        fmt::format("it has {} poses for {} photos with a number for a name; export all of "
+                    "them again",
+                    poses.size(), photos.size()));
   for (std::size_t i = 0; i < photos.size(); ++i) {
     const auto& [number, photo] = photos[i];
     const std::size_t row = photos.back().first < poses.size() ? number : i;
     const std::vector<double> p = json.numbers(poses[row], "poses", 7);  // x y z w, center
     const PhotoSize size = model.size_of(photo);  // photos may be smaller than the sensor
     const double sx = double(size.width) / whole.width, sy = double(size.height) / whole.height;
-    const std::uint32_t camera =
-        model.camera(size, {sx * K[0], sy * K[4], sx * K[6], sy * K[7]});
+    const std::uint32_t camera = model.camera(size, {sx * K[0], sy * K[4], sx * K[6], sy * K[7]});
     const Quat<double> q{p[3], p[0], p[1], p[2]};
     if (is_degenerate(q)) model.fail(fmt::format("the pose of '{}' has no rotation", photo));
     model.add_at(photo, camera, rotation_matrix(q), {p[4], p[5], p[6]}, true);

@@ -12,10 +12,10 @@
 namespace gs::fuzz {
 namespace {
 
-constexpr const char* kForeignFiles[] = {
-    "metashape/cameras.xml",          "realityscan/poses.csv", "opensfm/reconstruction.json",
-    "openmvg/sfm_data.json",          "meshroom/cameras.sfm",  "polycam/cameras/a.json",
-    "record3d/metadata.json",         "mvsnet/cams/a_cam.txt"};
+constexpr const char* kForeignFiles[] = {"metashape/cameras.xml",       "realityscan/poses.csv",
+                                         "opensfm/reconstruction.json", "openmvg/sfm_data.json",
+                                         "meshroom/cameras.sfm",        "polycam/cameras/a.json",
+                                         "record3d/metadata.json",      "mvsnet/cams/a_cam.txt"};
 
 bool make_foreign_folders() {
   for (const char* name : kForeignFiles)
@@ -41,8 +41,7 @@ void read_foreign(const std::filesystem::path& file) {
 void read(std::string_view bytes) {
   static const bool is_ready = make_foreign_folders();
   require(is_ready, "no folders");
-  for (const char* name : kForeignFiles)
-    takes([&] { read_foreign(file_of(name, bytes)); });
+  for (const char* name : kForeignFiles) takes([&] { read_foreign(file_of(name, bytes)); });
   write_files(bytes, {"bundler/bundle.out", "bundler/list.txt"});
   takes([] { read_foreign(folder() / "bundler/bundle.out"); });
 }

@@ -18,9 +18,9 @@
 #include "gs_core/math/render/rotation.h"
 #include "gs_core/system/text/json.h"
 #include "tests/support/captured_log.h"
+#include "tests/support/colmap_writer.h"
 #include "tests/support/error_of.h"
 #include "tests/support/folder_test.h"
-#include "tests/support/colmap_writer.h"
 
 namespace gs {
 namespace {
@@ -46,8 +46,8 @@ struct Pose {
   std::vector<double> world_from_cam(bool looks_back) const {
     const double b = looks_back ? -1 : 1;
     const Rows& R = cam_from_world;
-    return {R.row0.x, b * R.row1.x, b * R.row2.x, R.row0.y, b * R.row1.y,
-            b * R.row2.y, R.row0.z, b * R.row1.z, b * R.row2.z};
+    return {R.row0.x,     b * R.row1.x, b * R.row2.x, R.row0.y,    b * R.row1.y,
+            b * R.row2.y, R.row0.z,     b * R.row1.z, b * R.row2.z};
   }
 };
 
@@ -66,7 +66,8 @@ std::vector<double> by_columns(const Rows& R) {
 }
 std::string joined(const std::vector<double>& numbers, const char* between) {
   std::string text;
-  for (const double number : numbers) text += (text.empty() ? "" : between) + fmt::format("{:.17g}", number);
+  for (const double number : numbers)
+    text += (text.empty() ? "" : between) + fmt::format("{:.17g}", number);
   return text;
 }
 
@@ -98,7 +99,8 @@ class ForeignScenes : public FolderTest {
     }
   }
   /// Both photos have their poses; camera parameters are those of the model.
-  void expect_the_cameras(const char* program, CameraModel lens, const std::vector<double>& params) {
+  void expect_the_cameras(const char* program, CameraModel lens,
+                          const std::vector<double>& params) {
     const auto found = find_foreign_scene(folder());
     ASSERT_TRUE(found);
     EXPECT_STREQ(found->program, program);
@@ -112,14 +114,16 @@ class ForeignScenes : public FolderTest {
       for (const Vec3d& point : {Vec3d(0.0, 0.0, 0.0), Vec3d(1, 2, 3), Vec3d(-5, 4, 0.5)}) {
         const Vec3d got = multiply(rotation_matrix(image.cam_from_world_rotation), point) +
                           image.cam_from_world_translation;
-        EXPECT_LT(length(got - (multiply(expected.cam_from_world, point) + expected.translation())), 1e-9);
+        EXPECT_LT(length(got - (multiply(expected.cam_from_world, point) + expected.translation())),
+                  1e-9);
       }
       const ColmapCamera& camera = model.cameras.at(image.camera_id);
       EXPECT_EQ(camera.model, lens);
       EXPECT_EQ(camera.width, kWidth);
       EXPECT_EQ(camera.height, kHeight);
       ASSERT_EQ(camera.params.size(), params.size());
-      for (std::size_t k = 0; k < params.size(); ++k) EXPECT_NEAR(camera.params[k], params[k], 1e-9) << k;
+      for (std::size_t k = 0; k < params.size(); ++k)
+        EXPECT_NEAR(camera.params[k], params[k], 1e-9) << k;
     }
     EXPECT_THAT(model.cameras, SizeIs(1));
     points_ = model.points;
@@ -139,10 +143,12 @@ std::string metashape(const std::string& transform_of_component, bool is_moved) 
     std::vector<double> axes = pose(i).world_from_cam(false);
     Vec3d center = pose(i).center;
     if (is_moved) {
-      const Rows A = {{axes[0], axes[1], axes[2]}, {axes[3], axes[4], axes[5]}, {axes[6], axes[7], axes[8]}};
+      const Rows A = {
+          {axes[0], axes[1], axes[2]}, {axes[3], axes[4], axes[5]}, {axes[6], axes[7], axes[8]}};
       const auto column = [&](int k) {
-        const Vec3d c = k == 0 ? Vec3d(A.row0.x, A.row1.x, A.row2.x)
-                        : k == 1 ? Vec3d(A.row0.y, A.row1.y, A.row2.y) : Vec3d(A.row0.z, A.row1.z, A.row2.z);
+        const Vec3d c = k == 0   ? Vec3d(A.row0.x, A.row1.x, A.row2.x)
+                        : k == 1 ? Vec3d(A.row0.y, A.row1.y, A.row2.y)
+                                 : Vec3d(A.row0.z, A.row1.z, A.row2.z);
         return multiply_transposed(turn, c);
       };
       const Vec3d x = column(0), y = column(1), z = column(2);
@@ -152,13 +158,15 @@ std::string metashape(const std::string& transform_of_component, bool is_moved) 
     cameras += fmt::format(
         R"(<group><camera id="{}" sensor_id="7" component_id="0" label="{}"><transform>{} {:.17g} {} {:.17g} {} {:.17g} 0 0 0 1</transform></camera></group>)",
         i, kNames[i], joined({axes[0], axes[1], axes[2]}, " "), center.x,
-        joined({axes[3], axes[4], axes[5]}, " "), center.y, joined({axes[6], axes[7], axes[8]}, " "),
-        center.z);
+        joined({axes[3], axes[4], axes[5]}, " "), center.y,
+        joined({axes[6], axes[7], axes[8]}, " "), center.z);
   }
-  const std::string transform =
-      is_moved ? fmt::format("<transform><rotation>{}</rotation><translation>{}</translation><scale>2</scale></transform>",
-                             joined(by_rows(turn), " "), joined(numbers_of(t), " "))
-               : "";
+  const std::string transform = is_moved
+                                    ? fmt::format(
+                                          "<transform><rotation>{}</rotation><translation>{}</"
+                                          "translation><scale>2</scale></transform>",
+                                          joined(by_rows(turn), " "), joined(numbers_of(t), " "))
+                                    : "";
   return fmt::format(
       R"(<?xml version="1.0" encoding="UTF-8"?><document version="2.0.0"><chunk label="Chunk 1"><sensors>
 <sensor id="3" label="unused" type="cylindrical"><resolution width="4" height="4"/></sensor>
@@ -167,8 +175,8 @@ std::string metashape(const std::string& transform_of_component, bool is_moved) 
 <calibration type="frame" class="adjusted"><f>{}</f><cx>{}</cx><cy>{}</cy><k1>{}</k1><k2>{}</k2><p1>{}</p1><p2>{}</p2></calibration>
 </sensor></sensors><components><component id="0">{}</component></components>
 <cameras>{}<camera id="9" sensor_id="7" label="unplaced"/></cameras></chunk></document>)",
-      kWidth, kHeight, kFocal, kCenterX - kWidth / 2.0, kCenterY - kHeight / 2.0, kK1, kK2, kP2, kP1,
-      transform + transform_of_component, cameras);
+      kWidth, kHeight, kFocal, kCenterX - kWidth / 2.0, kCenterY - kHeight / 2.0, kK1, kK2, kP2,
+      kP1, transform + transform_of_component, cameras);
 }
 
 TEST_F(ForeignScenes, Metashape) {
@@ -180,7 +188,8 @@ TEST_F(ForeignScenes, Metashape) {
   std::string skewed = metashape("", false);
   skewed.replace(skewed.find("<k1>"), 0, "<b2>3</b2>");
   write_bytes(path("export/cameras.xml"), skewed);
-  EXPECT_THAT(error(), AllOf(HasSubstr("cameras.xml"), HasSubstr("'Phone' has a skew"), HasSubstr("undistorted")));
+  EXPECT_THAT(error(), AllOf(HasSubstr("cameras.xml"), HasSubstr("'Phone' has a skew"),
+                             HasSubstr("undistorted")));
   write_bytes(path("export/cameras.xml"), skewed.substr(0, 900));
   EXPECT_THAT(error(), HasSubstr("it is no XML at byte"));
 }
@@ -192,9 +201,11 @@ TEST_F(ForeignScenes, RealityScan) {
     constexpr double kDegree = std::numbers::pi / 180;
     csv += fmt::format("{}.PNG,{},{},{},{}\n", kNames[i], joined(numbers_of(pose(i).center), ","),
                        joined({std::atan2(m[1], m[4]) / kDegree, std::asin(m[7]) / kDegree,
-                               std::atan2(-m[6], m[8]) / kDegree}, ","),
+                               std::atan2(-m[6], m[8]) / kDegree},
+                              ","),
                        joined({36 * kFocal / kLongest, (kCenterX - kWidth / 2.0) / kLongest,
-                               (kCenterY - kHeight / 2.0) / kLongest}, ","),
+                               (kCenterY - kHeight / 2.0) / kLongest},
+                              ","),
                        joined({kK1, kK2, 0, 0, kP1, kP2}, ","));
   }
   write_bytes(path("poses.csv"), csv);
@@ -206,22 +217,32 @@ TEST_F(ForeignScenes, RealityScan) {
 }
 
 SortedJson opensfm() {
-  SortedJson part = {{"cameras", {{"v2 phone 40 30 brown 0.9",
-                                   {{"projection_type", "brown"}, {"width", kWidth}, {"height", kHeight},
-                                    {"focal_x", kFocal / kLongest}, {"focal_y", kFocal / kLongest},
-                                    {"c_x", (kCenterX - kWidth / 2.0) / kLongest},
-                                    {"c_y", (kCenterY - kHeight / 2.0) / kLongest},
-                                    {"k1", kK1}, {"k2", kK2}, {"k3", 0.0}, {"p1", kP1}, {"p2", kP2}}}}}};
+  SortedJson part = {{"cameras",
+                      {{"v2 phone 40 30 brown 0.9",
+                        {{"projection_type", "brown"},
+                         {"width", kWidth},
+                         {"height", kHeight},
+                         {"focal_x", kFocal / kLongest},
+                         {"focal_y", kFocal / kLongest},
+                         {"c_x", (kCenterX - kWidth / 2.0) / kLongest},
+                         {"c_y", (kCenterY - kHeight / 2.0) / kLongest},
+                         {"k1", kK1},
+                         {"k2", kK2},
+                         {"k3", 0.0},
+                         {"p1", kP1},
+                         {"p2", kP2}}}}}};
   for (int i = 0; i < 2; ++i) {
     const Rows R = pose(i).cam_from_world;
     const double angle = std::acos((R.row0.x + R.row1.y + R.row2.z - 1) / 2);
     const Vec3d axis = unit(Vec3d(R.row2.y - R.row1.z, R.row0.z - R.row2.x, R.row1.x - R.row0.y));
-    part["shots"][fmt::format("{}.png", kNames[i])] = {{"rotation", numbers_of(angle * axis)},
-                                                       {"translation", numbers_of(pose(i).translation())},
-                                                       {"camera", "v2 phone 40 30 brown 0.9"}};
+    part["shots"][fmt::format("{}.png", kNames[i])] = {
+        {"rotation", numbers_of(angle * axis)},
+        {"translation", numbers_of(pose(i).translation())},
+        {"camera", "v2 phone 40 30 brown 0.9"}};
   }
   part["points"] = {{"12", {{"coordinates", {1.0, 2.0, 3.0}}, {"color", {10.0, 20.0, 255.0}}}}};
-  return SortedJson::array({{{"cameras", SortedJson::object()}, {"shots", SortedJson::object()}}, part});
+  return SortedJson::array(
+      {{{"cameras", SortedJson::object()}, {"shots", SortedJson::object()}}, part});
 }
 
 TEST_F(ForeignScenes, OpenSfm) {
@@ -238,17 +259,38 @@ TEST_F(ForeignScenes, OpenSfm) {
 
 TEST_F(ForeignScenes, OpenMvg) {
   SortedJson file = {{"sfm_data_version", "0.3"}, {"root_path", "/elsewhere"}};
-  file["intrinsics"] = {{{"key", 4}, {"value", {{"polymorphic_id", 2147483649.0}, {"polymorphic_name", "pinhole_brown_t2"},
-      {"ptr_wrapper", {{"id", 2147483660.0}, {"data", {{"width", kWidth}, {"height", kHeight}, {"focal_length", kFocal},
-        {"principal_point", {kCenterX, kCenterY}}, {"disto_t2", {kK1, kK2, 0.0, kP1, kP2}}}}}}}}}};
+  file["intrinsics"] = {{{"key", 4},
+                         {"value",
+                          {{"polymorphic_id", 2147483649.0},
+                           {"polymorphic_name", "pinhole_brown_t2"},
+                           {"ptr_wrapper",
+                            {{"id", 2147483660.0},
+                             {"data",
+                              {{"width", kWidth},
+                               {"height", kHeight},
+                               {"focal_length", kFocal},
+                               {"principal_point", {kCenterX, kCenterY}},
+                               {"disto_t2", {kK1, kK2, 0.0, kP1, kP2}}}}}}}}}};
   for (int i = 0; i < 2; ++i) {
     const std::vector<double> R = by_rows(pose(i).cam_from_world);
-    file["views"].push_back({{"key", i}, {"value", {{"ptr_wrapper", {{"data", {{"filename", fmt::format("{}.png", kNames[i])},
-        {"id_intrinsic", 4}, {"id_pose", i + 10}}}}}}}});
-    file["extrinsics"].push_back({{"key", i + 10}, {"value", {{"rotation", {{R[0], R[1], R[2]}, {R[3], R[4], R[5]}, {R[6], R[7], R[8]}}},
-        {"center", numbers_of(pose(i).center)}}}});
+    file["views"].push_back({{"key", i},
+                             {"value",
+                              {{"ptr_wrapper",
+                                {{"data",
+                                  {{"filename", fmt::format("{}.png", kNames[i])},
+                                   {"id_intrinsic", 4},
+                                   {"id_pose", i + 10}}}}}}}});
+    file["extrinsics"].push_back(
+        {{"key", i + 10},
+         {"value",
+          {{"rotation", {{R[0], R[1], R[2]}, {R[3], R[4], R[5]}, {R[6], R[7], R[8]}}},
+           {"center", numbers_of(pose(i).center)}}}});
   }
-  file["views"].push_back({{"key", 9}, {"value", {{"ptr_wrapper", {{"data", {{"filename", "unplaced.png"}, {"id_intrinsic", 4}, {"id_pose", 99}}}}}}}});
+  file["views"].push_back(
+      {{"key", 9},
+       {"value",
+        {{"ptr_wrapper",
+          {{"data", {{"filename", "unplaced.png"}, {"id_intrinsic", 4}, {"id_pose", 99}}}}}}}});
   file["structure"] = {{{"key", 0}, {"value", {{"X", {1.0, 2.0, 3.0}}}}}};
   write("sfm_data.json", file);
   expect_the_cameras("OpenMVG", CameraModel::opencv, kOpencv);
@@ -259,22 +301,34 @@ TEST_F(ForeignScenes, Meshroom) {
   for (const bool is_new : {false, true}) {
     const auto text = [](double value) { return fmt::format("{:.17g}", value); };
     SortedJson file = {{"version", {"1", "2", "0"}}, {"featuresFolders", SortedJson::array()}};
-    SortedJson intrinsic = {{"intrinsicId", "5"}, {"width", text(kWidth)}, {"height", text(kHeight)}, {"type", "brown"},
-                            {"distortionParams", {text(kK1), text(kK2), "0", text(kP1), text(kP2)}}};
+    SortedJson intrinsic = {
+        {"intrinsicId", "5"},
+        {"width", text(kWidth)},
+        {"height", text(kHeight)},
+        {"type", "brown"},
+        {"distortionParams", {text(kK1), text(kK2), "0", text(kP1), text(kP2)}}};
     if (is_new) {
-      intrinsic.update({{"focalLength", text(kFocal * 6.4 / kWidth)}, {"sensorWidth", "6.4"},
-                        {"principalPoint", {text(kCenterX - kWidth / 2.0), text(kCenterY - kHeight / 2.0)}}});
+      intrinsic.update(
+          {{"focalLength", text(kFocal * 6.4 / kWidth)},
+           {"sensorWidth", "6.4"},
+           {"principalPoint", {text(kCenterX - kWidth / 2.0), text(kCenterY - kHeight / 2.0)}}});
     } else {
-      intrinsic.update({{"pxFocalLength", text(kFocal)}, {"principalPoint", {text(kCenterX), text(kCenterY)}}});
+      intrinsic.update(
+          {{"pxFocalLength", text(kFocal)}, {"principalPoint", {text(kCenterX), text(kCenterY)}}});
     }
     file["intrinsics"] = {intrinsic};
     for (int i = 0; i < 2; ++i) {
       SortedJson rotation, center;
-      for (const double number : by_columns(pose(i).cam_from_world)) rotation.push_back(text(number));
+      for (const double number : by_columns(pose(i).cam_from_world))
+        rotation.push_back(text(number));
       for (const double number : numbers_of(pose(i).center)) center.push_back(text(number));
-      file["views"].push_back({{"viewId", text(i)}, {"poseId", text(i)}, {"intrinsicId", "5"},
+      file["views"].push_back({{"viewId", text(i)},
+                               {"poseId", text(i)},
+                               {"intrinsicId", "5"},
                                {"path", fmt::format("C:\\photos\\{}.png", kNames[i])}});
-      file["poses"].push_back({{"poseId", text(i)}, {"pose", {{"transform", {{"rotation", rotation}, {"center", center}}}}}});
+      file["poses"].push_back(
+          {{"poseId", text(i)},
+           {"pose", {{"transform", {{"rotation", rotation}, {"center", center}}}}}});
     }
     write("cameras.sfm", file);
     expect_the_cameras("Meshroom", CameraModel::opencv, kOpencv);
@@ -292,8 +346,10 @@ TEST_F(ForeignScenes, Bundler) {
   out += "1 2 3\n10 20 255\n2 0 7 1.5 2.5 1 8 3.5 4.5\n";
   write_bytes(path("bundle/bundle.out"), out);
   EXPECT_FALSE(find_foreign_scene(folder())) << "the list is missing";
-  write_bytes(path("bundle/list.txt"), "images/unplaced.jpg\nimages/photo_1.png 0 532.1\nimages/photo_2.png\n");
-  expect_the_cameras("Bundler", CameraModel::opencv, {kFocal, kFocal, kWidth / 2.0, kHeight / 2.0, kK1, kK2, 0, 0});
+  write_bytes(path("bundle/list.txt"),
+              "images/unplaced.jpg\nimages/photo_1.png 0 532.1\nimages/photo_2.png\n");
+  expect_the_cameras("Bundler", CameraModel::opencv,
+                     {kFocal, kFocal, kWidth / 2.0, kHeight / 2.0, kK1, kK2, 0, 0});
   EXPECT_THAT(points_, SizeIs(1));
   write_bytes(path("bundle/bundle.out"), out.substr(0, 300));
   EXPECT_THAT(error(), HasSubstr("a number is missing at byte"));
@@ -304,11 +360,14 @@ TEST_F(ForeignScenes, Bundler) {
 TEST_F(ForeignScenes, Polycam) {
   for (int i = 0; i < 2; ++i) {
     const std::vector<double> m = pose(i).world_from_cam(true);
-    SortedJson file = {{"fx", kFocal}, {"fy", kFocal}, {"cx", kCenterX}, {"cy", kCenterY}, {"width", kWidth}, {"height", kHeight}, {"blur_score", 90.0}};
+    SortedJson file = {{"fx", kFocal},      {"fy", kFocal},    {"cx", kCenterX},
+                       {"cy", kCenterY},    {"width", kWidth}, {"height", kHeight},
+                       {"blur_score", 90.0}};
     for (int k = 0; k < 9; ++k) file[fmt::format("t_{}{}", k / 3, k % 3)] = m[k];
     const std::vector<double> center = numbers_of(pose(i).center);
     for (int k = 0; k < 3; ++k) file[fmt::format("t_{}3", k)] = center[k];
-    write(fmt::format("keyframes/cameras/{}.json", kNames[i]), {{"t_00", "of ARKit, before the correction"}});
+    write(fmt::format("keyframes/cameras/{}.json", kNames[i]),
+          {{"t_00", "of ARKit, before the correction"}});
     write(fmt::format("keyframes/corrected_cameras/{}.json", kNames[i]), file);
   }
   write("keyframes/corrected_cameras/lost.json", {{"t_00", 1}});  // its photo is not there
@@ -325,11 +384,15 @@ TEST_F(ForeignScenes, Record3D) {
     // The quaternion of a rotation matrix.
     const double w = std::sqrt(1 + m[0] + m[4] + m[8]) / 2;
     const Vec3d c = pose(i).center;
-    poses.push_back({(m[7] - m[5]) / (4 * w), (m[2] - m[6]) / (4 * w), (m[3] - m[1]) / (4 * w), w, c.x, c.y, c.z});
+    poses.push_back({(m[7] - m[5]) / (4 * w), (m[2] - m[6]) / (4 * w), (m[3] - m[1]) / (4 * w), w,
+                     c.x, c.y, c.z});
     write_png(path(fmt::format("rgbd/{}.png", i)), plain_photo(kWidth, kHeight, 9));
   }
-  write("metadata.json", {{"K", {2 * kFocal, 0.0, 0.0, 0.0, 2 * kFocal, 0.0, 2 * kCenterX, 2 * kCenterY, 1.0}},
-                          {"w", 2 * kWidth}, {"h", 2 * kHeight}, {"poses", poses}});
+  write("metadata.json",
+        {{"K", {2 * kFocal, 0.0, 0.0, 0.0, 2 * kFocal, 0.0, 2 * kCenterX, 2 * kCenterY, 1.0}},
+         {"w", 2 * kWidth},
+         {"h", 2 * kHeight},
+         {"poses", poses}});
   const ColmapModel model = read();
   ASSERT_THAT(model.images, SizeIs(2));
   for (int i = 0; i < 2; ++i) {
@@ -345,10 +408,12 @@ TEST_F(ForeignScenes, MvsNet) {
   for (int i = 0; i < 2; ++i) {
     const std::vector<double> R = by_rows(pose(i).cam_from_world);
     const Vec3d t = pose(i).translation();
-    write_bytes(path(fmt::format("cams/{}_cam.txt", kNames[i])),
-                fmt::format("extrinsic\n{} {:.17g}\n{} {:.17g}\n{} {:.17g}\n0.0 0.0 0.0 1.0\n\nintrinsic\n{} 0 {}\n0 {} {}\n0 0 1\n\n425 2.5\n",
-                            joined({R[0], R[1], R[2]}, " "), t.x, joined({R[3], R[4], R[5]}, " "), t.y,
-                            joined({R[6], R[7], R[8]}, " "), t.z, kFocal, kCenterX, kFocal, kCenterY));
+    write_bytes(
+        path(fmt::format("cams/{}_cam.txt", kNames[i])),
+        fmt::format("extrinsic\n{} {:.17g}\n{} {:.17g}\n{} {:.17g}\n0.0 0.0 0.0 "
+                    "1.0\n\nintrinsic\n{} 0 {}\n0 {} {}\n0 0 1\n\n425 2.5\n",
+                    joined({R[0], R[1], R[2]}, " "), t.x, joined({R[3], R[4], R[5]}, " "), t.y,
+                    joined({R[6], R[7], R[8]}, " "), t.z, kFocal, kCenterX, kFocal, kCenterY));
   }
   expect_the_cameras("MVSNet", CameraModel::pinhole, kPinhole);
   write_bytes(path("cams/photo_2_cam.txt"), "extrinsic\n1 0 0 0\nintrinsic\n");
@@ -372,10 +437,12 @@ TEST_F(ForeignScenes, AreScenesThatTrain) {
 TEST_F(ForeignScenes, PhotosAreMeantByTheEndOfTheirPath) {
   write_png(path("images/other/photo_1.png"), plain_photo(kWidth, kHeight, 9));
   write("reconstruction.json", opensfm());
-  EXPECT_THAT(error(), AllOf(HasSubstr("'photo_1.png' could be"), HasSubstr("other/photo_1.png"), HasSubstr("dataset.images")));
+  EXPECT_THAT(error(), AllOf(HasSubstr("'photo_1.png' could be"), HasSubstr("other/photo_1.png"),
+                             HasSubstr("dataset.images")));
   std::filesystem::remove_all(path("images"));
   write_png(path("images/another.png"), plain_photo(kWidth, kHeight, 9));
-  EXPECT_THAT(error(), AllOf(HasSubstr("none of its 2 photos, such as 'photo_1.png', is in"), HasSubstr("images")));
+  EXPECT_THAT(error(), AllOf(HasSubstr("none of its 2 photos, such as 'photo_1.png', is in"),
+                             HasSubstr("images")));
 }
 
 TEST_F(ForeignScenes, PosesThatAreNoneAreRefused) {

@@ -164,7 +164,7 @@ TEST_F(Doctor, ExaminesPhotosBeforeColmapAndStopsOnlyWhereTrainWould) {
   config.reconstruct.colmap = "/no/colmap";
   EXPECT_THAT(the(examine(config, false), Level::fatal, "scene").text,
               HasSubstr("apt install colmap"));
-  write_bytes(folder() / "photos/cameras.xml", "<document><chunk/></document>");
+  write_bytes(folder() / "photos/walk.psx", "<document/>");
   EXPECT_THAT(the(examine(config, false), Level::fatal, "scene").text, HasSubstr("Metashape"));
   EXPECT_FALSE(examine(config_at(folder() / "nowhere"), true).can_train());
 }
