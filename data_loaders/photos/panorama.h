@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Panoramas of 360 degrees, which no lens of COLMAP's takes.
+// Panoramas of 360 degrees among bare photos, which COLMAP's usual lenses cannot place.
 #pragma once
 
 #include <filesystem>
