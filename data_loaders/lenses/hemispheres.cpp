@@ -76,9 +76,10 @@ Image8 evened_panorama(const Image8& panorama) {
 Image8 hemisphere_of(const Image8& panorama, const LensCamera& hemisphere, bool is_back,
                      const std::string& photo) {
   if (std::max(panorama.width, panorama.height) + 2 * kBorder > kLongestResampled)
-    throw Error(fmt::format("cannot cut panorama '{}': {} takes at most {} pixels a side; make it "
-                            "smaller",
-                            photo, resampler_name(), kLongestResampled - 2 * kBorder));
+    throw Error(
+        fmt::format("cannot cut panorama '{}': {} takes at most {} pixels a side; make it "
+                    "smaller",
+                    photo, resampler_name(), kLongestResampled - 2 * kBorder));
   const PinholeCamera<double>& to = hemisphere.pinhole;
   const int first_column = is_back ? panorama.width / 2 : 0;
   const Image8 source = with_border(panorama, first_column);

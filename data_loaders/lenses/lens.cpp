@@ -112,7 +112,8 @@ bool is_ideal(const LensCamera& camera) {
     case unified: return camera.k[0] == 0;
     case fisheye:
     case fisheye_rad_tan: return false;
-    case none: break;
+    case none:
+    case orthographic: break;
   }
   return true;
 }
@@ -157,7 +158,8 @@ bool is_unfolded(const LensCamera& camera, const Vec2d& ideal) {
 std::optional<Vec2d> chart_point(const LensCamera& camera, const Vec2d& landed) {
   const double* k = camera.k;
   switch (camera.lens) {
-    case Lens::none: break;
+    case Lens::none:
+    case Lens::orthographic: break;
     case Lens::radial_tangential:
     case Lens::fisheye:
     case Lens::fisheye_rad_tan:

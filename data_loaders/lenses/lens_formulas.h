@@ -178,7 +178,8 @@ Vec2<T> distorted(const LensCoefficients<T>& lens, const Vec2<T>& ideal) {
   using namespace lens_formulas;
   const T* k = lens.k;
   switch (lens.lens) {
-    case Lens::none: break;
+    case Lens::none:
+    case Lens::orthographic: break;  // of no camera model
     case Lens::radial_tangential: return polynomial(lens, ideal);
     case Lens::fisheye:
     case Lens::fisheye_rad_tan: return polynomial(lens, angle(ideal));

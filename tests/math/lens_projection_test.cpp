@@ -289,6 +289,37 @@ TEST(ProjectGaussian, GradientThroughEveryLensMatchesJetWithItsDepth) {
   }
 }
 
+/// Parallel rays: pixel = F (x, y) + c, as gsplat's "ortho" has it.
+PinholeCamera<double> orthographic_camera() {
+  PinholeCamera<double> camera{320, 240, 60, 50, 158, 122};
+  constexpr double kInfinity = std::numeric_limits<double>::infinity();
+  camera.lens.lens = Lens::orthographic;
+  camera.lens.radius = kInfinity;
+  camera.lens.low = {-kInfinity, -kInfinity}, camera.lens.high = {kInfinity, kInfinity};
+  return camera;
+}
+
+double apart(const Vec3d& a, const Vec3d& b) { return std::sqrt(inner(a - b, a - b)); }
+
+TEST(ProjectThroughLens, OrthographicIsTheSameAtEveryDepth) {
+  PinholeCamera<double> camera = orthographic_camera();
+  TestRandom random;
+  for (int i = 0; i < 200; ++i) {
+    camera.cam_from_world_rotation = rotation_matrix(random.quaternion());
+    const Vec3d p = random.uniform3(-3, 3);
+    const ProjectedPoint<double> at = project_through_lens(camera, p);
+    EXPECT_EQ(at.mean2d.x, 60 * p.x + 158);
+    EXPECT_EQ(at.mean2d.y, 50 * p.y + 122);
+    const Mat3<double>& W = camera.cam_from_world_rotation;
+    EXPECT_LT(apart(at.A.row0, 60.0 * W.row0), 1e-13);
+    EXPECT_LT(apart(at.A.row1, 50.0 * W.row1), 1e-13);
+    const Vec3d g = project_through_lens_vjp(camera, p, Vec2d(2, 3), at.A);
+    EXPECT_LT(apart(g, Vec3d(120, 150, 0)), 1e-13);
+  }
+  EXPECT_TRUE(is_in_sight(camera, {500, -80, 1}));
+  EXPECT_FALSE(is_in_sight(camera, {0, 0, -1}));
+}
+
 // What has left the picture does not come back, however far beside the lens it is.
 TEST(ProjectThroughLens, NeverFoldsBackIntoThePicture) {
   for (const LensCase& lens : all_cases()) {
