@@ -71,7 +71,8 @@ std::vector<SplitImage> split_panoramas(ColmapModel& model) {
     split.push_back({std::move(image), {i, false}});
   }
   if (was_sorted)
-    std::ranges::sort(split, {}, [](const auto& half) -> auto& { return half.first.name; });
+    std::ranges::sort(
+        split, {}, [](const auto& half) -> auto& { return half.first.name; });
   model.images.clear();
   std::vector<SplitImage> origins;
   for (auto& [image, origin] : split) {

@@ -29,7 +29,8 @@ inline Vec3d room_color(const Vec3d& from, const Vec3d& direction, Vec3d* hit = 
   constexpr double kColors[6][3] = {{0.8, 0.3, 0.3}, {0.3, 0.7, 0.4}, {0.8, 0.8, 0.7},
                                     {0.5, 0.4, 0.3}, {0.3, 0.4, 0.8}, {0.8, 0.7, 0.2}};
   const double u = p[(wall / 2 + 1) % 3], v = p[(wall / 2 + 2) % 3];
-  const double light = 0.75 + 0.25 * std::sin(2 * std::numbers::pi * u) * std::sin(2 * std::numbers::pi * v);
+  const double light =
+      0.75 + 0.25 * std::sin(2 * std::numbers::pi * u) * std::sin(2 * std::numbers::pi * v);
   const double* color = kColors[wall];
   return {light * color[0], light * color[1], light * color[2]};
 }
@@ -57,8 +58,8 @@ Image8 panorama_of(int width, const Color& color) {
 /// with points on its walls.
 inline ColmapModel room_model(std::size_t photos, int width) {
   ColmapModel model;
-  model.cameras[1] = {1, CameraModel::equirectangular, width, width / 2,
-                      {double(width), double(width / 2)}};
+  model.cameras[1] = {
+      1, CameraModel::equirectangular, width, width / 2, {double(width), double(width / 2)}};
   for (std::size_t i = 0; i < photos; ++i) {
     const double turn = 2.4 * double(i), place = 0.7 * double(i);
     const Quat<double> q{std::cos(turn / 2), 0, std::sin(turn / 2), 0};
@@ -82,8 +83,8 @@ inline ColmapModel room_model(std::size_t photos, int width) {
 inline Image8 room_photo(const ColmapImage& image, int width) {
   const Mat3<double> R = rotation_matrix(image.cam_from_world_rotation);
   const Vec3d center = -multiply_transposed(R, image.cam_from_world_translation);
-  return panorama_of(width,
-                     [&](const Vec3d& ray) { return room_color(center, multiply_transposed(R, ray)); });
+  return panorama_of(
+      width, [&](const Vec3d& ray) { return room_color(center, multiply_transposed(R, ray)); });
 }
 
 }  // namespace gs

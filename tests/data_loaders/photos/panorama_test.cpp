@@ -24,9 +24,9 @@ Vec3d smooth_color(const Vec3d& ray) {
 }
 
 LensCamera hemisphere_camera(int width) {
-  return lens_camera({1, CameraModel::equirectangular, width, width / 2,
-                      {double(width), double(width / 2)}},
-                     "a.jpg");
+  return lens_camera(
+      {1, CameraModel::equirectangular, width, width / 2, {double(width), double(width / 2)}},
+      "a.jpg");
 }
 
 /// The direction that a pixel of a half shows, in the frame of the panorama.
@@ -96,8 +96,8 @@ TEST_F(PanoramaScene, TrainsAsTwoHemispheresThatAreNeverSplit) {
   dataset.eval = true;
   dataset.test_every = 4;
   const Scene scene = load_scene(dataset);
-  EXPECT_THAT(names_of(scene.test_views), testing::ElementsAre("a.back.png", "a.front.png",
-                                                               "e.back.png", "e.front.png"));
+  EXPECT_THAT(names_of(scene.test_views),
+              testing::ElementsAre("a.back.png", "a.front.png", "e.back.png", "e.front.png"));
   EXPECT_EQ(scene.train_views.size(), 12u);
   for (std::size_t i = 0; i < scene.train_views.size(); i += 2) {
     const View &back = scene.train_views[i], &front = scene.train_views[i + 1];
@@ -106,9 +106,9 @@ TEST_F(PanoramaScene, TrainsAsTwoHemispheresThatAreNeverSplit) {
     EXPECT_FLOAT_EQ(front.camera.lens.radius, float(kHemisphereReach));
     const Vec3f apart = back.camera.position() - front.camera.position();
     EXPECT_LT(inner(apart, apart), 1e-12f);
-    EXPECT_LT(inner(back.camera.cam_from_world_rotation.row2,
-                    front.camera.cam_from_world_rotation.row2),
-              -0.999999f);
+    EXPECT_LT(
+        inner(back.camera.cam_from_world_rotation.row2, front.camera.cam_from_world_rotation.row2),
+        -0.999999f);
   }
 }
 
@@ -118,7 +118,8 @@ TEST_F(PanoramaScene, OnlyPixelsWithinTheRadiusTrain) {
   ASSERT_EQ(view.mask.width, camera.width);
   for (int y = 0; y < camera.height; ++y)
     for (int x = 0; x < camera.width; ++x) {
-      const double theta = std::hypot(x + 0.5 - double(camera.cx), y + 0.5 - double(camera.cy)) / camera.fx;
+      const double theta =
+          std::hypot(x + 0.5 - double(camera.cx), y + 0.5 - double(camera.cy)) / camera.fx;
       if (std::abs(theta - kHemisphereReach) < 1e-4) continue;
       EXPECT_EQ(view.mask.at(x, y, 0), theta < kHemisphereReach ? 255 : 0) << x << " " << y;
     }
