@@ -28,7 +28,8 @@ Camera centered(Camera camera, float focal_length, Lens lens) {
   return camera;
 }
 
-constexpr double kFiner = 1.5;  // pixels of a fisheye for one of the panorama, so that it stays sharp
+constexpr double kFiner =
+    1.5;  // pixels of a fisheye for one of the panorama, so that it stays sharp
 
 /// A half of a panorama, at its place.
 Camera half_of(const Camera& panorama, bool is_back) {
@@ -100,8 +101,7 @@ Camera panorama_camera(const Camera& camera, const Vec3d& up, int width) {
   ahead /= length(ahead);
   const Mat3<double> turned{cross(-up, ahead), -up, ahead};
   result.cam_from_world_rotation = {Vec3f(turned.row0), Vec3f(turned.row1), Vec3f(turned.row2)};
-  result.cam_from_world_translation =
-      -multiply(result.cam_from_world_rotation, camera.position());
+  result.cam_from_world_translation = -multiply(result.cam_from_world_rotation, camera.position());
   return result;
 }
 

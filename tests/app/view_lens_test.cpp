@@ -58,8 +58,7 @@ float largest_difference(const ImageF& a, const ImageF& b, int columns) {
   for (int y = 0; y < a.height; ++y)
     for (int x = 0; x < a.width; ++x)
       for (int c = 0; c < a.channels; ++c)
-        largest = std::max(
-            largest, std::abs(a.at((x + columns) % a.width, y, c) - b.at(x, y, c)));
+        largest = std::max(largest, std::abs(a.at((x + columns) % a.width, y, c) - b.at(x, y, c)));
   return largest;
 }
 
@@ -82,8 +81,8 @@ TEST_F(ViewLens, APanoramaIsContinuousAtItsSeamAndAtThePoles) {
         const float step = std::abs(color.at((x + 1) % kWidth, y, c) - color.at(x, y, c));
         (x == kWidth - 1 ? at_seam : inside) = std::max(x == kWidth - 1 ? at_seam : inside, step);
         if (y == 0 || y == color.height - 1)  // the row next to a pole, and what is opposite
-          at_poles = std::max(at_poles, std::abs(color.at((x + kWidth / 2) % kWidth, y, c) -
-                                                 color.at(x, y, c)));
+          at_poles = std::max(
+              at_poles, std::abs(color.at((x + kWidth / 2) % kWidth, y, c) - color.at(x, y, c)));
       }
   EXPECT_LE(at_seam, inside + 2.0f / 255);
   EXPECT_LE(at_poles, inside + 2.0f / 255);
@@ -104,7 +103,8 @@ TEST_F(ViewLens, APanoramaShowsDirectionsWhereItSays) {
 
 TEST_F(ViewLens, DepthOfAPanoramaIsTheDistanceInAllDirections) {
   const ImageF depth = panorama(0.8, {Quantity::depth})[0];
-  for (const float value : depth.pixels) EXPECT_TRUE(value == 0 || (value > 1.9f && value < 3.1f)) << value;
+  for (const float value : depth.pixels)
+    EXPECT_TRUE(value == 0 || (value > 1.9f && value < 3.1f)) << value;
 }
 
 TEST(PanoramaCamera, IsLevelAndLooksWhereTheCameraDoes) {
