@@ -2,6 +2,8 @@
 // The lens of a camera: its kind, its coefficients, and how far its formula counts.
 #pragma once
 
+#include <limits>
+
 #include "gs_core/types.h"
 
 namespace gs {
@@ -62,6 +64,17 @@ struct CameraLens : LensCoefficients<T> {
 
   bool operator==(const CameraLens&) const = default;
 };
+
+/// A lens without coefficients that counts everywhere.
+template <class T>
+CameraLens<T> endless_lens(Lens kind) {
+  constexpr T kEndless = std::numeric_limits<T>::infinity();
+  CameraLens<T> lens;
+  lens.lens = kind;
+  lens.radius = kEndless;
+  lens.low = {-kEndless, -kEndless}, lens.high = {kEndless, kEndless};
+  return lens;
+}
 
 /// The same lens in another scalar.
 template <class To, class From>

@@ -5,7 +5,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <limits>
 
 #include "data_loaders/colmap/world_offset.h"
 #include "data_loaders/photos/photo_names.h"
@@ -32,13 +31,11 @@ struct LensWord {
   Lens lens;
   const char* word;
 };
-constexpr LensWord kLensWords[] = {{Lens::radial_tangential, "radial_tangential"},
-                                   {Lens::fisheye, "fisheye"},
-                                   {Lens::fisheye_rad_tan, "fisheye_rad_tan"},
-                                   {Lens::fov, "fov"},
-                                   {Lens::division, "division"},
-                                   {Lens::unified, "unified"},
-                                   {Lens::orthographic, "orthographic"}};
+constexpr LensWord kLensWords[] = {
+    {Lens::none, "pinhole"},    {Lens::radial_tangential, "radial_tangential"},
+    {Lens::fisheye, "fisheye"}, {Lens::fisheye_rad_tan, "fisheye_rad_tan"},
+    {Lens::fov, "fov"},         {Lens::division, "division"},
+    {Lens::unified, "unified"}, {Lens::orthographic, "orthographic"}};
 
 /// Calls f(key, numbers, count) for the numbers of a lens. An angle chart has no range of u.
 template <class CameraLens, class F>
@@ -50,8 +47,7 @@ void for_each_lens_key(CameraLens& lens, F&& f) {
 
 FloatJson to_json(const CameraLens<float>& lens) {
   FloatJson json;
-  for (const LensWord& known : kLensWords)
-    if (known.lens == lens.lens) json["kind"] = known.word;
+  json["kind"] = word_of(lens.lens);
   for_each_lens_key(lens, [&](const char* key, const float* numbers, int count) {
     const auto has_value = [](float x) { return x != 0 && std::isfinite(x); };
     if (std::any_of(numbers, numbers + count, has_value))
@@ -162,14 +158,11 @@ class CameraReader {
   }
 
   CameraLens<float> lens(const SortedJson& json) const {
-    CameraLens<float> result;
+    CameraLens<float> result = endless_lens<float>(Lens::none);
     for (const LensWord& known : kLensWords)
       if (json.is_object() && json.value("kind", SortedJson()) == known.word)
         result.lens = known.lens;
     if (result.lens == Lens::none) fail("has no lens that is known as lens.kind");
-    constexpr float kEndless = std::numeric_limits<float>::infinity();
-    result.radius = kEndless;
-    result.low = {-kEndless, -kEndless}, result.high = {kEndless, kEndless};
     for_each_lens_key(result, [&](const char* key, float* numbers, int count) {
       const auto found = json.find(key);
       if (found == json.end()) return;
@@ -194,6 +187,10 @@ void place(Camera& camera, const Vec3d& position) {
 }
 
 }  // namespace
+
+const char* word_of(Lens lens) {
+  return std::ranges::find(kLensWords, lens, &LensWord::lens)->word;
+}
 
 void write_cameras_json(const std::filesystem::path& path, const Scene& scene) {
   std::vector<NamedCamera> cameras;

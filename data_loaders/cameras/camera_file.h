@@ -17,6 +17,9 @@ struct NamedCamera {
   Camera camera;
 };
 
+/// The name of a lens: that of its enumerator, or "pinhole".
+const char* word_of(Lens lens);
+
 /// Writes the cameras of all views, those for testing first: a list of
 ///   {id, img_name, width, height,      pixels
 ///    position[3],                      camera center, world units

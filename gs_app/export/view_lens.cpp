@@ -5,7 +5,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <limits>
 #include <numbers>
 
 #include "data_loaders/lenses/lens_range.h"
@@ -19,12 +18,11 @@ namespace {
 
 using std::numbers::pi;
 
-Camera centered(Camera camera, float focal_length, Lens lens) {
-  camera = without_lens(camera);
+Camera centered(Camera camera, float focal_length) {
   camera.fx = camera.fy = focal_length;
   camera.cx = 0.5f * float(camera.width);
   camera.cy = 0.5f * float(camera.height);
-  camera.lens.lens = lens;
+  camera.lens = {};
   return camera;
 }
 
@@ -67,24 +65,21 @@ void add_sample(const ImageF& image, Vec2f at, bool is_smooth, float weight, flo
 
 Camera with_fisheye(Camera camera, double degrees) {
   const double focal_length = camera.width / (degrees * pi / 180);
-  camera = centered(camera, float(focal_length), Lens::fisheye);
+  camera = centered(camera, float(focal_length));
+  camera.lens = endless_lens<float>(Lens::fisheye);
   const double corner = 0.5 * std::hypot(camera.width, camera.height) / focal_length;
   if (corner > kLargestAngle)
     throw UsageError(fmt::format(
         "--fov {}: the picture's corners would be {:.0f} degrees from the axis, and a fisheye ends "
         "at {:.0f}; give a smaller angle",
         degrees, corner * 180 / pi, kLargestAngle * 180 / pi));
-  constexpr float kMost = float(kLargestAngle);
   camera.lens.radius = float(corner);
-  camera.lens.low = {-kMost, -kMost}, camera.lens.high = {kMost, kMost};
   return camera;
 }
 
 Camera with_parallel_rays(Camera camera, double width) {
-  camera = centered(camera, float(camera.width / width), Lens::orthographic);
-  constexpr float kEndless = std::numeric_limits<float>::infinity();
-  camera.lens.radius = kEndless;
-  camera.lens.low = {-kEndless, -kEndless}, camera.lens.high = {kEndless, kEndless};
+  camera = centered(camera, float(camera.width / width));
+  camera.lens = endless_lens<float>(Lens::orthographic);
   return camera;
 }
 
@@ -92,7 +87,7 @@ Camera panorama_camera(const Camera& camera, const Vec3d& up, int width) {
   if (width == 0) width = std::min(int(2 * pi * double(camera.fx)), kWidestPanorama) / 4 * 4;
   Camera result = camera;
   result.width = std::max(width, 4), result.height = result.width / 2;
-  result = centered(result, float(result.width / (2 * pi)), Lens::none);
+  result = centered(result, float(result.width / (2 * pi)));
   const Mat3<double> W = camera_as<double>(camera).cam_from_world_rotation;
   const auto level = [&](const Vec3d& v) { return v - inner(v, up) * up; };
   Vec3d ahead = level(W.row2);

@@ -292,10 +292,7 @@ TEST(ProjectGaussian, GradientThroughEveryLensMatchesJetWithItsDepth) {
 /// Parallel rays: pixel = F (x, y) + c, as gsplat's "ortho" has it.
 PinholeCamera<double> orthographic_camera() {
   PinholeCamera<double> camera{320, 240, 60, 50, 158, 122};
-  constexpr double kInfinity = std::numeric_limits<double>::infinity();
-  camera.lens.lens = Lens::orthographic;
-  camera.lens.radius = kInfinity;
-  camera.lens.low = {-kInfinity, -kInfinity}, camera.lens.high = {kInfinity, kInfinity};
+  camera.lens = endless_lens<double>(Lens::orthographic);
   return camera;
 }
 

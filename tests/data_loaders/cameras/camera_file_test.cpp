@@ -138,17 +138,15 @@ TEST_F(CameraFile, KeepsTheLensOfACamera) {
   for (const LensScene& lens : lens_scenes())
     cameras.push_back({lens.name, with_lens(random_camera(64, 48, 1), lens.model, lens.params)});
   Camera parallel = random_camera(64, 48, 2);
-  parallel.lens.lens = Lens::orthographic;
-  constexpr float kEndless = std::numeric_limits<float>::infinity();
-  parallel.lens.radius = kEndless;
-  parallel.lens.low = {-kEndless, -kEndless}, parallel.lens.high = {kEndless, kEndless};
+  parallel.lens = endless_lens<float>(Lens::orthographic);
   cameras.push_back({"parallel", parallel});
   write_cameras_json(file(), cameras);
   const std::vector<NamedCamera> read = read_cameras_json(file());
   for (std::size_t i = 0; i < cameras.size(); ++i) {
     CameraLens<float> lens = cameras[i].camera.lens;
     if (has_angle_chart(lens.lens))  // of which nobody reads the range of u
-      lens.low = {-kEndless, -kEndless}, lens.high = {kEndless, kEndless};
+      lens.low = endless_lens<float>(lens.lens).low,
+      lens.high = endless_lens<float>(lens.lens).high;
     EXPECT_EQ(read[i].camera.lens, lens) << cameras[i].name;
   }
 }
