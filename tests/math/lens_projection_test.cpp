@@ -356,6 +356,22 @@ TEST(ProjectGaussian, IsVisibleBesideAFisheyeAndNotBehindIt) {
   EXPECT_FALSE(seen_at(94 * pi / 180, 0.1).is_visible);  // nearer than the near plane
 }
 
+// A pixel of an equidistant fisheye covers sin(theta) / theta of what one on the axis does.
+TEST(ProjectGaussian, CoversTheSameSolidAngleWhereverAFisheyeLooks) {
+  const PinholeCamera<double> camera = seeing(wide_cases()[0]);
+  const auto solid_angle = [&](double theta) {
+    const Vec3d p(0, 2 * std::sin(theta), 2 * std::cos(theta));
+    const Mat23<double> A = project_through_lens(camera, p).A;
+    constexpr double v = 0.01;  // variance
+    const double pixels = std::sqrt(determinant(project_covariance(A, {v, 0, 0, v, 0, v}, 0.0)));
+    return pixels * (theta > 0 ? std::sin(theta) / theta : 1);
+  };
+  for (const double degrees : {1.0, 30.0, 60.0, 90.0, 120.0}) {
+    EXPECT_NEAR(solid_angle(degrees * pi / 180), solid_angle(0), 1e-9 * solid_angle(0)) << degrees;
+    EXPECT_NEAR(seen_at(degrees * pi / 180).depth, 2, 1e-12);  // the order does not change, either
+  }
+}
+
 // Three standard deviations that reach the ray straight back would wrap around it.
 TEST(ProjectGaussian, IsInvisibleWhereItReachesTheRayStraightBack) {
   const PinholeCamera<double> camera = seeing(wide_cases()[0]);
