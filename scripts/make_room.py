@@ -68,8 +68,9 @@ def cast(eye, rays):
 
 
 class Panorama:
-    width, height = 1024, 512
-    model = "EQUIRECTANGULAR 1024 512 1024 512"
+    def __init__(self, width=1024):
+        self.width, self.height = width, width // 2
+        self.model = f"EQUIRECTANGULAR {width} {self.height} {width} {self.height}"
 
     def rays(self, x, y):
         east, down = (x / self.width - 0.5) * 2 * np.pi, (y / self.height - 0.5) * np.pi
