@@ -2,6 +2,8 @@
 // The lens of a camera: its kind, its coefficients, and how far its formula counts.
 #pragma once
 
+#include <limits>
+
 #include "gs_core/types.h"
 
 namespace gs {
@@ -14,13 +16,29 @@ namespace gs {
 ///   fisheye                  angle        polynomials             *_FISHEYE, FISHEYE
 ///   fisheye_rad_tan          angle        polynomials, chained    RAD_TAN_THIN_PRISM_FISHEYE
 ///   fov, division, unified   perspective  closed forms            FOV, (SIMPLE_)DIVISION, EUCM
+///   orthographic             (x, y)       none                    none; focal lengths are pixels
+///                                                                 per world unit
 ///
 /// math/lens/chart.h has the charts, math/lens/lens_map.h the maps.
-enum class Lens { none, radial_tangential, fisheye, fisheye_rad_tan, fov, division, unified };
+enum class Lens {
+  none,
+  radial_tangential,
+  fisheye,
+  fisheye_rad_tan,
+  fov,
+  division,
+  unified,
+  orthographic
+};
 
 /// Whether a lens begins with the angle chart, which also takes rays beside and behind the camera.
 GS_HD bool has_angle_chart(Lens lens) {
   return lens == Lens::fisheye || lens == Lens::fisheye_rad_tan;
+}
+
+/// Whether it begins with (x, y) / z.
+GS_HD bool has_perspective_chart(Lens lens) {
+  return !has_angle_chart(lens) && lens != Lens::orthographic;
 }
 
 /// A lens and its coefficients; those that a model does not have are 0.
@@ -46,6 +64,17 @@ struct CameraLens : LensCoefficients<T> {
 
   bool operator==(const CameraLens&) const = default;
 };
+
+/// A lens without coefficients that counts everywhere.
+template <class T>
+CameraLens<T> endless_lens(Lens kind) {
+  constexpr T kEndless = std::numeric_limits<T>::infinity();
+  CameraLens<T> lens;
+  lens.lens = kind;
+  lens.radius = kEndless;
+  lens.low = {-kEndless, -kEndless}, lens.high = {kEndless, kEndless};
+  return lens;
+}
 
 /// The same lens in another scalar.
 template <class To, class From>

@@ -22,7 +22,7 @@ struct FootprintRule {
 template <class T>
 struct Footprint {
   Vec2<T> mean2d{T(0), T(0)};       // pixels
-  T depth{0};                       // world units along the viewing axis
+  T depth{0};                       // world units, by depth_of()
   Sym2<T> conic{T(0), T(0), T(0)};  // 1 / pixels^2
   T compensation{0};                // antialias_factor() of its opacity
   int radius_x = 0, radius_y = 0;   // pixels
@@ -30,7 +30,7 @@ struct Footprint {
 
 /// The footprint of the ellipsoid at p, in camera coordinates, with a world covariance.
 ///
-/// Not visible: not between the planes, image covariance singular, under `clip`, or beside the
+/// Not visible: not between the planes, beyond the lens, image covariance singular, under `clip`, or beside the
 /// picture.
 template <class T>
 GS_HD Footprint<T> footprint(const PinholeCamera<T>& camera, const Vec3<T>& p, const Sym3<T>& sigma,
@@ -40,11 +40,14 @@ GS_HD Footprint<T> footprint(const PinholeCamera<T>& camera, const Vec3<T>& p, c
   using std::log;
   using std::sqrt;
   constexpr T kMostRadius(1e9), kMostReach(3.33);  // pixels that fit an int; standard deviations
-  if (!(p.z > T(settings.near_plane) && p.z < T(settings.far_plane))) return {};
+  const T depth = depth_of(camera, p);
+  if (!(depth > T(settings.near_plane) && depth < T(settings.far_plane))) return {};
+  if (is_beyond_lens(camera, p, sigma)) return {};
   const T blur = blur_of<T>(settings);
-  const Sym2<T> cov2d = project_covariance(projection_jacobian(camera, p), sigma, blur);
+  const ProjectedPoint<T> point = project_point(camera, p);
+  const Sym2<T> cov2d = project_covariance(point.A, sigma, blur);
   if (!(determinant(cov2d) > T(0))) return {};
-  Footprint<T> found{project_mean(camera, p), p.z, conic_of(cov2d), antialias_factor(cov2d, blur)};
+  Footprint<T> found{point.mean2d, depth, conic_of(cov2d), antialias_factor(cov2d, blur)};
   Vec2<T> radii;
   if (rule.shape == FootprintShape::square) {
     const T half = (cov2d.xx - cov2d.yy) / 2;

@@ -19,8 +19,8 @@ class SeenPoints {
   SeenPoints(const ImageF& depth, const Camera& camera) : depth_(depth), camera_(camera) {
     if (camera.has_lens())
       throw Error(
-          "normals are known of pinholes alone, and this camera sees through a lens; give cameras "
-          "of a cameras.json");
+          "normals are known of pinholes alone, and this camera sees through a lens; --fov DEGREES "
+          "makes it a pinhole");
   }
 
   bool has(int x, int y) const {

@@ -8,6 +8,7 @@
 #include "apps/python/arrays.h"
 #include "apps/python/devices.h"
 #include "apps/python/module.h"
+#include "data_loaders/cameras/camera_file.h"
 #include "gs_render/exact/dual.h"
 #include "gs_render/exact/exact_renderer.h"
 
@@ -26,6 +27,7 @@ struct Inputs {
 /// How it is drawn.
 struct Picture {
   int width, height, sh_degree, channels;
+  CameraLens<double> lens;
   ExactSettings settings;
 
   explicit Picture(const py::dict& given)
@@ -39,6 +41,8 @@ struct Picture {
     settings.rule = given["blend_rule"].cast<std::string>() == "classic" ? BlendRule::classic
                                                                          : BlendRule::faster_gs;
     settings.is_smooth = given["smooth"].cast<bool>();
+    if (given.contains("camera"))
+      lens = lens_as<double>(given["camera"].cast<NamedCamera>().camera.lens);
   }
 };
 
@@ -98,6 +102,7 @@ ExactView<T> view_of(const Inputs& inputs, const Picture& picture) {
   camera.height = picture.height;
   camera.fx = K[0], camera.cx = K[2];
   camera.fy = K[4], camera.cy = K[5];
+  camera.lens = lens_as<T>(picture.lens);
   camera.cam_from_world_rotation = {row(0), row(1), row(2)};
   camera.cam_from_world_translation = {pose[3], pose[7], pose[11]};
   view.background = rows_of<T, Vec3<T>>(inputs, "background")[0];

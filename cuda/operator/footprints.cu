@@ -8,13 +8,14 @@ namespace {
 
 constexpr int kThreads = 128;
 
+template <bool has_lens>
 __global__ void __launch_bounds__(kThreads)
     footprints_kernel(const __grid_constant__ OperatorInput in,
                       const __grid_constant__ SplatSettings settings, FootprintRule rule,
                       OperatorFootprints to) {
   const std::size_t i = std::size_t(blockIdx.x) * kThreads + threadIdx.x;
   if (i >= in.count) return;
-  const Camera camera = camera_of(in);
+  const Camera camera = camera_of<has_lens>(in);
   const GivenShape shape = shape_of(in, i);
   Footprint<float> found;
   if (!shape.is_degenerate)
@@ -31,8 +32,9 @@ __global__ void __launch_bounds__(kThreads)
 
 void footprints(Context& context, const OperatorInput& input, const SplatSettings& settings,
                 const FootprintRule& rule, const OperatorFootprints& to) {
-  context.launch("footprints", footprints_kernel, blocks_for(input.count, kThreads), kThreads,
-                 input, settings, rule, to);
+  const auto kernel = input.camera.has_lens() ? footprints_kernel<true> : footprints_kernel<false>;
+  context.launch("footprints", kernel, blocks_for(input.count, kThreads), kThreads, input, settings,
+                 rule, to);
 }
 
 }  // namespace gs::cuda

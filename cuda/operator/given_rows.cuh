@@ -14,9 +14,10 @@ __device__ inline void store(float* row, const Vec3f& v) {
   row[0] = v.x, row[1] = v.y, row[2] = v.z;
 }
 
-/// The camera of a call, a pinhole, whose numbers may lie on the device.
+/// The camera of a call, whose numbers may lie on the device, but not its lens.
+template <bool has_lens>
 __device__ inline Camera camera_of(const OperatorInput& in) {
-  Camera camera = refined<false>(in.camera, nullptr);
+  Camera camera = refined<has_lens>(in.camera, nullptr);
   if (const float* const m = in.viewmat) {
     camera.cam_from_world_rotation = {vector_at(m), vector_at(m + 4), vector_at(m + 8)};
     camera.cam_from_world_translation = {m[3], m[7], m[11]};

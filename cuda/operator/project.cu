@@ -27,7 +27,7 @@ __device__ ProjectedGaussian<float> project(const OperatorInput& in, const Camer
                                             const Vec3f& mean, const SplatSettings& settings,
                                             std::size_t i) {
   const Vec3f p = to_camera(camera, mean);
-  if (!is_between_planes(p.z, settings)) return {};
+  if (!is_between_planes(depth_of(camera, p), settings)) return {};
   const GivenShape shape = shape_of(in, i);
   if (shape.is_degenerate) return {};
   ProjectedGaussian<float> projected =
@@ -42,8 +42,8 @@ __device__ ProjectedGaussian<float> project(const OperatorInput& in, const Camer
 // Blocks of a multiprocessor, for which shared memory has room.
 constexpr int kBlocks = 6;
 
-template <ShLayout layout>
-__global__ void __launch_bounds__(kPreprocessThreads, kBlocks)
+template <ShLayout layout, bool has_lens>
+__global__ void __launch_bounds__(kPreprocessThreads, has_lens ? 1 : kBlocks)
     project_kernel(const __grid_constant__ OperatorInput in,
                    const __grid_constant__ SplatSettings settings,
                    const __grid_constant__ Output out) {
@@ -53,7 +53,7 @@ __global__ void __launch_bounds__(kPreprocessThreads, kBlocks)
   const std::size_t i = std::size_t(blockIdx.x) * kPreprocessThreads + threadIdx.x,
                     first = i - lane;
   if (first >= in.count) return;  // the whole warp
-  const Camera camera = camera_of(in);
+  const Camera camera = camera_of<has_lens>(in);
   ProjectedGaussian<float> projected;
   Rect pixels{0, 0, 0, 0};
   Vec3f mean(0.0f);
@@ -102,7 +102,9 @@ void project(Context& context, const OperatorInput& input, const RenderSettings&
                    pass.tiles_y};
   const SplatSettings& splat_settings = settings;
   with_layout(layout_of(input.arrays, settings.sh_degree), [&](auto layout) {
-    context.launch("project", project_kernel<layout()>, blocks_for(input.count, kPreprocessThreads),
+    const auto kernel =
+        input.camera.has_lens() ? project_kernel<layout(), true> : project_kernel<layout(), false>;
+    context.launch("project", kernel, blocks_for(input.count, kPreprocessThreads),
                    kPreprocessThreads, input, splat_settings, out);
   });
 }

@@ -149,8 +149,8 @@ __device__ Vec3f pull_back_sh(const OperatorInput& in, const Targets& to, int de
 }
 
 // `of_blocks`: (blocks, kCameraNumbers), where the gradient of the camera is wanted.
-template <ShLayout layout, bool with_camera>
-__global__ void __launch_bounds__(kThreads, kBlocks)
+template <ShLayout layout, bool with_camera, bool has_lens>
+__global__ void __launch_bounds__(kThreads, has_lens ? 1 : kBlocks)
     project_backward_kernel(const __grid_constant__ OperatorInput in,
                             const __grid_constant__ SplatSettings settings, Projected projected,
                             const __grid_constant__ Targets to, double* of_blocks) {
@@ -159,7 +159,7 @@ __global__ void __launch_bounds__(kThreads, kBlocks)
   [[maybe_unused]] WarpShared<layout>& shared = shared_of_warps[threadIdx.x / kWarp];
   const std::size_t i = std::size_t(blockIdx.x) * kThreads + threadIdx.x,
                     first = i - lane_of_thread();
-  const Camera camera = camera_of(in);
+  const Camera camera = camera_of<has_lens>(in);
   const bool has_overflowed = projected.overflowed && *projected.overflowed;
   const bool is_visible = !has_overflowed && i < in.count && projected.tile_counts[i] > 0;
   if constexpr (has_sh) {
@@ -241,17 +241,20 @@ void project_backward(Context& context, const OperatorInput& input, const Render
   const SplatSettings& splat_settings = settings;
   const ShLayout layout = layout_of(input.arrays, settings.sh_degree);
   const Targets targets{gradients, layout_of(gradients.arrays, settings.sh_degree) == layout};
-  const auto launch = [&](auto kernel, double* of_blocks) {
-    context.launch("project backward", kernel, blocks, kThreads, input, splat_settings, projected,
-                   targets, of_blocks);
+  const auto launch = [&](auto pinhole, auto lens, double* of_blocks) {
+    context.launch("project backward", input.camera.has_lens() ? lens : pinhole, blocks, kThreads,
+                   input, splat_settings, projected, targets, of_blocks);
   };
   if (!gradients.viewmat && !gradients.K)
-    return with_layout(
-        layout, [&](auto layout) { launch(project_backward_kernel<layout(), false>, nullptr); });
+    return with_layout(layout, [&](auto layout) {
+      launch(project_backward_kernel<layout(), false, false>,
+             project_backward_kernel<layout(), false, true>, nullptr);
+    });
   Buffer<double> of_blocks(workspace.splat_gradients.memory());
   of_blocks.resize(kCameraNumbers * blocks);
   with_layout(layout, [&](auto layout) {
-    launch(project_backward_kernel<layout(), true>, of_blocks.data());
+    launch(project_backward_kernel<layout(), true, false>,
+           project_backward_kernel<layout(), true, true>, of_blocks.data());
   });
   context.launch("camera gradient", add_blocks_kernel, 1, kThreads, of_blocks.data(), blocks,
                  gradients.viewmat, gradients.K);

@@ -3,11 +3,13 @@
 
 #include <spdlog/fmt/fmt.h>
 
+#include <algorithm>
 #include <cmath>
 
 #include "data_loaders/colmap/world_offset.h"
 #include "data_loaders/photos/photo_names.h"
 #include "gs_core/geometry/vectors.h"
+#include "gs_core/math/lens/lens_projection.h"
 #include "gs_core/system/byte_reader.h"
 #include "gs_core/system/files/atomic_file.h"
 #include "gs_core/system/text/json.h"
@@ -24,6 +26,35 @@ constexpr float kRotationTolerance = 0.01f;  // files with three digits pass, sc
 // --- Writing
 
 FloatJson to_json(const Vec3f& v) { return FloatJson::array({v.x, v.y, v.z}); }
+
+struct LensWord {
+  Lens lens;
+  const char* word;
+};
+constexpr LensWord kLensWords[] = {
+    {Lens::none, "pinhole"},    {Lens::radial_tangential, "radial_tangential"},
+    {Lens::fisheye, "fisheye"}, {Lens::fisheye_rad_tan, "fisheye_rad_tan"},
+    {Lens::fov, "fov"},         {Lens::division, "division"},
+    {Lens::unified, "unified"}, {Lens::orthographic, "orthographic"}};
+
+/// Calls f(key, numbers, count) for the numbers of a lens. An angle chart has no range of u.
+template <class CameraLens, class F>
+void for_each_lens_key(CameraLens& lens, F&& f) {
+  f("k", lens.k, 6), f("d", lens.d, 3), f("p", lens.p, 2), f("s", lens.s, 4);
+  f("radius", &lens.radius, 1);
+  if (has_perspective_chart(lens.lens)) f("low", &lens.low.x, 2), f("high", &lens.high.x, 2);
+}
+
+FloatJson to_json(const CameraLens<float>& lens) {
+  FloatJson json;
+  json["kind"] = word_of(lens.lens);
+  for_each_lens_key(lens, [&](const char* key, const float* numbers, int count) {
+    const auto has_value = [](float x) { return x != 0 && std::isfinite(x); };
+    if (std::any_of(numbers, numbers + count, has_value))
+      json[key] = std::vector<float>(numbers, numbers + count);
+  });
+  return json;
+}
 
 std::string camera_line(const std::string& name, const Camera& camera, std::size_t id) {
   const Mat3<float>& R = camera.cam_from_world_rotation;
@@ -44,6 +75,7 @@ std::string camera_line(const std::string& name, const Camera& camera, std::size
   json["cx"] = camera.cx;
   json["cy"] = camera.cy;
   if (camera.time != 0) json["time"] = camera.time;
+  if (camera.has_lens()) json["lens"] = to_json(camera.lens);
   return json.dump(-1, ' ', false, FloatJson::error_handler_t::replace);
 }
 
@@ -72,6 +104,7 @@ class CameraReader {
     camera.cy = json_.contains("cy") ? number(at("cy"), "cy") : 0.5f * float(camera.height);
     camera.time = json_.contains("time") ? number(at("time"), "time") : 0.0f;
     camera.cam_from_world_rotation = rotation();
+    if (json_.contains("lens")) camera.lens = lens(at("lens"));
     return {std::move(result), position()};
   }
 
@@ -124,6 +157,24 @@ class CameraReader {
     return R;
   }
 
+  CameraLens<float> lens(const SortedJson& json) const {
+    CameraLens<float> result = endless_lens<float>(Lens::none);
+    for (const LensWord& known : kLensWords)
+      if (json.is_object() && json.value("kind", SortedJson()) == known.word)
+        result.lens = known.lens;
+    if (result.lens == Lens::none) fail("has no lens that is known as lens.kind");
+    for_each_lens_key(result, [&](const char* key, float* numbers, int count) {
+      const auto found = json.find(key);
+      if (found == json.end()) return;
+      if (!found->is_array() || found->size() != std::size_t(count))
+        fail(fmt::format("has no {} numbers in lens.{}", count, key));
+      for (int i = 0; i < count; ++i) numbers[i] = number((*found)[std::size_t(i)], key);
+    });
+    if (!(result.radius > 0)) fail("has a lens.radius that is not above 0");
+    if (has_angle_chart(result.lens)) result.radius = std::min(result.radius, float(kLargestAngle));
+    return result;
+  }
+
   const SortedJson& json_;
   std::size_t index_;
   const std::filesystem::path& path_;
@@ -136,6 +187,10 @@ void place(Camera& camera, const Vec3d& position) {
 }
 
 }  // namespace
+
+const char* word_of(Lens lens) {
+  return std::ranges::find(kLensWords, lens, &LensWord::lens)->word;
+}
 
 void write_cameras_json(const std::filesystem::path& path, const Scene& scene) {
   std::vector<NamedCamera> cameras;

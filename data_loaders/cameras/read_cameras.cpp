@@ -12,6 +12,7 @@
 #include "data_loaders/colmap/world_offset.h"
 #include "data_loaders/lenses/lens_range.h"
 #include "data_loaders/scene/find_scene.h"
+#include "data_loaders/scene/split_panoramas.h"
 #include "data_loaders/transforms/transforms_json.h"
 #include "gs_core/error.h"
 #include "gs_core/math/render/rotation.h"
@@ -60,6 +61,7 @@ Camera single_precision_camera(PinholeCamera<double> camera, const ColmapImage& 
 
 std::vector<NamedCamera> cameras_of(ColmapModel model, const fs::path& path,
                                     const Vec3d& world_offset) {
+  split_panoramas(model);
   std::vector<Vec3d> positions;
   for (const ColmapImage& image : model.images) positions.push_back(center_of(image));
   if (are_nearer_to(world_offset, positions)) take_off(model, world_offset);

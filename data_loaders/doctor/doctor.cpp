@@ -31,7 +31,7 @@ SceneSize size_of(const Examination& examination) {
   const int resolution = examination.config.dataset.resolution;
   for (const std::size_t i : examination.usable) {
     const Photo& photo = examination.scene.photos[i];
-    const PhotoSize& size = photo.size;
+    const PhotoSize size = examination.picture_size_of(i);
     const double scale = scale_at_resolution(size.width, size.height, resolution);
     const double of_photo = double(size.width) * double(size.height) * std::min(scale * scale, 1.0);
     pixels += of_photo;
@@ -76,6 +76,8 @@ Diagnosis examine(const Config& config, bool look_at_pictures, const ProgressFn&
   if (!find_folders(examination) || !read_model(examination)) return examination.diagnosis;
   match_photo_files(examination);
   match_mask_files(examination);
+  if (const std::size_t panoramas = split_panoramas(examination.scene))
+    examination.add(Level::good, "panoramas", text_of_panoramas(panoramas));
   examine_headers(examination);
   examine_lenses(examination);
   if (look_at_pictures) examine_pictures(examination);

@@ -12,6 +12,7 @@
 #include "data_loaders/photos/photos.h"
 #include "data_loaders/photos/picture_quality.h"
 #include "data_loaders/scene/companions.h"
+#include "data_loaders/scene/split_panoramas.h"
 
 namespace gs {
 
@@ -29,6 +30,11 @@ struct Examination {
   double masked_share = 0;               // of the photos
 
   const ColmapModel& model() const { return scene.model; }
+  /// Before resizing.
+  PhotoSize picture_size_of(std::size_t photo) const {
+    return picture_size(scene.photos[photo].size,
+                        model().cameras.at(model().images[photo].camera_id));
+  }
   void add(Level level, std::string topic, std::string text, std::vector<std::string> names = {}) {
     diagnosis.findings.push_back({level, std::move(topic), std::move(text), std::move(names)});
   }

@@ -257,7 +257,7 @@ void examine_headers(Examination& examination) {
       "the same photos, or run COLMAP again");
   PhotoSize largest;
   for (const std::size_t i : examination.usable) {
-    const PhotoSize& size = photos[i].size;
+    const PhotoSize size = examination.picture_size_of(i);
     if (double(size.width) * size.height > double(largest.width) * largest.height) largest = size;
   }
   if (largest.width > 0) report_reduced_photos(examination, largest);

@@ -94,9 +94,9 @@ std::optional<Vec2d> on_branch(const LensCamera& camera, const Vec2d& ideal, con
 }
 
 [[noreturn]] void fail(const ColmapCamera& camera, const std::string& photo,
-                       const std::string& what, const char* remedy = kUndistortRemedy) {
+                       const std::string& what) {
   throw Error(fmt::format("cannot undistort photo '{}': camera {} ({}) {}; {}", photo, camera.id,
-                          camera_model_info(camera.model).name, what, remedy));
+                          camera_model_info(camera.model).name, what, kUndistortRemedy));
 }
 
 /// Whether the coefficients of the lens make it the ideal pinhole.
@@ -112,7 +112,8 @@ bool is_ideal(const LensCamera& camera) {
     case unified: return camera.k[0] == 0;
     case fisheye:
     case fisheye_rad_tan: return false;
-    case none: break;
+    case none:
+    case orthographic: break;
   }
   return true;
 }
@@ -126,13 +127,13 @@ LensCamera lens_camera(const ColmapCamera& camera, const std::string& photo) {
   PinholeCamera<double>& pinhole = result.pinhole;
   pinhole.width = camera.width;
   pinhole.height = camera.height;
-  if (camera.model == CameraModel::equirectangular)
-    fail(camera, photo,
-         "is a panorama of 360 x 180 degrees, which no single pinhole picture can show",
-         "cut the panoramas into perspective views or cube faces and give COLMAP those, for "
-         "example with COLMAP's python/examples/panorama_sfm.py");
+  std::vector<double> params = camera.params;
+  if (result.is_hemisphere()) {
+    params[0] = camera.width;
+    pinhole.width = pinhole.height = hemisphere_side(camera.width);
+  }
   FocalPlane<double> plane;
-  unpack<double>(camera.model, camera.params.data(), plane, result);
+  unpack<double>(camera.model, params.data(), plane, result);
   pinhole.fx = plane.fx, pinhole.fy = plane.fy, pinhole.cx = plane.cx, pinhole.cy = plane.cy;
   if (!(pinhole.fx > 0 && pinhole.fy > 0))
     fail(camera, photo, "has a focal length that is not positive");
@@ -140,6 +141,10 @@ LensCamera lens_camera(const ColmapCamera& camera, const std::string& photo) {
     fail(camera, photo, "has an omega that is not below 180 degrees");
   if (is_ideal(result)) result.lens = Lens::none;
   return result;
+}
+
+int hemisphere_side(int panorama_width) {
+  return int(std::ceil(panorama_width * kHemisphereReach / std::numbers::pi));
 }
 
 Vec2d distorted(const LensCamera& camera, const Vec2d& ideal) {
@@ -153,7 +158,8 @@ bool is_unfolded(const LensCamera& camera, const Vec2d& ideal) {
 std::optional<Vec2d> chart_point(const LensCamera& camera, const Vec2d& landed) {
   const double* k = camera.k;
   switch (camera.lens) {
-    case Lens::none: break;
+    case Lens::none:
+    case Lens::orthographic: break;
     case Lens::radial_tangential:
     case Lens::fisheye:
     case Lens::fisheye_rad_tan:

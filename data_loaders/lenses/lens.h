@@ -18,8 +18,11 @@ using Vec2d = Vec2<double>;
 /// (fx x' + cx, fy y' + cy) for u' = (x', y') = distorted(u). lens_formulas.h has the formulas,
 /// gs_core/lens.h the kinds of lenses.
 struct LensCamera : LensCoefficients<double> {
-  CameraModel model = CameraModel::pinhole;  // for messages only
+  CameraModel model = CameraModel::pinhole;
   PinholeCamera<double> pinhole;  // of the photo: size, focal lengths, center; the pose is unused
+
+  /// Whether it is one of the two halves of a panorama (hemispheres.h), which has a radius.
+  bool is_hemisphere() const { return model == CameraModel::equirectangular; }
 };
 
 /// The remedy for a lens that gemsplat cannot undistort.
@@ -27,10 +30,13 @@ inline constexpr const char* kUndistortRemedy =
     "convert the photos with `colmap image_undistorter --image_path IMAGES --input_path MODEL "
     "--output_path NEW` and train on NEW";
 
-/// The camera of a photo. A lens with coefficients of 0 becomes Lens::none.
-/// Throws Error that names the model, the camera, the photo and the remedy for EQUIRECTANGULAR, for
+/// The camera of a photo; of EQUIRECTANGULAR, that of its two halves. A lens with coefficients of 0
+/// becomes Lens::none. Throws Error that names the model, the camera, the photo and the remedy for
 /// focal lengths that are not positive and for an omega of FOV of 180 degrees and more.
 LensCamera lens_camera(const ColmapCamera& camera, const std::string& photo);
+
+/// The sides of a half of a panorama, pixels.
+int hemisphere_side(int panorama_width);
 
 /// The normalized point where the ray through `ideal` lands; NaN if the model has none.
 Vec2d distorted(const LensCamera& camera, const Vec2d& ideal);

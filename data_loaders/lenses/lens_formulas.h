@@ -5,6 +5,7 @@
 
 #include <cmath>
 #include <initializer_list>
+#include <numbers>
 
 #include "data_loaders/colmap/colmap_model.h"
 #include "gs_core/error.h"
@@ -19,8 +20,13 @@ struct FocalPlane {
   T fx{}, fy{}, cx{}, cy{};
 };
 
-/// Sorts the parameters of a model, in COLMAP's order, into the coefficients of the formulas.
-/// `model` is not EQUIRECTANGULAR.
+// How far the two halves of a panorama see from their axis (hemispheres.h).
+inline constexpr double kHemisphereDegrees = 95;
+inline constexpr double kHemisphereReach = kHemisphereDegrees * std::numbers::pi / 180;
+
+/// Sorts the parameters of a model, in COLMAP's order, into the coefficients of the formulas. Those
+/// of EQUIRECTANGULAR, the panorama's sides, become the equidistant lens of one of its halves, as
+/// sharp as the panorama.
 template <class T>
 void unpack(CameraModel model, const T* params, FocalPlane<T>& plane, LensCoefficients<T>& result) {
   // Models begin with f, cx, cy or with fx, fy, cx, cy; both leave `next` at the coefficients.
@@ -67,7 +73,11 @@ void unpack(CameraModel model, const T* params, FocalPlane<T>& plane, LensCoeffi
     case CameraModel::simple_division: one_focal(), coefficients(division, {k}); break;
     case CameraModel::division: two_focals(), coefficients(Lens::division, {k}); break;
     case CameraModel::eucm: two_focals(), coefficients(unified, {k, k + 1}); break;
-    case CameraModel::equirectangular: GS_CHECK(false);
+    case CameraModel::equirectangular:
+      plane.fx = plane.fy = next[0] / T(2 * std::numbers::pi);
+      plane.cx = plane.cy = T(kHemisphereReach) * plane.fx;
+      coefficients(fisheye, {});
+      break;
   }
 }
 
@@ -168,7 +178,8 @@ Vec2<T> distorted(const LensCoefficients<T>& lens, const Vec2<T>& ideal) {
   using namespace lens_formulas;
   const T* k = lens.k;
   switch (lens.lens) {
-    case Lens::none: break;
+    case Lens::none:
+    case Lens::orthographic: break;  // of no camera model
     case Lens::radial_tangential: return polynomial(lens, ideal);
     case Lens::fisheye:
     case Lens::fisheye_rad_tan: return polynomial(lens, angle(ideal));

@@ -133,7 +133,7 @@ PinholeCamera<double> camera_with_lens(const LensCamera& camera, const std::stri
     widest = std::max(widest, seen);
   }
   if (has_angles) {
-    end_of_lens = std::min(end_of_lens, widest);
+    end_of_lens = std::min(end_of_lens, camera.is_hemisphere() ? kHemisphereReach : widest);
     lens.low = {-most, -most}, lens.high = {most, most};
   }
   lens.radius = has_angles ? end_of_lens : std::tan(end_of_lens);

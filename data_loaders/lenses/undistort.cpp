@@ -166,6 +166,12 @@ PhotoPositions photo_positions(const LensCamera& camera, const PinholeCamera<dou
 
 PinholeCamera<double> undistorted_pinhole(const LensCamera& camera, const std::string& photo) {
   if (camera.lens == LensCamera::Lens::none) return camera.pinhole;
+  if (camera.is_hemisphere())
+    throw Error(fmt::format(
+        "cannot undistort photo '{}': it is one half of a panorama, which no pinhole picture can "
+        "show; train through the lens with --set dataset.lens=auto, or cut the panoramas into "
+        "ordinary views",
+        photo));
   if (const auto result = filled_pinhole(camera)) {
     check_field_of_view(camera, *result, photo);
     return *result;
@@ -178,6 +184,7 @@ PinholeCamera<double> undistorted_pinhole(const LensCamera& camera, const std::s
 
 bool is_too_wide_for_pinhole(const LensCamera& camera) {
   if (camera.lens == LensCamera::Lens::none) return false;
+  if (camera.is_hemisphere()) return true;
   const auto pinhole = filled_pinhole(camera);
   return pinhole && FieldOfView(*pinhole).widest() >= kWidestHalfField;
 }

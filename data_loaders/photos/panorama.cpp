@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "data_loaders/photos/panorama.h"
 
+#include <spdlog/fmt/fmt.h>
+
 #include <algorithm>
 #include <string_view>
 
@@ -25,6 +27,18 @@ bool is_panorama(const std::filesystem::path& photo, const PhotoSize& size) {
   if (const std::size_t at = head.find(kProjection); at != head.npos)
     return head.substr(at, 64).find(kSphere) != head.npos;
   return size.width >= kLeastWidth && !has_focal_length_of_jpeg({bytes, count});
+}
+
+std::string panorama_xmp(int width, int height) {
+  return fmt::format(
+      R"(<x:xmpmeta xmlns:x="adobe:ns:meta/"><rdf:RDF )"
+      R"(xmlns:rdf="http://www.w3.org/1999/02/22-rdf-syntax-ns#"><rdf:Description rdf:about="" )"
+      R"(xmlns:GPano="http://ns.google.com/photos/1.0/panorama/" )"
+      R"(GPano:ProjectionType="equirectangular" GPano:UsePanoramaViewer="True" )"
+      R"(GPano:FullPanoWidthPixels="{0}" GPano:FullPanoHeightPixels="{1}" )"
+      R"(GPano:CroppedAreaImageWidthPixels="{0}" GPano:CroppedAreaImageHeightPixels="{1}" )"
+      R"(GPano:CroppedAreaLeftPixels="0" GPano:CroppedAreaTopPixels="0"/></rdf:RDF></x:xmpmeta>)",
+      width, height);
 }
 
 }  // namespace gs

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Panoramas of 360 degrees, which no lens of COLMAP's takes.
+// Panoramas of 360 degrees: what tells them from other pictures.
 #pragma once
 
 #include <filesystem>
@@ -12,5 +12,8 @@ namespace gs {
 /// exactly twice as wide as high, 3,000 pixels or wider, and EXIF knows no focal length. `size` is
 /// that of the photo.
 bool is_panorama(const std::filesystem::path& photo, const PhotoSize& size);
+
+/// The XMP of such a picture (Google's Photo Sphere), by which viewers know it.
+std::string panorama_xmp(int width, int height);
 
 }  // namespace gs

@@ -102,8 +102,9 @@ PhotoFile photo_file(const fs::path& file, const std::string& name) {
   const Header header = header_of(file);
   if (is_panorama(file, header.size))
     throw Error(fmt::format(
-        "{} is a panorama of 360 degrees, which no lens of COLMAP's takes; cut it into ordinary "
-        "views, for example with ffmpeg -i {} -vf v360=e:flat:h_fov=90:v_fov=90:yaw=0 front.jpg, "
+        "{} is a panorama of 360 degrees, which trains where a model has its pose; to let COLMAP "
+        "find one, cut it into ordinary views, for example with ffmpeg -i {} -vf "
+        "v360=e:flat:h_fov=90:v_fov=90:yaw=0 front.jpg, "
         "and the same with yaw=90, 180 and -90",
         file.string(), file.filename().string()));
   const bool is_known_to_colmap = kColmapEndings.contains(lowercase_ending(file));

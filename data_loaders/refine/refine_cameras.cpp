@@ -183,7 +183,10 @@ ceres::Solver::Summary Adjustment::solve(ceres::LossFunction& loss,
   hold_gauge(problem);
   for (const std::uint32_t id : cameras) {
     ColmapCamera& camera = model_.cameras.at(id);
-    problem.AddResidualBlock(prior_of(camera), nullptr, camera.params.data());
+    if (camera.model == CameraModel::equirectangular)  // its size
+      problem.SetParameterBlockConstant(camera.params.data());
+    else
+      problem.AddResidualBlock(prior_of(camera), nullptr, camera.params.data());
   }
   ProgressCallback callback(progress);
   ceres::Solver::Options options;

@@ -77,6 +77,7 @@ inline ceres::CostFunction* cost_of(const Reprojection& residual) {
         new Reprojection(residual));
   };
   switch (camera_model_info(residual.model).param_count) {
+    case 2: return make.operator()<2>();
     case 3: return make.operator()<3>();
     case 4: return make.operator()<4>();
     case 5: return make.operator()<5>();

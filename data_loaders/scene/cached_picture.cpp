@@ -39,6 +39,7 @@ std::string recipe_of(const Photo& photo) {
   for (const PinholeCamera<double>* camera : {&photo.lens.pinhole, &photo.undistorted})
     add(std::array<double, 6>{double(camera->width), double(camera->height), camera->fx, camera->fy,
                               camera->cx, camera->cy});
+  if (photo.lens.is_hemisphere()) text += photo.is_back ? " back" : " front";
   if (!photo.is_explained) text += fmt::format(" radius {:a}", photo.undistorted.lens.radius);
   return text;
 }

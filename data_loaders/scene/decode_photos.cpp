@@ -177,8 +177,9 @@ void report_reduced_photos(const std::vector<Photo>& photos, int resolution) {
   if (resolution != 0) return;
   PhotoSize largest, reduced;
   for (const Photo& photo : photos) {
-    if (!photo.is_resized() || pixel_count(photo.size) <= pixel_count(largest)) continue;
-    largest = photo.size;
+    const PhotoSize whole{photo.lens.pinhole.width, photo.lens.pinhole.height};
+    if (!photo.is_resized() || pixel_count(whole) <= pixel_count(largest)) continue;
+    largest = whole;
     reduced = {photo.target.width, photo.target.height};
   }
   if (largest.width > 0) log_info("{}", note_on_reduced_photos(largest, reduced));

@@ -41,6 +41,7 @@ struct Photo {
   std::filesystem::path file;  // or the video that it is a frame of; empty: missing
   bool is_frame = false;
   std::int64_t frame = 0;                       // its number in the video, from 0
+  bool is_back = false;                         // of a panorama: the half behind
   std::filesystem::path mask_file, depth_file;  // empty: none
 
   // After plan_scene().

@@ -13,6 +13,7 @@
 #include "data_loaders/photos/photo_names.h"
 #include "data_loaders/scene/companions.h"
 #include "data_loaders/scene/photo_times.h"
+#include "data_loaders/scene/split_panoramas.h"
 #include "gs_core/error.h"
 #include "gs_core/system/log.h"
 #include "gs_core/system/text/ascii.h"
@@ -233,6 +234,8 @@ void find_scene_files(const DatasetConfig& dataset, SceneModel& scene) {
   leave_out_lost(scene);
   match_companions(kMasks, dataset, scene);
   match_companions(kDepthMaps, dataset, scene);
+  if (const std::size_t panoramas = split_panoramas(scene))
+    log_info("{}", text_of_panoramas(panoramas));
 }
 
 void place_scene(const DatasetConfig& dataset, SceneModel& scene) {

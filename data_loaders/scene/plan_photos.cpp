@@ -38,11 +38,14 @@ PhotoSize checked_size(const PhotoSize& size, const fs::path& file, const Photo&
 }
 
 /// The model's camera at the size of the photo file.
-LensCamera fitted_to_photo(LensCamera lens, const Photo& photo) {
-  const PhotoSize model = {lens.pinhole.width, lens.pinhole.height}, size = photo.size;
+LensCamera fitted_to_photo(ColmapCamera camera, const Photo& photo) {
+  const PhotoSize model = {camera.width, camera.height}, size = photo.size;
   const PhotoFit fit = fit_of(size, model);
   if (fit == PhotoFit::fits) {
-    lens.pinhole = resized(lens.pinhole, size.width, size.height);
+    if (camera.model == CameraModel::equirectangular)
+      camera.width = size.width, camera.height = size.height;
+    LensCamera lens = lens_camera(camera, photo.name);
+    if (!lens.is_hemisphere()) lens.pinhole = resized(lens.pinhole, size.width, size.height);
     return lens;
   }
   throw Error(fmt::format(
@@ -132,6 +135,8 @@ PhotoCost cost_of(const Photo& photo) {
   PhotoCost cost{target, channels == 4 ? 2 * decoded : decoded};  // as decoded, and then apart
   if (photo.is_frame) cost.decoding += kBytesOfDecoder * pixels(photo.size);
   if (photo.is_undistorted()) cost.decoding = std::max(cost.decoding, decoded + undistorted);
+  if (photo.lens.is_hemisphere())
+    cost.decoding = std::max(cost.decoding, 2 * decoded + undistorted);
   if (photo.is_resized()) cost.decoding = std::max(cost.decoding, undistorted + target);
   if (photo.depth_file.empty()) return cost;
   // The map is read when the photo is ready: as it stands in the file, and as floats.
@@ -195,7 +200,7 @@ void plan_photos(SceneModel& scene, LensUse lens, int resolution,
     const ColmapCamera& camera = scene.model.cameras.at(image.camera_id);
     photo.camera_id = image.camera_id;
     photo.rig_frame = std::uint32_t(frames[i]) + 1;
-    photo.lens = fitted_to_photo(lens_camera(camera, photo.name), photo);
+    photo.lens = fitted_to_photo(camera, photo);
     const auto [width, height] = photo.size;
     if (width != camera.width || height != camera.height) ++scaled;
     const auto [found, is_new] = trained.try_emplace({camera.id, width, height});

@@ -5,6 +5,7 @@
 
 #include <algorithm>
 
+#include "data_loaders/lenses/hemispheres.h"
 #include "data_loaders/lenses/lens_range.h"
 #include "data_loaders/lenses/undistort.h"
 #include "data_loaders/video/film_frames.h"
@@ -39,10 +40,30 @@ void leave_out(const Image8& kept, Image8& mask) {
     mask.pixels[i] = std::min(mask.pixels[i], kept.pixels[i]);
 }
 
+// Pixels: bicubic weights of the mask reach 2 beyond its edge, those of the photo 2 more.
+constexpr int kReach = 4;
+
+/// One of the halves of a panorama and its mask.
+void cut_hemisphere(Picture& picture, const Photo& photo) {
+  auto& [pixels, mask] = picture;
+  const auto cut = [&](const Image8& panorama) {
+    return hemisphere_of(panorama, photo.lens, photo.is_back, photo.name);
+  };
+  if (mask.empty()) {
+    pixels = cut(evened_panorama(pixels));
+    return;
+  }
+  multiply_by_mask(pixels, mask);
+  mask = evened_panorama(mask);
+  pixels = evened_panorama(pixels);
+  divide_by_mask(pixels, mask);
+  fill_masked_edge(pixels, mask, kReach);
+  pixels = cut(pixels);
+  mask = cut(mask);
+}
+
 /// Photo and mask as the view's camera sees them. No color from under the mask leaks out of it.
 void fit_to_camera(Picture& picture, const Photo& photo) {
-  // Pixels: bicubic weights of the mask reach 2 beyond its edge, those of the photo 2 more.
-  constexpr int kReach = 4;
   auto& [pixels, mask] = picture;
   const bool is_masked = !mask.empty();
   const std::string& name = photo.name;
@@ -74,6 +95,7 @@ Picture make_picture(const Photo& photo, PhotoWithAlpha read) {
         fmt::format("{} has changed since the scene was loaded; start again", photo.file.string()));
   Picture picture{{}, read_mask(photo.masks, photo.mask_file, read)};
   picture.photo = std::move(read.photo);
+  if (photo.lens.is_hemisphere()) cut_hemisphere(picture, photo);
   if (!photo.is_explained)
     leave_out(mask_of_lens(photo.lens, photo.undistorted.lens), picture.mask);
   fit_to_camera(picture, photo);

@@ -4,6 +4,7 @@
 #include <spdlog/fmt/fmt.h>
 
 #include "data_loaders/video/film_encoder.h"
+#include "data_loaders/video/panorama_film.h"
 #include "data_loaders/video/video_frames.h"
 #include "gs_core/error.h"
 #include "gs_core/system/files/atomic_file.h"
@@ -68,7 +69,7 @@ void FilmWriter::write(const Image8& frame) {
   ++frames_;
 }
 
-void FilmWriter::commit() {
+void FilmWriter::commit(bool is_panorama) {
   encoder_->close();
   // The encoder does not say where it fails: a film that lacks frames tells.
   std::int64_t kept = 0;
@@ -80,6 +81,9 @@ void FilmWriter::commit() {
     cannot_write_film(path_, fmt::format("{} of {} frames reached the disk; free some space, or "
                                          "write elsewhere",
                                          kept, frames_));
+  if (is_panorama && !mark_as_panorama(temporary_))
+    log_warning("{} does not say that it is a panorama: this OpenCV writes MP4 in another order",
+                path_.string());
   std::error_code error;
   fs::rename(temporary_, path_, error);
   if (error) cannot_write_film(path_, error.message() + "; choose another name");
@@ -101,7 +105,7 @@ FilmWriter::FilmWriter(fs::path path, int, int, double) {
 FilmWriter::FilmWriter(FilmWriter&&) noexcept = default;
 FilmWriter::~FilmWriter() = default;
 void FilmWriter::write(const Image8&) {}
-void FilmWriter::commit() {}
+void FilmWriter::commit(bool) {}
 
 #endif
 

@@ -33,9 +33,9 @@ class FilmWriter {
 
   /// A frame of the film's size with 1 or 3 channels, display sRGB.
   void write(const Image8& frame);
-  /// Ends the film, checks that all frames are in it, and gives it its name. Throws Error if some
-  /// are missing.
-  void commit();
+  /// Ends the film, checks that all frames are in it, tells players if it `is_panorama`, and gives
+  /// it its name. Throws Error if some are missing.
+  void commit(bool is_panorama = false);
   /// "H.264" or "MPEG-4".
   const std::string& codec() const { return codec_; }
 

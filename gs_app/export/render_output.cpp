@@ -8,6 +8,7 @@
 
 #include "data_loaders/photos/encode/encode_png.h"
 #include "data_loaders/photos/exr.h"
+#include "data_loaders/photos/panorama.h"
 #include "data_loaders/photos/photo_names.h"
 #include "gs_app/export/export_model.h"
 #include "gs_app/pictures/pictures.h"
@@ -154,7 +155,9 @@ void RenderOutput::write(std::size_t i, Quantity quantity, Image8 shown) {
   if (request_.is_film()) return write_frame(quantity, shown);
   const std::size_t bytes = shown.pixels.size();
   add(picture(i, quantity, ".png"), bytes,
-      [shown = std::move(shown)](const fs::path& file) { write_png(file, shown); });
+      [shown = std::move(shown), is_panorama = request_.is_panorama](const fs::path& file) {
+        write_png(file, shown, is_panorama ? panorama_xmp(shown.width, shown.height) : "");
+      });
 }
 
 void RenderOutput::write(std::size_t i, Quantity quantity, const ImageF& values) {
@@ -187,7 +190,7 @@ void RenderOutput::finish() {
   write_waiting();
   for (auto& [quantity, writer] : films_) {
     move_older_aside(film(quantity));
-    writer.commit();
+    writer.commit(request_.is_panorama);
   }
   if (const std::size_t count = moved_aside_)
     log_info("{} older files are now called FILE.bak-N", count);

@@ -20,6 +20,7 @@ struct OutputRequest {
   std::vector<Quantity> quantities;  // none twice
   bool png = true, exr = false;      // of a folder
   double frames_per_second = 30;     // of a film
+  bool is_panorama = false;          // of 360 degrees, which files say
   bool force = false;                // move files that are in the way to FILE.bak-N
 
   bool is_film() const;

@@ -12,7 +12,8 @@
 #include "data_loaders/photos/photo_names.h"
 #include "gs_app/export/cameras.h"
 #include "gs_app/export/export_model.h"
-#include "gs_app/export/key_frames.h"
+#include "gs_app/export/view_lens.h"
+#include "gs_app/jobs/render/render_cameras.h"
 #include "gs_app/jobs/render/render_job.h"
 #include "gs_app/jobs/verbs.h"
 #include "gs_app/run/make_backend.h"
@@ -20,75 +21,13 @@
 #include "gs_app/run/photometric_file.h"
 #include "gs_app/run/provenance.h"
 #include "gs_app/run/text.h"
+#include "gs_core/geometry/scene_frame.h"
 #include "gs_core/system/files/move_aside.h"
 #include "gs_core/system/processes/signals.h"
 #include "gs_core/system/version.h"
 
 namespace gs {
 namespace {
-
-// --- Cameras
-
-// The cameras of --cameras, of --data or of the run itself. A path follows training views unless
-// --split or --through says otherwise.
-std::vector<NamedCamera> cameras_of(const RenderJob& job, const OpenedModel& opened,
-                                    const Config& config) {
-  if (!job.path_file.empty()) return read_key_frames(job.path_file, opened.model.world_offset).keys;
-  const int resolution = config.dataset.resolution;
-  const Vec3d& offset = opened.model.world_offset;
-  const bool has_split =
-      job.has("dataset.source") || (opened.run && std::filesystem::exists(opened.run->split()));
-  const bool follows_training = job.is_path() && job.path.through.empty() && has_split;
-  const std::string split = !job.split.empty() ? job.split : follows_training ? "train" : "all";
-  if (job.has("dataset.source")) return cameras_of_scene(config.dataset, split, offset);
-  if (job.cameras.empty() && opened.run)
-    return cameras_of_run(*opened.run, resolution, split, offset);
-  if (job.cameras.empty())
-    throw UsageError(
-        "there are no cameras to render from; give --cameras with a cameras.json, a "
-        "transforms.json or a COLMAP model, or --data SCENE");
-  if (!job.split.empty() && job.split != "all")
-    throw UsageError("--split goes with --data or a run, not with --cameras");
-  return cameras_of_file(job.cameras, resolution, offset);
-}
-
-// Gives the cameras the size and lens of the command line. All frames of a film have the size of
-// the first, and even sides, because H.264 stores one color for 2x2 pixels.
-void fit_cameras(const RenderJob& job, std::vector<NamedCamera>& cameras) {
-  const bool is_film = job.output.is_film();
-  std::optional<PictureSize> size = job.size;
-  if (is_film && !size) size = PictureSize{cameras[0].camera.width, cameras[0].camera.height};
-  for (auto& [name, camera] : cameras) {
-    const bool is_other = size && (size->width != camera.width || size->height != camera.height);
-    if (is_other) camera = reframed(camera, size->width, size->height);
-    if (job.field_of_view) camera = with_field_of_view(camera, *job.field_of_view);
-  }
-  if (!is_film || !size || (size->width % 2 == 0 && size->height % 2 == 0)) return;
-  const PictureSize even{std::max(2, size->width & ~1), std::max(2, size->height & ~1)};
-  log_info("films have even sides: {}x{} becomes {}x{}, without the last row or column",
-           size->width, size->height, even.width, even.height);
-  for (auto& [name, camera] : cameras) camera.width = even.width, camera.height = even.height;
-}
-
-// A path plays the scene from its begin to its end, if nothing else is said; one of key frames from
-// the time of the first to that of the last, `key_times`.
-void set_times(const RenderJob& job, bool has_time, const std::vector<float>& key_times,
-               std::vector<NamedCamera>& cameras) {
-  std::vector<float> times = job.times;
-  if (!has_time && !times.empty())
-    throw UsageError("the model holds 3D Gaussians, which have no time; leave --time out");
-  if (has_time && times.empty() && job.is_path()) times = key_times;
-  if (times.empty()) return;
-  const float steps = float(std::max<std::size_t>(cameras.size(), 2) - 1);
-  for (std::size_t i = 0; i < cameras.size(); ++i)
-    cameras[i].camera.time = times[0] + (times.back() - times[0]) * (float(i) / steps);
-}
-
-std::vector<Camera> without_names(const std::vector<NamedCamera>& cameras) {
-  std::vector<Camera> result;
-  for (const NamedCamera& named : cameras) result.push_back(named.camera);
-  return result;
-}
 
 bool has_depth_in_colors(const RenderJob& job) {
   return job.shows(Quantity::depth) && (job.output.png || job.output.is_film());
@@ -160,6 +99,7 @@ Json film_json(const RenderJob& job, const RenderOutput& output,
   if (has_depth_in_colors(job)) json["depth_range"] = {range.nearest, range.farthest};
   if (job.shows(Quantity::normal)) json["normal_space"] = job.normal_space;
   if (!job.like.empty()) json["like"] = job.like;
+  if (!job.lens.empty()) json["lens"] = job.lens;
   return json;
 }
 
@@ -200,10 +140,12 @@ void render_views(const RenderJob& job, const std::vector<NamedCamera>& cameras,
           ExitCode::interrupted);
     const std::vector<Quantity>& quantities = job.output.quantities;
     const std::unique_ptr<Appearance> look = look_of ? look_of(cameras[i]) : nullptr;
-    if (job.output.is_color_in_8_bits() && !look) {
+    if (job.output.is_color_in_8_bits() && !look && !job.is_panorama()) {
       output.write(i, Quantity::color, pictures.color(cameras[i].camera));
     } else {
-      const std::vector<ImageF> values = pictures.values(cameras[i].camera, quantities, look.get());
+      const std::vector<ImageF> values =
+          job.is_panorama() ? panorama_values(pictures, cameras[i].camera, quantities)
+                            : pictures.values(cameras[i].camera, quantities, look.get());
       for (std::size_t q = 0; q < values.size(); ++q) output.write(i, quantities[q], values[q]);
     }
     events.progress("rendered", "view", i + 1, cameras.size());
@@ -250,7 +192,7 @@ Outcome run(const RenderJob& given, JobEvents& events) {
   // A cameras.json has the size of its pictures already; only -r makes them smaller.
   if (!job.has("dataset.source")) opened.config.dataset.resolution = 1;
   const Config config = resolve_to_work(job, opened.config);
-  std::vector<NamedCamera> cameras = cameras_of(job, opened, config);
+  std::vector<NamedCamera> cameras = cameras_to_render(job, opened, config);
   if (cameras.empty())
     throw UsageError("there is no view to render; choose another --split, or --cameras");
   const std::unique_ptr<Backend> backend = make_backend(config.train.device);
@@ -258,6 +200,7 @@ Outcome run(const RenderJob& given, JobEvents& events) {
   const RenderSettings settings = view_settings(opened, config);
   ViewPictures pictures(*backend, gaussians, opened.model.gaussians, settings,
                         job.normal_space == "camera");
+  const SceneFrame frame = scene_frame(without_names(cameras), {});
   Json path;
   std::vector<float> key_times = {0, 1};
   if (!job.path_file.empty()) key_times = {cameras.front().camera.time, cameras.back().camera.time};
@@ -268,8 +211,8 @@ Outcome run(const RenderJob& given, JobEvents& events) {
     path = std::move(film.description);
     if (!job.path_file.empty()) path["file"] = job.path_file;
   }
-  fit_cameras(job, cameras);
-  set_times(job, opened.model.gaussians.has_time, key_times, cameras);
+  fit_cameras(job, pictures, frame, cameras);
+  set_times_of(job, opened.model.gaussians.has_time, key_times, cameras);
   const LookOfCamera look = look_of(opened, job, cameras);
   const DepthRange range = depth_range(job, pictures, cameras);
   RenderOutput output(job.output, names_of(cameras), range);

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "gs_app/session/save_poses.h"
 
+#include <algorithm>
 #include <map>
 
 #include "data_loaders/cameras/camera_file.h"
@@ -25,14 +26,6 @@ Scene scene_with(const Scene& scene, const std::vector<Camera>& train_cameras) {
   for (const View& view : scene.test_views)
     cameras.test_views.push_back({view.name, view.camera, {}});
   return cameras;
-}
-
-// The model that the run was trained with, near the origin as the run is.
-SceneModel model_of_run(const DatasetConfig& dataset) {
-  SceneModel model = read_scene(dataset, find_scene(dataset), Tracks::read);
-  move_near_origin(model);
-  if (dataset.refine_cameras) refine_cameras(model.model);  // again, for its lenses and points
-  return model;
 }
 
 void set_poses(const Scene& scene, const std::vector<Camera>& refined, ColmapModel& model) {
@@ -67,7 +60,16 @@ void save_refined_model(const RunFolder& folder, Trainer& trainer) {
     log_info("the photos are frames of films, so that no COLMAP model of them is written");
     return;
   }
-  SceneModel model = model_of_run(dataset);
+  // The model that the run was trained with, near the origin as the run is.
+  SceneModel model = read_scene(dataset, find_scene(dataset), Tracks::read);
+  if (std::ranges::any_of(model.model.cameras, [](const auto& camera) {
+        return camera.second.model == CameraModel::equirectangular;
+      })) {
+    log_info("panoramas train as halves, so that no COLMAP model of them is written");
+    return;
+  }
+  move_near_origin(model);
+  if (dataset.refine_cameras) refine_cameras(model.model);  // again, for its lenses and points
   set_poses(trainer.scene(), refined_cameras(poses, trainer.scene().train_views), model.model);
   take_off(model.model, -model.world_offset);
   write_colmap_model(folder.refined_model(), model.model);

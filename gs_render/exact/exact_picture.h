@@ -64,7 +64,7 @@ std::vector<ExactSplat<T>> exact_splats(const ExactGaussians<T>& gaussians,
   for (std::size_t i = 0; i < gaussians.count(); ++i) {
     const Vec3<T>& mean = gaussians.means[i];
     const Vec3<T> p = to_camera(view.camera, mean);
-    if (!is_between_planes(p.z, splat_settings)) continue;
+    if (!is_between_planes(depth_of(view.camera, p), splat_settings)) continue;
     if (gaussians.covariances.empty() && is_degenerate(gaussians.rotations[i])) continue;
     ProjectedGaussian<T> projected = project_ellipsoid(
         view.camera, p, exact_covariance(gaussians, i), gaussians.opacities[i], splat_settings);

@@ -4,9 +4,11 @@
 #include <spdlog/fmt/fmt.h>
 
 #include <cmath>
+#include <numeric>
 
 #include "data_loaders/cameras/read_cameras.h"
 #include "data_loaders/photos/exr.h"
+#include "data_loaders/photos/panorama.h"
 #include "data_loaders/photos/photos.h"
 #include "data_loaders/video/film_writer.h"
 #include "data_loaders/video/sharpest_frames.h"
@@ -326,6 +328,49 @@ TEST_F(Render, AFieldOfViewZoomsAndASizeKeepsAllThatWasSeen) {
   const Camera same = read_cameras(path("same/cameras.json"), Vec3d(0.0)).at(0).camera;
   EXPECT_NEAR(same.fy, 40, 1e-3);  // as high as before, so no larger
   EXPECT_NEAR(same.cx, 40, 1e-3);
+}
+
+TEST_F(Render, APanoramaSaysThatItIsOne) {
+  expect_done("--lens equirectangular --size 96x48 --split test --write color,depth -o " +
+              text("all"));
+  EXPECT_EQ(read_photo(path("all/view_0.png")).width, 96);
+  EXPECT_TRUE(is_panorama(path("all/view_0.png"), {96, 48}));
+  expect_done("--split test -o " + text("flat"));
+  EXPECT_FALSE(is_panorama(path("flat/view_0.png"), {96, 48}));
+  if (!can_write_films()) return;
+  expect_done("--lens equirectangular --size 96x48 --path orbit --frames 3 -o " + text("film.mp4"));
+  EXPECT_THAT(read_bytes(path("film.mp4")),
+              HasSubstr("<GSpherical:ProjectionType>equirectangular"));
+  EXPECT_EQ(count_frames(path("film.mp4")), 3);
+  EXPECT_EQ(json("film.json")["lens"], "equirectangular");
+}
+
+TEST_F(Render, OtherLensesChangeWhatIsSeen) {
+  expect_done("--split test -o " + text("own"));
+  for (const char* lens : {"fisheye", "orthographic"}) {
+    expect_done(std::string("--split test --lens ") + lens + " -o " + text(lens));
+    EXPECT_GT(largest_difference(path("own/view_0.png"), path(lens) / "view_0.png"), 20) << lens;
+  }
+  // Twice as wide, everything is half as large.
+  for (const char* width : {"8", "16"})
+    expect_done(std::string("--split test --write alpha --lens orthographic --across ") + width +
+                " -o " + text(width));
+  const auto covered = [&](const char* width) {
+    const Image8 alpha = read_photo(path(width) / "view_0.png");
+    return std::accumulate(alpha.pixels.begin(), alpha.pixels.end(), 0.0);
+  };
+  EXPECT_LT(covered("16"), 0.6 * covered("8"));
+}
+
+TEST_F(Render, FlagsThatDoNotFitALensAreUsageErrors) {
+  const std::string out = " -o " + text("none");
+  expect_refused("--fov 160" + out, "--lens fisheye");
+  expect_refused("--lens fisheye --fov 340" + out, "corners");
+  expect_refused("--lens equirectangular --fov 90" + out, "--fov does not go with");
+  expect_refused("--lens equirectangular --size 100x60" + out, "4096x2048");
+  expect_refused("--across 3" + out, "--lens orthographic");
+  expect_refused("--lens fisheye --write normal" + out, "normals");
+  EXPECT_FALSE(fs::exists(path("none")));
 }
 
 }  // namespace

@@ -27,6 +27,7 @@ struct Form {
   bool camera_on_device = false, background_on_device = false, one_sh_array = false;
   BlendRule rule = BlendRule::faster_gs;
   Depth depth = Depth::none;
+  Lens lens = Lens::none;
 };
 constexpr Form kForms[] = {
     {.name = "as a model stores them", .shape = {3, 0, false, false}},
@@ -61,6 +62,15 @@ constexpr Form kForms[] = {
      .background_on_device = true,
      .rule = BlendRule::classic,
      .depth = Depth::metric},
+    {.name = "through a fisheye, with depths",
+     .shape = {2, 0, false, true},
+     .camera_on_device = true,
+     .depth = Depth::metric,
+     .lens = Lens::fisheye},
+    {.name = "parallel rays",
+     .shape = {-1, 0, true, false},
+     .camera_on_device = true,
+     .lens = Lens::orthographic},
 };
 
 /// A stream, and memory of the GPU that the operator and the test itself take.
@@ -166,7 +176,11 @@ class Problem {
  public:
   Problem(const Form& form, int count, std::uint64_t seed) : form_(form) {
     TestRandom random(seed);
-    in_ = in_floats(draw_inputs(random, form.shape, count, kWidth, kHeight));
+    in_ = draw_inputs(random, form.shape, count, kWidth, kHeight);
+    in_.view.camera.lens.lens = form.lens;
+    in_.view.camera.lens.radius = form.lens == Lens::fisheye ? 2 : 1e9;  // radians, and no limit
+    in_.view.camera.lens.low = {-1e9, -1e9}, in_.view.camera.lens.high = {1e9, 1e9};
+    in_ = in_floats(std::move(in_));
     dL_ = draw_picture_gradient(random, 0, kWidth, kHeight);
     (form.depth == Depth::metric ? dL_.inverse_depth : dL_.depth).clear();
     if (form.depth == Depth::none) dL_.inverse_depth.clear();
@@ -330,6 +344,7 @@ class Problem {
     if (form_.camera_on_device) {
       input_.camera.width = camera.width;
       input_.camera.height = camera.height;
+      input_.camera.lens = lens_as<float>(camera.lens);
       const Mat3<double>& R = camera.cam_from_world_rotation;
       const Vec3d& t = camera.cam_from_world_translation;
       std::vector<float> viewmat;

@@ -87,6 +87,65 @@ TEST(CameraEntries, GradientIsThatOfJets) {
   EXPECT_GT(beyond, kEnoughCases);
 }
 
+/// A lens whose range covers all that is drawn, so that both of its sides are tried.
+CameraLens<double> lens_of(Lens kind) {
+  CameraLens<double> lens;
+  lens.lens = kind;
+  lens.radius = kind == Lens::orthographic ? 1e9 : 1.2;
+  lens.low = {-2, -2}, lens.high = {2, 2};
+  if (kind == Lens::orthographic) return lens;
+  lens.k[0] = -0.03, lens.k[1] = 0.01;
+  lens.p[0] = 1e-3, lens.p[1] = -2e-3;
+  return lens;
+}
+
+TEST(CameraEntries, GradientThroughALensIsThatOfJets) {
+  for (const Lens kind : {Lens::radial_tangential, Lens::fisheye, Lens::orthographic}) {
+    TestRandom random;
+    double worst = 0;
+    int seen = 0;
+    for (int i = 0; i < kJetCases; ++i) {
+      const std::array<double, 16> numbers = draw_entries(random);
+      const auto camera_with = [&]<class T>(const std::array<T, 16>& x) {
+        PinholeCamera<T> camera = camera_of(x);
+        camera.lens = lens_as<T>(lens_of(kind));
+        return camera;
+      };
+      const PinholeCamera<double> camera = camera_with(numbers);
+      const double z = kind == Lens::fisheye ? random.uniform(-1, 3) : random.uniform(0.3, 3);
+      const Vec3d mean = multiply_transposed(
+          camera.cam_from_world_rotation, Vec3d(random.uniform(-2, 2), random.uniform(-2, 2), z) -
+                                              camera.cam_from_world_translation);
+      if (kind != Lens::fisheye && to_camera(camera, mean).z < 0.2) continue;
+      const double v = random.uniform(1e-4, 0.02);
+      const auto forward = [&]<class T>(const std::array<T, 16>& x) {
+        const PinholeCamera<T> c = camera_with(x);
+        const ProjectedGaussian<T> splat = project_ellipsoid(
+            c, to_camera(c, Vec3<T>(mean)),
+            Sym3<T>{T(2 * v), T(0.3 * v), T(0), T(v), T(0.1 * v), T(3 * v)}, T(0.7), {});
+        return std::pair(splat.is_visible, flatten(splat.splat.mean2d, splat.splat.conic));
+      };
+      if (!forward(numbers).first) continue;
+      ++seen;
+      auto dL_dy = forward(numbers).second;
+      for (double& g : dL_dy) g = random.uniform(-1, 1);
+      Unflatten in(dL_dy);
+      BasicSplatGradient<double> dL_dsplat;
+      dL_dsplat.mean2d = in.vec2();
+      dL_dsplat.conic = gradient_matrix(in.sym2());
+      dL_dsplat.opacity = dL_dsplat.depth = 0;
+      const auto dL = project_ellipsoid_in_camera_vjp(
+          camera, to_camera(camera, mean), Sym3<double>{2 * v, 0.3 * v, 0, v, 0.1 * v, 3 * v}, 0.7,
+          {}, dL_dsplat);
+      const auto actual = flat(camera_entries_vjp(camera, mean, dL, dL_dsplat.mean2d));
+      const auto of_picture = [&](const auto& x) { return forward(x).second; };
+      worst = std::max(worst, gradient_error(jet_gradient(of_picture, numbers, dL_dy), actual));
+    }
+    EXPECT_LT(worst, 1e-8) << int(kind);
+    EXPECT_GT(seen, kEnoughCases);
+  }
+}
+
 TEST(CameraEntries, GradientThroughTheCenterIsThatOfJets) {
   TestRandom random;
   double worst = 0;

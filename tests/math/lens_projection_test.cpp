@@ -289,6 +289,34 @@ TEST(ProjectGaussian, GradientThroughEveryLensMatchesJetWithItsDepth) {
   }
 }
 
+/// Parallel rays: pixel = F (x, y) + c, as gsplat's "ortho" has it.
+PinholeCamera<double> orthographic_camera() {
+  PinholeCamera<double> camera{320, 240, 60, 50, 158, 122};
+  camera.lens = endless_lens<double>(Lens::orthographic);
+  return camera;
+}
+
+double apart(const Vec3d& a, const Vec3d& b) { return std::sqrt(inner(a - b, a - b)); }
+
+TEST(ProjectThroughLens, OrthographicIsTheSameAtEveryDepth) {
+  PinholeCamera<double> camera = orthographic_camera();
+  TestRandom random;
+  for (int i = 0; i < 200; ++i) {
+    camera.cam_from_world_rotation = rotation_matrix(random.quaternion());
+    const Vec3d p = random.uniform3(-3, 3);
+    const ProjectedPoint<double> at = project_through_lens(camera, p);
+    EXPECT_EQ(at.mean2d.x, 60 * p.x + 158);
+    EXPECT_EQ(at.mean2d.y, 50 * p.y + 122);
+    const Mat3<double>& W = camera.cam_from_world_rotation;
+    EXPECT_LT(apart(at.A.row0, 60.0 * W.row0), 1e-13);
+    EXPECT_LT(apart(at.A.row1, 50.0 * W.row1), 1e-13);
+    const Vec3d g = project_through_lens_vjp(camera, p, Vec2d(2, 3), at.A);
+    EXPECT_LT(apart(g, Vec3d(120, 150, 0)), 1e-13);
+  }
+  EXPECT_TRUE(is_in_sight(camera, {500, -80, 1}));
+  EXPECT_FALSE(is_in_sight(camera, {0, 0, -1}));
+}
+
 // What has left the picture does not come back, however far beside the lens it is.
 TEST(ProjectThroughLens, NeverFoldsBackIntoThePicture) {
   for (const LensCase& lens : all_cases()) {
@@ -326,6 +354,22 @@ TEST(ProjectGaussian, IsVisibleBesideAFisheyeAndNotBehindIt) {
   EXPECT_FALSE(seen_at(179 * pi / 180).is_visible);
   EXPECT_NEAR(seen_at(94 * pi / 180).depth, 2, 1e-12);   // along the ray
   EXPECT_FALSE(seen_at(94 * pi / 180, 0.1).is_visible);  // nearer than the near plane
+}
+
+// A pixel of an equidistant fisheye covers sin(theta) / theta of what one on the axis does.
+TEST(ProjectGaussian, CoversTheSameSolidAngleWhereverAFisheyeLooks) {
+  const PinholeCamera<double> camera = seeing(wide_cases()[0]);
+  const auto solid_angle = [&](double theta) {
+    const Vec3d p(0, 2 * std::sin(theta), 2 * std::cos(theta));
+    const Mat23<double> A = project_through_lens(camera, p).A;
+    constexpr double v = 0.01;  // variance
+    const double pixels = std::sqrt(determinant(project_covariance(A, {v, 0, 0, v, 0, v}, 0.0)));
+    return pixels * (theta > 0 ? std::sin(theta) / theta : 1);
+  };
+  for (const double degrees : {1.0, 30.0, 60.0, 90.0, 120.0}) {
+    EXPECT_NEAR(solid_angle(degrees * pi / 180), solid_angle(0), 1e-9 * solid_angle(0)) << degrees;
+    EXPECT_NEAR(seen_at(degrees * pi / 180).depth, 2, 1e-12);  // the order does not change, either
+  }
 }
 
 // Three standard deviations that reach the ray straight back would wrap around it.

@@ -51,6 +51,15 @@ class GsplatTest(TestCase):
         for one, other in zip(torch.autograd.grad(loss_of(colors), list(matrices.values())), wanted):
             near(one, other, 1e-9)
 
+    def test_fisheyes_and_parallel_rays_are_drawn(self):
+        arrays = chosen(gaussians(), *self.NAMES)
+        for model in ("fisheye", "ortho"):
+            colors, _, meta = draw_by_gsplat(arrays, camera_model=model, packed=False)
+            near(colors[0], expected(arrays, background=torch.zeros(3).double(), camera_model=model).image, 1e-9)
+            wanted = expected(arrays, ("means2d",), camera_model=model).means2d
+            seen = wanted.abs().sum(-1) > 0
+            near(meta["means2d"][0][seen].detach().double(), wanted[seen].detach(), 1e-6)
+
     def test_without_gradients_the_picture_is_the_same(self):
         arrays = gaussians()
         with torch.no_grad():
@@ -281,7 +290,7 @@ class GsplatTest(TestCase):
 
     def test_what_is_not_drawn_is_named(self):
         arrays = gaussians()
-        for others in ({"camera_model": "fisheye"}, {"render_mode": "RGB+N"}, {"with_ut": True}, {"tile_size": 8},
+        for others in ({"camera_model": "ftheta"}, {"render_mode": "RGB+N"}, {"with_ut": True}, {"tile_size": 8},
                        {"radial_coeffs": torch.zeros(1, 6)}):
             with self.subTest(others), self.assertRaisesRegex(NotImplementedError, list(others)[0]):
                 draw_by_gsplat(arrays, **others)

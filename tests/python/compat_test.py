@@ -204,10 +204,10 @@ class InstallTest(TestCase):
         self.assertIs(package.rasterization, gsplat.rasterization)
         self.assertIs(package.rendering.rasterization, gsplat.rasterization)
         self.assertIs(gsplat.DefaultStrategy, package.DefaultStrategy)
-        passed = draw_by_gsplat(gaussians(), camera_model="fisheye", with_ut=True)
-        self.assertEqual(passed, ("fisheye", ["near_plane", "packed", "with_ut"]))
+        passed = draw_by_gsplat(gaussians(), camera_model="ftheta", with_ut=True)
+        self.assertEqual(passed, ("ftheta", ["near_plane", "packed", "with_ut"]))
         self.assertEqual(draw_by_gsplat(gaussians(), shutter="global")[0].shape, (1, HEIGHT, WIDTH, 3))
-        self.assertIn("gsplat.rasterization: 1 call passed to the installed package: camera_model='fisheye'", gemsplat.compat.report())
+        self.assertIn("gsplat.rasterization: 1 call passed to the installed package: camera_model='ftheta'", gemsplat.compat.report())
         gemsplat.compat.uninstall()
         self.assertEqual(package.rasterization.__module__, "gsplat.rendering")
 

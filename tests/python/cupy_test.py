@@ -14,7 +14,7 @@ import numpy as np
 
 import gemsplat
 import stand_ins
-from drawing import FORMS, HEIGHT, SETTINGS, WIDTH, arrays_for, assert_as_exact, assert_near, draw, exact, weights_of_pictures
+from drawing import FORMS, HEIGHT, LENSES, SETTINGS, WIDTH, arrays_for, assert_as_exact, assert_near, draw, exact, weights_of_pictures
 from support import SOURCE, TestCase
 
 
@@ -47,7 +47,7 @@ class StandInTest(TestCase):
         with stand_ins.installed("gemsplat._cupy", cupy=module) as ours, mock.patch.object(
                 ours, "GpuOperation", stand_ins.HostOperation), mock.patch("gemsplat._rasterize._backend_of", lambda _: ours):
             for form, others in FORMS.items():
-                for settings in SETTINGS:
+                for settings in SETTINGS + LENSES:
                     with self.subTest(form, **settings):
                         arrays = arrays_for(100, **others)
                         given = {name: module.asarray(array) for name, array in arrays.items()}
@@ -60,7 +60,7 @@ class StandInTest(TestCase):
 class OnTheGpuTest(TestCase):
     def test_pictures_and_gradients_are_those_of_numpy(self):
         for form, others in FORMS.items():
-            for settings in SETTINGS:
+            for settings in SETTINGS + LENSES:
                 with self.subTest(form, **settings):
                     arrays = arrays_for(100, **others)
                     rendering, gradients = pulled(on_gpu(arrays), **settings)

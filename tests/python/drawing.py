@@ -30,6 +30,7 @@ FORMS = {
 }
 SETTINGS = ({}, {"blend_rule": "classic"}, {"antialiased": True}, {"blur": 0.5, "near": 2.8},
             {"outputs": ("image", "alpha", "depth")}, {"outputs": ("inverse_depth",)}, {"deterministic": True})
+LENSES = ({"camera_model": "fisheye"}, {"camera_model": "ortho", "outputs": ("image", "alpha", "depth")})  # not of JAX
 
 
 def arrays_for(count, seed=1, **others):

@@ -61,6 +61,8 @@ def cases():
     covariances = (axes @ axes.transpose(0, 2, 1))[:, [0, 0, 0, 1, 1, 2], [0, 1, 2, 1, 2, 2]]
     yield without(two, "rotations", "log_scales", "colors", "background", covariances=covariances,
                   sh=random.normal(size=(COUNT, 16, 3)) / 2, sh_degree=2)
+    yield {**arguments(), "camera_model": "fisheye"}
+    yield {**arguments(), "camera_model": "ortho"}
 
 
 def pictures_of(rendering):
@@ -224,6 +226,34 @@ class Pictures(TestCase):
         np.testing.assert_array_equal(gemsplat.rasterize(**given, cameras=cameras[1]).image, expected.image[1])
         self.assertEqual(set(gemsplat.vjp(**given, cameras=cameras)[1]()) & {"viewmats", "Ks"}, set())
 
+    def test_camera_models_project_as_their_equations_say(self):
+        given = {**arguments(), "outputs": ROWS}
+        viewmat, K = given["viewmats"], given["Ks"]
+        x, y, z = viewmat[:3, :3] @ given["means"].T + viewmat[:3, 3:]
+        r = np.hypot(x, y)
+        for model, u in (("fisheye", np.arctan2(r, z) / r * [x, y]), ("ortho", np.array([x, y]))):
+            rows = gemsplat.rasterize(**given, camera_model=model)
+            seen = rows.visible
+            self.assertGreater(seen.sum(), 3)
+            expected = (K[:2, :2] @ u + K[:2, 2:]).T
+            np.testing.assert_allclose(rows.means2d[seen], expected[seen], rtol=1e-9)
+            np.testing.assert_allclose(rows.depths[seen], z[seen], rtol=1e-9)
+
+    def test_cameras_are_drawn_through_their_lens(self):
+        given = without(arguments(), "viewmats", "Ks", "width", "height", means=np.random.default_rng(1).normal(size=(COUNT, 3)))
+        around = gemsplat.Camera(40, 40, 8, lens="fisheye")  # 143 degrees to the side
+        self.assertEqual((around.lens, camera().lens), ("fisheye", "pinhole"))
+        rows = gemsplat.rasterize(**given, cameras=around)
+        behind = given["means"][:, 2] < 0
+        self.assertTrue((rows.visible & behind).any())
+        np.testing.assert_allclose(rows.depths[rows.visible], np.linalg.norm(given["means"], axis=1)[rows.visible], rtol=1e-6)
+        parallel = gemsplat.Camera(40, 40, 8, cam_from_world=[[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 9]], lens="orthographic")
+        drawn = gemsplat.rasterize(**given, cameras=[around, parallel])
+        self.assertTrue(drawn.visible[1].all())
+        np.testing.assert_array_equal(drawn.image[0], rows.image)
+        bent = gemsplat.Camera(40, 40, 30, lens="opencv", distortion=(-0.2, 0.02, 0, 0))
+        self.assertEqual(bent.lens, "radial_tangential")
+
     def test_absolute_shares_are_those_of_each_pixel(self):
         given = {**arguments(), "screen": np.zeros((COUNT, 2)), "absolute_screen": np.zeros((COUNT, 2))}
         _, pull = gemsplat.vjp(**given)
@@ -314,6 +344,10 @@ class Refusals(TestCase):
         refuse("cameras must be a gemsplat.Camera or a list of them", *alone, cameras=5)
         refuse("width must be a number of pixels, and not 4.5", width=4.5)
         refuse("height must lie between 1 and 65520 pixels, but is 0", height=0)
+        refuse("camera_model takes pinhole, fisheye or ortho, and not 'ftheta'", camera_model="ftheta")
+        refuse("cameras have lenses of their own", *alone, cameras=one, camera_model="ortho")
+        self.assert_refused("lens must be one of pinhole, opencv, fisheye, orthographic", gemsplat.Camera, 8, 8, 9, lens="toy")
+        self.assert_refused("distortion must be 4 finite numbers", gemsplat.Camera, 8, 8, 9, lens="fisheye", distortion=[1])
 
     def test_shapes_are_named_as_they_are_and_as_they_should_be(self):
         refuse, zeros = self.refuse, np.zeros

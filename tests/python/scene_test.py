@@ -2,12 +2,15 @@
 """gemsplat.Scene and gemsplat.Camera."""
 
 import gc
+import sys
+import tempfile
 import unittest
+from pathlib import Path
 
 import numpy as np
 
 import gemsplat
-from support import COURTYARD, SMALL, TestCase, camera
+from support import COURTYARD, SMALL, SOURCE, TestCase, camera
 
 
 class Scenes(TestCase):
@@ -21,6 +24,21 @@ class Scenes(TestCase):
         self.assertEqual(held_out, sorted(names)[::8])
         self.assertEqual([view.name for view in self.scene.train_views], sorted(set(names) - set(held_out)))
         self.assertEqual(gemsplat.Scene.load(COURTYARD, resolution=8).test_views, [])
+
+    def test_panoramas_of_make_room_are_two_views_of_the_room(self):
+        sys.path.insert(0, str(SOURCE / "scripts"))
+        self.addCleanup(sys.path.remove, str(SOURCE / "scripts"))
+        import make_room
+        with tempfile.TemporaryDirectory() as folder:
+            make_room.write_scene(Path(folder), make_room.Panorama(64), 2, 0)
+            back, front = gemsplat.Scene.load(folder, resolution=1).train_views[:2]
+        self.assertEqual((back.name, front.name, front.camera.lens), ("000.back.png", "000.front.png", "fisheye"))
+        middle, side = front.camera.width // 2, front.camera.fx
+        for view in (back, front):  # ahead, and to the right
+            for x, ray in ((middle, [0, 0, 1]), (int(view.camera.cx + side), [np.sin(1), 0, np.cos(1)])):
+                ray = ray @ view.camera.cam_from_world[:3, :3]
+                _, color = make_room.cast(view.camera.position, ray[None])
+                self.assertLess(np.abs(view.photo[middle, x] / 255.0 - color[0]).max(), 0.25)  # checkers are coarse here
 
     def test_photos_are_arrays_of_the_cameras_size(self):
         view = self.scene.train_views[0]

@@ -16,7 +16,7 @@ except ModuleNotFoundError:
 import numpy as np
 
 import gemsplat
-from drawing import FORMS, HEIGHT, SETTINGS, WIDTH, arrays_for, draw
+from drawing import FORMS, HEIGHT, LENSES, SETTINGS, WIDTH, arrays_for, draw
 from gemsplat._rasterize import CheckedView
 from support import SOURCE, TestCase
 
@@ -120,7 +120,7 @@ class OnTheGpuTest(TestCase):
 
     def test_pictures_and_gradients_are_those_of_the_cpu(self):
         for form, others in FORMS.items():
-            for settings in SETTINGS:
+            for settings in SETTINGS + LENSES:
                 with self.subTest(form, **settings):
                     expected, by_cpu = gradients(arguments(100, dtype=torch.float64, **others), **settings)
                     drawn, by_gpu = gradients(arguments(100, "cuda", **others), **settings)

@@ -12,11 +12,12 @@ from typing import Any, Mapping, Optional, Tuple
 
 import numpy as np
 
-from ._gemsplat import MOST_PIXELS, Camera, UsageError
+from ._gemsplat import MOST_PIXELS, Camera, UsageError, camera_of_model
 
 PICTURES = ("image", "alpha", "depth", "inverse_depth")
 ROWS = ("visible", "radii", "means2d", "depths", "conics")  # known of each Gaussian, without derivatives
 BLEND_RULES = ("faster_gs", "classic")
+CAMERA_MODELS = ("pinhole", "fisheye", "ortho")  # of matrices, as gsplat names them
 BLUR, BLUR_ANTIALIASED = 0.3, 0.1  # pixels^2: kBlur and kBlurAntialias of gs_core/math/constants.h
 
 # The shapes that an array may have. Axes: N Gaussians, C views, D features, K coefficients of SH, R
@@ -71,6 +72,7 @@ class Arguments:
     smooth: bool
     max_instances: Optional[int]  # None: as many as there are
     deterministic: Optional[bool] = None  # None: as the framework has it
+    lenses: Optional[Tuple[Camera, ...]] = None  # C, whose lenses count; None: pinholes
 
 
 def check(given: Mapping[str, Any]) -> Arguments:
@@ -90,7 +92,8 @@ def check(given: Mapping[str, Any]) -> Arguments:
     return Arguments(arrays=arrays, cameras=cameras, count=sizes["N"], views=sizes.get("C", 1),
                      has_view_axis=has_view_axis, width=width, height=height, **kinds,
                      sh_degree=_sh_degree(given["sh_degree"], kinds["color"], sizes), channels=sizes.get("D", 0),
-                     dtype=dtype, pictures=pictures, rows=rows, **_settings(given))
+                     dtype=dtype, pictures=pictures, rows=rows,
+                     lenses=_lenses(given["camera_model"], cameras, sizes.get("C", 1), width, height), **_settings(given))
 
 
 def is_per_view(name, array):
@@ -180,6 +183,16 @@ def _views(given):
             raise UsageError(f"cameras must have pictures of one size, but have {first.width}x{first.height} and "
                              f"{camera.width}x{camera.height} pixels; draw each size in a call of its own")
     return listed, first.width, first.height
+
+
+def _lenses(model, cameras, views, width, height):
+    if model not in CAMERA_MODELS:
+        raise UsageError(f"camera_model takes {words(CAMERA_MODELS, 'or')}, and not {model!r}")
+    if cameras is None:
+        return None if model == "pinhole" else (camera_of_model(width, height, model),) * views
+    if model != "pinhole":
+        raise UsageError("camera_model goes with viewmats and Ks; cameras have lenses of their own")
+    return cameras if any(camera.lens != "pinhole" for camera in cameras) else None
 
 
 def _side(name, value):

@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from typing import Iterable, Optional, Tuple
+from typing import Iterable, Optional, Sequence, Tuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from . import _gemsplat
 from ._gemsplat import MOST_PIXELS, Camera, Model, Scene, UsageError
 
+LENSES = {"pinhole": 0, "opencv": 4, "fisheye": 4, "orthographic": 0}  # numbers of their distortion
 _POSE_TOLERANCE = 1e-3  # single precision and rounded text
 _new_model, _new_camera, _new_scene = Model.__init__, Camera.__init__, Scene.__init__
 
@@ -141,11 +142,13 @@ def _pose(cam_from_world):
 
 def _init_camera(self, width: int, height: int, fx: float, fy: Optional[float] = None, cx: Optional[float] = None,
                  cy: Optional[float] = None, cam_from_world: Optional[ArrayLike] = None, name: str = "",
-                 time: float = 0.0) -> None:
+                 time: float = 0.0, lens: str = "pinhole", distortion: Sequence[float] = ()) -> None:
     """width, height, fx, fy, cx, cy in pixels; without fy it is fx, without cx and cy the picture's center.
 
     cam_from_world: (3, 4) or (4, 4), a rotation and a translation in world units; without it the camera
     is at the origin and looks along z. time: the moment of a scene that moves, from 0 to 1.
+    lens: pinhole; opencv with the distortion k1 k2 p1 p2; fisheye, k1 k2 k3 k4, which also sees beside and
+    behind the camera; orthographic, where fx and fy are pixels per world unit.
     """
     fy, cx, cy = fx if fy is None else fy, width / 2 if cx is None else cx, height / 2 if cy is None else cy
     if not (1 <= min(width, height) and max(width, height) <= MOST_PIXELS):
@@ -159,7 +162,13 @@ def _init_camera(self, width: int, height: int, fx: float, fy: Optional[float] =
         kept = np.float32([fx, fy, cx, cy, *pose[:, 3]])
     if not (np.isfinite(kept).all() and kept[:2].min() > 0):
         raise UsageError("the camera's numbers do not fit 32 bits; scale or move the scene")
-    _new_camera(self, width, height, fx, fy, cx, cy, pose, name, time)
+    if lens not in LENSES:
+        raise UsageError(f"lens must be one of {', '.join(LENSES)}, and not {lens!r}")
+    distortion = np.asarray(distortion, np.float64)
+    if distortion.shape not in ((0,), (LENSES[lens],)) or not np.isfinite(distortion).all():
+        raise UsageError(f"distortion must be {LENSES[lens]} finite numbers for the lens {lens}, or none")
+    distortion = np.resize(distortion, 4) if distortion.size else np.zeros(4)
+    _new_camera(self, width, height, fx, fy, cx, cy, pose, name, time, lens, distortion)
 
 
 def _init_scene(self, train: Iterable[Tuple[Camera, ArrayLike]], test: Iterable[Tuple[Camera, ArrayLike]] = (), *,

@@ -89,8 +89,8 @@ class _Drawn:
         self.pictures = {name: cupy.empty(shape, cupy.int32 if name == "overflowed" else cupy.float32)
                          for name, shape in each.shapes.items()}
         settings = {**each.settings, "deterministic": bool(arguments.deterministic), "for_backward": for_backward}
-        if arguments.cameras:
-            settings["camera"] = arguments.cameras[each.view]
+        if arguments.cameras or arguments.lenses:
+            settings["camera"] = (arguments.cameras or arguments.lenses)[each.view]
         self.operation = GpuOperation(_addresses(self.arrays), settings)
         self.frame = self.operation.draw(*_place(), self.kept, _pieces(),
                                          {name: picture.data.ptr for name, picture in self.pictures.items()})

@@ -43,6 +43,8 @@ def arrays_of(given):
 def rasterize(arguments):
     """The Rendering, each picture of which JAX differentiates."""
     _gpu.check_depths(arguments)
+    if arguments.lenses:
+        raise UsageError("arrays of JAX are drawn by pinholes; lenses are for arrays of NumPy, PyTorch and CuPy")
     arrays = dict(arguments.arrays)
     if arguments.cameras:
         matrices = zip(("viewmats", "Ks"), matrices_of(arguments.cameras))

@@ -27,22 +27,22 @@ def arrays_of(given):
 
 def rasterize(arguments):
     values, _ = _activated(arguments)
-    return _rendering([exact_picture(_of_view(values, arguments, view), _settings(arguments))
+    return _rendering([exact_picture(_of_view(values, arguments, view), _settings(arguments, view))
                        for view in range(arguments.views)], arguments)
 
 
 def footprints(arguments, _, *rule):
     """Those of the only view, by name."""
     values, _ = _activated(arguments)
-    return exact_footprints(_of_view(values, arguments, 0), _settings(arguments), *rule)
+    return exact_footprints(_of_view(values, arguments, 0), _settings(arguments, 0), *rule)
 
 
 def vjp(arguments):
     """The Rendering, and the function that pulls gradients back through it."""
     values, derivatives = _activated(arguments)
     inputs = [_of_view(values, arguments, view) for view in range(arguments.views)]
-    settings = _settings(arguments)
-    rendering = _rendering([exact_picture(view, settings) for view in inputs], arguments)
+    settings = [_settings(arguments, view) for view in range(arguments.views)]
+    rendering = _rendering([exact_picture(*pair) for pair in zip(inputs, settings)], arguments)
 
     def pull(image=None, alpha=None, depth=None, inverse_depth=None, features=None):
         given = {"image": image, "alpha": alpha, "depth": depth, "inverse_depth": inverse_depth, "features": features}
@@ -50,7 +50,7 @@ def vjp(arguments):
         sums = {name: np.zeros(array.shape) for name, array in arguments.arrays.items()}
         for view in range(arguments.views):
             of_view = {name: value[view] if arguments.has_view_axis else value for name, value in given.items()}
-            _add(sums, exact_gradients(inputs[view], of_view, settings), view)
+            _add(sums, exact_gradients(inputs[view], of_view, settings[view]), view)
         return {name: (sum * derivatives.get(name, 1)).astype(arguments.dtype) for name, sum in sums.items()}
 
     return rendering, pull
@@ -65,14 +65,15 @@ def jvp(arguments, tangents):
     slopes = {name: _like(name, tangents.get(name, np.zeros(array.shape)), array) * derivatives.get(name, 1)
               for name, array in arguments.arrays.items()}
     pairs = [(_of_view(values, arguments, view), _of_view(slopes, arguments, view)) for view in range(arguments.views)]
-    settings = _settings(arguments)
-    rendering = _rendering([exact_picture(inputs, settings) for inputs, _ in pairs], arguments)
-    changes = [exact_slopes(inputs, of_inputs, settings) for inputs, of_inputs in pairs]
+    settings = [_settings(arguments, view) for view in range(arguments.views)]
+    rendering = _rendering([exact_picture(inputs, each) for (inputs, _), each in zip(pairs, settings)], arguments)
+    changes = [exact_slopes(*pair, each) for pair, each in zip(pairs, settings)]
     return rendering, Rendering(**_pictures(changes, arguments))
 
 
-def _settings(arguments):
-    return {name: getattr(arguments, name) for name in _SETTINGS}
+def _settings(arguments, view):
+    lens = {"camera": arguments.lenses[view]} if arguments.lenses else {}
+    return {**{name: getattr(arguments, name) for name in _SETTINGS}, **lens}
 
 
 def _activated(arguments):

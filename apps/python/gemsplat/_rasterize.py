@@ -57,7 +57,7 @@ def rasterize(means: ArrayLike, rotations: Optional[ArrayLike] = None, *, scales
               sh: Optional[ArrayLike] = None, features: Optional[ArrayLike] = None,
               cameras: Union[None, Camera, Iterable[Camera]] = None, viewmats: Optional[ArrayLike] = None,
               Ks: Optional[ArrayLike] = None, width: Optional[int] = None, height: Optional[int] = None,
-              background: Optional[ArrayLike] = None, screen: Optional[ArrayLike] = None,
+              camera_model: str = "pinhole", background: Optional[ArrayLike] = None, screen: Optional[ArrayLike] = None,
               absolute_screen: Optional[ArrayLike] = None, sh_degree: Optional[int] = None, outputs: Union[str, Sequence[str]] = ("image",), near: float = 0.2,
               far: float = 10000.0, blur: Optional[float] = None, antialiased: bool = False,
               blend_rule: str = "faster_gs", smooth: bool = False, max_instances: Optional[int] = None,
@@ -84,10 +84,12 @@ def rasterize(means: ArrayLike, rotations: Optional[ArrayLike] = None, *, scales
     The views, by cameras or by matrices. Of one Camera, or of matrices without the axis C, nothing has
     that axis:
 
-    cameras: a Camera, or a list of C with pictures of one size.
+    cameras: a Camera, or a list of C with pictures of one size, each through its lens.
     viewmats: (C, 4, 4), from world to camera coordinates. The last row is not read.
     Ks: (C, 3, 3), with fx, fy, cx and cy in pixels. Other entries are not read.
     width, height: of the pictures, pixels.
+    camera_model: how matrices project: pinhole; fisheye, equidistant, of what lies in front of the camera; or
+    ortho, parallel rays, with fx and fy in pixels per world unit. A Camera with a fisheye sees all around.
     background: (3,) or (C, 3), by default black. Features have none behind them.
     screen: (C, N, 2), added to the projected means, pixels: zeros, to get the gradient by these means.
     absolute_screen: (C, N, 2), not read. In place of a gradient it gets the sum of the absolute values of
@@ -113,7 +115,7 @@ def rasterize(means: ArrayLike, rotations: Optional[ArrayLike] = None, *, scales
     """
     given = {"means": means, "rotations": rotations, "scales": scales, "log_scales": log_scales, "covariances": covariances,
              "opacities": opacities, "logit_opacities": logit_opacities, "colors": colors, "sh0": sh0, "sh_rest": sh_rest, "sh": sh,
-             "features": features, "cameras": cameras, "viewmats": viewmats, "Ks": Ks, "width": width, "height": height,
+             "features": features, "cameras": cameras, "camera_model": camera_model, "viewmats": viewmats, "Ks": Ks, "width": width, "height": height,
              "background": background, "screen": screen, "absolute_screen": absolute_screen, "sh_degree": sh_degree,
              "outputs": outputs, "near": near, "far": far, "blur": blur, "antialiased": antialiased, "blend_rule": blend_rule,
              "smooth": smooth, "max_instances": max_instances, "deterministic": deterministic}

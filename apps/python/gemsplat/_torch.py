@@ -196,8 +196,8 @@ def _is_deterministic(arguments):
 def _call(arguments, view, settings, needs_gradients):
     call = {**settings, "has_unused_sh": _gpu.has_unused_sh(arguments), "for_backward": needs_gradients,
             "deterministic": _is_deterministic(arguments)}
-    if arguments.cameras:
-        call["camera"] = arguments.cameras[view]
+    if arguments.cameras or arguments.lenses:
+        call["camera"] = (arguments.cameras or arguments.lenses)[view]
     return call
 
 

@@ -23,7 +23,7 @@ def rasterize(given):
     """The Rendering of what rasterize() takes, by name."""
     if not _is_compiling():
         return drawn(given)
-    if given["max_instances"] is None or given["cameras"] is not None:
+    if given["max_instances"] is None or given["cameras"] is not None or given["camera_model"] != "pinhole":
         return _drawn_eagerly(given)
     names = [name for name in SHAPES if given[name] is not None]
     arrays = arrays_of({name: given[name] for name in names})
@@ -48,7 +48,8 @@ def _by_name(names, arrays):
 
 def _rendering(arrays, names, outputs, settings):
     """The pictures that were asked for, by name."""
-    given = {**dict.fromkeys((*SHAPES, "cameras")), **_by_name(names, arrays), "outputs": outputs.split()}
+    given = {**dict.fromkeys((*SHAPES, "cameras")), **_by_name(names, arrays), "outputs": outputs.split(),
+             "camera_model": "pinhole"}
     rendering = drawn({**given, **dict(zip(_SETTINGS, settings))})
     return {name: picture for name, picture in rendering._asdict().items() if picture is not None}
 

@@ -43,6 +43,12 @@ std::string header_chunk(const Image8& image) {
   return chunk("IHDR", fields);
 }
 
+/// Text that is neither compressed nor of a language.   XMP part 3, 1.1.5
+std::string xmp_chunk(const std::string& xmp) {
+  if (xmp.empty()) return {};
+  return chunk("iTXt", "XML:com.adobe.xmp" + std::string(5, '\0') + xmp);
+}
+
 // ---- filters: what a byte is after its neighbors are known                PNG 9.2 --------------
 
 /// The nearest of left, above and their corner to left + above - corner.
@@ -153,7 +159,7 @@ Strip strip_of(const Image8& image, int begin, int end) {
 
 }  // namespace
 
-std::vector<std::uint8_t> encode_png(const Image8& image) {
+std::vector<std::uint8_t> encode_png(const Image8& image, const std::string& xmp) {
   GS_CHECK(image.channels == 1 || image.channels == 3 || image.channels == 4);
   const std::size_t row_bytes = std::size_t(image.width) * std::size_t(image.channels);
   const int rows = int(std::max<std::size_t>(kStripBytes / row_bytes, 1));
@@ -168,16 +174,17 @@ std::vector<std::uint8_t> encode_png(const Image8& image) {
 
   parallel_for(strips.size(), 1,
                [&](std::size_t i) { strips[i].data = chunk("IDAT", strips[i].data); });
-  const std::string start = "\x89PNG\r\n\x1a\n" + header_chunk(image), end = chunk("IEND", "");
+  const std::string start = "\x89PNG\r\n\x1a\n" + header_chunk(image) + xmp_chunk(xmp);
+  const std::string end = chunk("IEND", "");
   std::vector<std::uint8_t> bytes(start.begin(), start.end());
   for (const Strip& strip : strips) bytes.insert(bytes.end(), strip.data.begin(), strip.data.end());
   bytes.insert(bytes.end(), end.begin(), end.end());
   return bytes;
 }
 
-void write_png(const std::filesystem::path& path, const Image8& image) {
+void write_png(const std::filesystem::path& path, const Image8& image, const std::string& xmp) {
   GS_CHECK(!image.empty());
-  const std::vector<std::uint8_t> bytes = encode_png(image);
+  const std::vector<std::uint8_t> bytes = encode_png(image, xmp);
   AtomicFile file(path);
   file.write(bytes.data(), bytes.size());
   file.commit();

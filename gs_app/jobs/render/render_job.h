@@ -24,7 +24,9 @@ struct RenderJob : JobSettings {
   ModelChoice choice;
   PathRequest path;
   OutputRequest output;
+  std::string lens;                     // a word of kViewLenses; empty: those of the cameras
   std::optional<double> field_of_view;  // degrees across the width
+  std::optional<double> across;         // the same of parallel rays, world units
   std::vector<float> depth_range;       // nearest, farthest, world units; empty: found
   std::string normal_space = "world";   // or "camera"
   std::string like;                     // a photo of the run, or kLikeEach; empty: neutral colors
@@ -39,6 +41,7 @@ struct RenderJob : JobSettings {
   std::optional<PictureSize> size;
 
   bool is_path() const { return !path.kind.empty(); }
+  bool is_panorama() const { return lens == "equirectangular"; }
   bool shows(Quantity quantity) const;
 };
 

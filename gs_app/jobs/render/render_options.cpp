@@ -20,8 +20,10 @@ namespace {
 namespace fs = std::filesystem;
 
 const std::vector<std::string> kPathKinds = {"orbit", "spline", "flythrough"};
-constexpr double kSeconds = 10;      // of a path, where nothing is said
-constexpr double kMostFrames = 1e6;  // more is a mistake
+const std::vector<std::string> kViewLenses = {"fisheye", "equirectangular", "orthographic"};
+constexpr double kWidestPinhole = 150;  // degrees
+constexpr double kSeconds = 10;         // of a path, where nothing is said
+constexpr double kMostFrames = 1e6;     // more is a mistake
 
 // --- Checking
 
@@ -54,6 +56,27 @@ void check_path_options(const RenderJob& job) {
   for (const auto& [flag, kinds] : kinds_of)
     if (job.was_given(flag) && (kind.empty() || kinds.find(kind) == kinds.npos))
       throw UsageError(fmt::format("{} works only with --path {}", flag, kinds));
+}
+
+// Flags that mean something with some lenses only.
+void check_lens(const RenderJob& job) {
+  const bool has_angle = job.lens.empty() || job.lens == "fisheye";
+  if (job.field_of_view && !has_angle)
+    throw UsageError(fmt::format("--fov does not go with --lens {}", job.lens));
+  if (job.lens.empty() && job.field_of_view.value_or(0) > kWidestPinhole)
+    throw UsageError(fmt::format("--fov {}: a pinhole shows up to {} degrees; add --lens fisheye",
+                                 *job.field_of_view, kWidestPinhole));
+  if (job.across && job.lens != "orthographic")
+    throw UsageError("--across works only with --lens orthographic");
+  if (!job.lens.empty() && contains(job.quantities, "normal"))
+    throw UsageError("normals are known of pinholes alone; leave --lens or normal out");
+  if (!job.is_panorama()) return;
+  if (job.size && (job.size->width != 2 * job.size->height || job.size->height % 2 != 0))
+    throw UsageError(fmt::format(
+        "--size {}: a panorama is twice as wide as high, in even numbers, like 4096x2048",
+        job.size_words));
+  if (!job.like.empty())
+    throw UsageError("--like shows photos, and none is a whole panorama; leave it out");
 }
 
 std::size_t frames_of(const RenderJob& job, double usual_seconds) {
@@ -180,10 +203,22 @@ void visit_pictures(RenderJob& job, OptionList& list) {
   option("--size", job.size_words, "size of the pictures [that of the cameras]")
       .takes("WxH")
       .excludes("--resolution");
+  option("--lens", job.lens,
+         "draw through another lens: an equidistant fisheye, a panorama of 360 degrees, parallel "
+         "rays [that of the cameras]")
+      .one_of(kViewLenses)
+      .rare();
   option("--fov", job.field_of_view,
-         "angle across the width of the pictures, in degrees [that of the cameras]")
+         "angle across the width of the pictures, in degrees, up to 150, or 340 of a fisheye [that "
+         "of the cameras; 180 of a fisheye]")
       .takes("DEGREES")
-      .between(1, 150)
+      .between(1, 340)
+      .rare();
+  option("--across", job.across,
+         "orthographic: width of the pictures in world units [as the cameras see the middle of "
+         "their depths]")
+      .takes("UNITS")
+      .positive()
       .rare();
   option("--fps", job.output.frames_per_second, "frames per second of a film [30]")
       .takes("F")
@@ -240,6 +275,8 @@ RenderJob checked(RenderJob job) {
   job.path.frames = frames_of(job, usual_seconds);
   if (!job.center.empty()) job.path.center = Vec3d(job.center[0], job.center[1], job.center[2]);
   if (!job.size_words.empty()) job.size = size_of(job.size_words);
+  check_lens(job);
+  job.output.is_panorama = job.is_panorama();
   const auto& names = quantity_names();
   for (std::size_t i = 0; i < names.size(); ++i)
     if (contains(job.quantities, names[i])) job.output.quantities.push_back(Quantity(i));

@@ -62,7 +62,8 @@ GS_HD Curve<T> radial_scale(const LensCoefficients<T>& lens, const T& t) {
   using std::sqrt, std::tan;
   const T* k = lens.k;
   switch (lens.lens) {
-    case Lens::none: break;
+    case Lens::none:
+    case Lens::orthographic: break;
     case Lens::radial_tangential:
     case Lens::fisheye:
     case Lens::fisheye_rad_tan: {

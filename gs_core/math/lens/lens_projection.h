@@ -42,30 +42,36 @@ GS_HD Vec2<T> point_in_lens_vjp(const CameraLens<T>& lens, const PointInLens<T>&
   return point.moves * dL_dinside;
 }
 
+/// The point of the lens's chart that p has.
+template <class T>
+GS_HD Vec2<T> chart_of(Lens lens, const Vec3<T>& p) {
+  if (lens == Lens::orthographic) return {p.x, p.y};
+  return has_angle_chart(lens) ? angle_chart(p).u : Vec2<T>(p.x / p.z, p.y / p.z);
+}
+
 /// What stages 1 and 7 share of a point in camera coordinates.
 template <class T>
 struct ThroughLens {
   PointInLens<T> point;
   MapAt<T> map;         // at point.inside
   AngleChart<T> chart;  // undefined for the perspective chart
-  Mat23<T> J;           // du/dp; in the perspective chart (1/z) (I | -inside)
+  Mat23<T> J;           // du/dp: (1/z) (I | -inside) in the perspective chart, (I | 0) of (x, y)
 };
 template <class T>
 GS_HD ThroughLens<T> through_lens(const PinholeCamera<T>& camera, const Vec3<T>& p) {
   ThroughLens<T> through;
-  Vec2<T> u{p.x / p.z, p.y / p.z};
-  const bool has_angles = has_angle_chart(camera.lens.lens);
-  if (has_angles) {
-    through.chart = angle_chart(p);
-    u = through.chart.u;
-  }
-  through.point = point_in_lens(camera.lens, u);
+  const Lens lens = camera.lens.lens;
+  const bool has_angles = has_angle_chart(lens);
+  if (has_angles) through.chart = angle_chart(p);
+  through.point = point_in_lens(camera.lens, has_angles ? through.chart.u : chart_of(lens, p));
   const Vec2<T>& at = through.point.inside;
   const T per_z = T(1) / p.z;
   if (has_angles)
     through.J = jacobian(through.chart, p);
-  else
+  else if (has_perspective_chart(lens))
     through.J = {{per_z, T(0), -at.x * per_z}, {T(0), per_z, -at.y * per_z}};
+  else
+    through.J = {{T(1), T(0), T(0)}, {T(0), T(1), T(0)}};
   through.map = map_at(camera.lens, at);
   return through;
 }
@@ -115,6 +121,10 @@ GS_HD Vec3<T> project_through_lens_vjp(const PinholeCamera<T>& camera, const Vec
     dL_du += point_in_lens_vjp(camera.lens, through.point, dL_dinside);
     return dL_du.x * J.row0 + dL_du.y * J.row1 + jacobian_vjp(through.chart, p, dL_dJ);
   }
+  if (camera.lens.lens == Lens::orthographic) {
+    dL_du += point_in_lens_vjp(camera.lens, through.point, dL_dinside);
+    return {dL_du.x, dL_du.y, T(0)};
+  }
   const T per_z = T(1) / p.z;
   const Vec2<T> by_z{dL_dJ.row0.z, dL_dJ.row1.z};
   dL_dinside -= per_z * by_z;
@@ -139,10 +149,9 @@ GS_HD bool is_wide(const CameraLens<T>& lens) {
 template <class T>
 GS_HD bool is_in_sight(const PinholeCamera<T>& camera, const Vec3<T>& p) {
   const CameraLens<T>& lens = camera.lens;
-  const bool has_angles = has_angle_chart(lens.lens);
-  if (!has_angles && !(p.z > T(0))) return false;
+  if (!has_angle_chart(lens.lens) && !(p.z > T(0))) return false;
   if (!camera.has_lens()) return true;
-  const Vec2<T> u = has_angles ? angle_chart(p).u : Vec2<T>(p.x / p.z, p.y / p.z);
+  const Vec2<T> u = chart_of(lens.lens, p);
   return inner(u, u) <= lens.radius * lens.radius;
 }
 

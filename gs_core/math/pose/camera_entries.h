@@ -7,7 +7,7 @@
 
 namespace gs {
 
-/// dL by each number of a pinhole, all of them free: also the nine of a rotation.
+/// dL by each number of a camera but its lens, all of them free: also the nine of a rotation.
 template <class T>
 struct CameraEntriesGradient {
   Mat3<T> rotation{{T(0), T(0), T(0)}, {T(0), T(0), T(0)}, {T(0), T(0), T(0)}};
@@ -22,6 +22,32 @@ struct CameraEntriesGradient {
     fx += other.fx, fy += other.fy, cx += other.cx, cy += other.cy;
   }
 };
+
+/// camera_entries_vjp() through a lens, whose range does not move with the camera. With A = B W,
+/// where B = F D J of project_through_lens():
+///
+///   dL/dW_k = sum_i B_ik J'_i + dL/dp_k mu     dL/dt = dL/dp
+///   dL/dfx = u (mean2d.x - cx) / fx + <J'_0, A_0> / fx,   dL/dcx = u
+template <class T>
+GS_HD CameraEntriesGradient<T> lens_camera_entries_vjp(const PinholeCamera<T>& camera,
+                                                       const Vec3<T>& mean,
+                                                       const EllipsoidInCameraGradient<T>& dL,
+                                                       const Vec2<T>& dL_dmean2d) {
+  PinholeCamera<T> upright = camera;  // its A is B
+  upright.cam_from_world_rotation = {{T(1), T(0), T(0)}, {T(0), T(1), T(0)}, {T(0), T(0), T(1)}};
+  const ProjectedPoint<T> at = project_through_lens(upright, to_camera(camera, mean));
+  const Mat3<T>& W = camera.cam_from_world_rotation;
+  const Vec3<T>&B0 = at.A.row0, &B1 = at.A.row1, &G0 = dL.A.row0, &G1 = dL.A.row1;
+  CameraEntriesGradient<T> gradient;
+  gradient.rotation = {B0.x * G0 + B1.x * G1 + dL.p.x * mean, B0.y * G0 + B1.y * G1 + dL.p.y * mean,
+                       B0.z * G0 + B1.z * G1 + dL.p.z * mean};
+  gradient.translation = dL.p;
+  gradient.fx = (dL_dmean2d.x * (at.mean2d.x - camera.cx) + inner(multiply(W, G0), B0)) / camera.fx;
+  gradient.fy = (dL_dmean2d.y * (at.mean2d.y - camera.cy) + inner(multiply(W, G1), B1)) / camera.fy;
+  gradient.cx = dL_dmean2d.x;
+  gradient.cy = dL_dmean2d.y;
+  return gradient;
+}
 
 /// The share of one visible ellipsoid in the gradient by the camera, its color's left out. With
 /// J' = dL/dA, where A has the rows fx/z (W_0 - x W_2) and fy/z (W_1 - y W_2), and dL/dp of
@@ -41,6 +67,7 @@ GS_HD CameraEntriesGradient<T> camera_entries_vjp(const PinholeCamera<T>& camera
                                                   const Vec3<T>& mean,
                                                   const EllipsoidInCameraGradient<T>& dL,
                                                   const Vec2<T>& dL_dmean2d) {
+  if (camera.has_lens()) return lens_camera_entries_vjp(camera, mean, dL, dL_dmean2d);
   const Vec3<T> p = to_camera(camera, mean);
   const FrustumLimits<T> limits = frustum_limits(camera);
   const T x_free = p.x / p.z, y_free = p.y / p.z;

@@ -10,7 +10,7 @@
 namespace gs {
 
 /// How densely a camera samples space at a point: focal length / depth, of the finer axis. Of a
-/// fisheye, focal length / distance.
+/// fisheye, focal length / distance; of Lens::orthographic, focal length.
 ///
 /// mean        world units
 /// near_plane  world units along the viewing axis
@@ -26,6 +26,7 @@ GS_HD T sampling_rate(const PinholeCamera<T>& camera, const Vec3<T>& mean, const
   if (camera.has_lens()) {
     if (!is_in_sight(camera, p)) return T(0);
     if (has_angle_chart(camera.lens.lens)) z = sqrt(inner(p, p));
+    if (camera.lens.lens == Lens::orthographic) z = T(1);
     const Vec2<T> pixel = pixel_of(camera, p);
     x = pixel.x * z, y = pixel.y * z;
   }

@@ -12,6 +12,7 @@
 #include "gs_core/system/text/json.h"
 #include "tests/support/error_of.h"
 #include "tests/support/folder_test.h"
+#include "tests/support/lens_scenes.h"
 
 namespace gs {
 namespace {
@@ -132,6 +133,24 @@ TEST_F(CameraFile, EmptySceneIsAnEmptyList) {
   EXPECT_TRUE(read_cameras_json(file()).empty());
 }
 
+TEST_F(CameraFile, KeepsTheLensOfACamera) {
+  std::vector<NamedCamera> cameras;
+  for (const LensScene& lens : lens_scenes())
+    cameras.push_back({lens.name, with_lens(random_camera(64, 48, 1), lens.model, lens.params)});
+  Camera parallel = random_camera(64, 48, 2);
+  parallel.lens = endless_lens<float>(Lens::orthographic);
+  cameras.push_back({"parallel", parallel});
+  write_cameras_json(file(), cameras);
+  const std::vector<NamedCamera> read = read_cameras_json(file());
+  for (std::size_t i = 0; i < cameras.size(); ++i) {
+    CameraLens<float> lens = cameras[i].camera.lens;
+    if (has_angle_chart(lens.lens))  // of which nobody reads the range of u
+      lens.low = endless_lens<float>(lens.lens).low,
+      lens.high = endless_lens<float>(lens.lens).high;
+    EXPECT_EQ(read[i].camera.lens, lens) << cameras[i].name;
+  }
+}
+
 TEST_F(CameraFile, EveryMissingKeyIsNamed) {
   for (const std::string key :
        {"img_name", "width", "height", "position", "rotation", "fx", "fy"}) {
@@ -157,6 +176,10 @@ TEST_F(CameraFile, WrongValuesAreNamed) {
       {R"({"rotation": [1, 2, 3]})", "three numbers in rotation"},
       {R"({"rotation": [[2, 0, 0], [0, 2, 0], [0, 0, 2]]})", "not a rotation matrix"},
       {R"({"rotation": [[1, 0, 0], [0, 1, 0], [0, 0, -1]]})", "not a rotation matrix"},
+      {R"({"lens": 3})", "lens.kind"},
+      {R"({"lens": {"kind": "teapot"}})", "lens.kind"},
+      {R"({"lens": {"kind": "fisheye", "k": [1]}})", "6 numbers in lens.k"},
+      {R"({"lens": {"kind": "fisheye", "radius": [-1]}})", "lens.radius"},
   };
   for (const auto& [change, expected] : cases) {
     EXPECT_THAT(error_reading(reference_text(change)), HasSubstr(expected)) << change;

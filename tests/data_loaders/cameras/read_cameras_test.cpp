@@ -145,7 +145,10 @@ TEST_F(ReadCameras, ALensBecomesThePinholeOfItsUndistortedPhoto) {
   EXPECT_GT(camera.width, 120);  // barrel distortion: the pinhole sees more at the sides
   model.cameras[7] = {7, CameraModel::equirectangular, 120, 60, {120, 60}};
   write_binary_model(path("sphere"), model);
-  EXPECT_THAT(error("sphere"), HasSubstr("EQUIRECTANGULAR"));
+  const auto halves = read("sphere");
+  ASSERT_EQ(halves.size(), 2u);
+  EXPECT_EQ(halves[1].name, "a.front.png");
+  EXPECT_EQ(halves[1].camera.lens.lens, Lens::fisheye);
 }
 
 TEST_F(ReadCameras, WhatHoldsNoCameraIsNamed) {

@@ -257,8 +257,7 @@ TEST_F(Doctor, AdvisesToRefinePosesWhereReprojectionErrorsAreLarge) {
 
 TEST_F(Doctor, RefusesWhatLoadingRefuses) {
   ColmapModel model = small_model(24);
-  model.cameras[7].model = CameraModel::equirectangular;
-  model.cameras[7].params = {};
+  model.cameras[7].params[0] = -1;
   write(model);
   EXPECT_FALSE(examined(false).can_train());
 
@@ -289,15 +288,25 @@ TEST_F(Doctor, CountsLargePhotosAtTheSizeThatTheyTrainAt) {
 
 TEST_F(Doctor, NamesAPhotoOfTheCameraThatItRefuses) {
   ColmapModel model = small_model(24);
-  model.cameras[7] = {7, CameraModel::equirectangular, 12, 8, {12, 8}};
+  model.cameras[7] = {7, CameraModel::pinhole, 12, 8, {0, 9, 6, 4}};
   write(model);
   const std::string text = the(examined(false), Level::fatal, "lenses").text;
   EXPECT_THAT(text, AllOf(HasSubstr("'a.png'"), Not(HasSubstr("of camera"))));
 }
 
+TEST_F(Doctor, SaysWhatBecomesOfPanoramas) {
+  ColmapModel model = small_model(24);
+  model.cameras[7] = {7, CameraModel::equirectangular, 64, 32, {64, 32}};
+  write(model);
+  const Diagnosis diagnosis = examined(true);
+  EXPECT_TRUE(diagnosis.can_train());
+  EXPECT_THAT(the(diagnosis, Level::good, "panoramas").text, HasSubstr("24 panoramas train as"));
+  EXPECT_EQ(the(diagnosis, Level::good, "lenses").text, "EQUIRECTANGULAR 64x32");
+}
+
 TEST_F(Doctor, PassesOverCamerasWithoutPhotos) {
   ColmapModel model = small_model(24);
-  model.cameras[8] = {8, CameraModel::equirectangular, 12, 8, {12, 8}};
+  model.cameras[8] = {8, CameraModel::pinhole, 12, 8, {0, 9, 6, 4}};
   write(model);
   EXPECT_TRUE(examined(false).can_train());
 }

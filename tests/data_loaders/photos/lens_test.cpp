@@ -269,13 +269,6 @@ std::string error_of(const ColmapCamera& camera) {
   return gs::error_of([&] { lens_camera(camera, "sub/a.jpg"); });
 }
 
-TEST(Lens, PanoramaIsRefusedWithAdviceThatHelps) {
-  EXPECT_THAT(error_of({42, CameraModel::equirectangular, 200, 100, {200, 100}}),
-              AllOf(HasSubstr("EQUIRECTANGULAR"), HasSubstr("camera 42"), HasSubstr("sub/a.jpg"),
-                    HasSubstr("360 x 180 degrees"), HasSubstr("panorama_sfm.py"),
-                    Not(HasSubstr("image_undistorter"))));  // which refuses it as well
-}
-
 TEST(Lens, ImpossibleCoefficientsAreRefusedByName) {
   EXPECT_THAT(error_of({42, CameraModel::pinhole, 100, 80, {0, 90, 50, 40}}),
               AllOf(HasSubstr("focal length"), HasSubstr("camera 42 (PINHOLE)"),

@@ -405,11 +405,11 @@ TEST_F(LoadScene, LensIsUndistorted) {
   EXPECT_EQ(view.photo.pixels, plain_photo(view.camera.width, view.camera.height, 10).pixels);
 }
 
-TEST_F(LoadScene, UnknownLensNamesThePhoto) {
+TEST_F(LoadScene, ImpossibleLensNamesThePhoto) {
   ColmapModel model = small_model(1);
-  model.cameras[7] = {7, CameraModel::equirectangular, 12, 8, {12, 8}};
+  model.cameras[7] = {7, CameraModel::pinhole, 12, 8, {0, 9, 6, 4}};
   write(model);
-  EXPECT_THAT(error(), AllOf(HasSubstr("a.png"), HasSubstr("EQUIRECTANGULAR")));
+  EXPECT_THAT(error(), AllOf(HasSubstr("a.png"), HasSubstr("PINHOLE")));
 }
 
 TEST_F(LoadScene, DamagedPhotoIsNamed) {

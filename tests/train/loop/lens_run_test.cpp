@@ -96,6 +96,35 @@ TEST_F(LensRun, LearnsWhatPhotosShowBesideAndBehindTheCamera) {
   EXPECT_GT(psnr_of(*backend_, trainer, pinholes), 22);
 }
 
+// Pinholes and fisheyes of the same places: both together are no worse than either alone.
+TEST_F(LensRun, LearnsFromPinholesAndLensesInOneRun) {
+  const Scene lenses = scene_of_truth();
+  const auto as_pinholes = [&](std::vector<View> views) {
+    for (View& view : views) {
+      view.camera = without_lens(view.camera);
+      view.camera.fx = view.camera.fy = 24;
+      view.photo = picture_of_truth(view.camera);
+    }
+    return views;
+  };
+  Scene pinholes = lenses, both = lenses;
+  pinholes.train_views = as_pinholes(lenses.train_views);
+  both.train_views.insert(both.train_views.end(), pinholes.train_views.begin(),
+                          pinholes.train_views.end());
+  const std::vector<View> tests[] = {lenses.test_views, as_pinholes(lenses.test_views)};
+  const auto psnr_after = [&](const Scene& scene) {
+    Trainer trainer(scene, run_through_lens(), *backend_);
+    trainer.run();
+    return std::array{psnr_of(*backend_, trainer, tests[0]), psnr_of(*backend_, trainer, tests[1])};
+  };
+  const auto of_both = psnr_after(both);
+  const Scene* const kinds[] = {&lenses, &pinholes};
+  for (const Scene* const scene : kinds) {
+    const auto alone = psnr_after(*scene);
+    for (int kind = 0; kind < 2; ++kind) EXPECT_GT(of_both[kind], alone[kind] - 0.5) << kind;
+  }
+}
+
 TEST_F(LensRun, GoesOnWhereItWasStopped) {
   const Scene scene = scene_of_truth();
   Config config = run_through_lens();

@@ -17,6 +17,7 @@ from typing import Optional
 import torch
 
 from .. import UsageError
+from .._arguments import CAMERA_MODELS
 from .._rasterize import CheckedView, Footprints
 from .._torch import eagerly
 from . import _harmonics, _report
@@ -82,7 +83,7 @@ def rasterization(means, quats, scales, opacities, colors, viewmats, Ks, width, 
     flat = {name: None if given[name] is None else given[name].reshape(math.prod(batch), *given[name].shape[len(batch):])
             for name in _ARRAYS}
     settings = {"width": width, "height": height, "near": near_plane, "far": far_plane, "blur": eps2d,
-                "antialiased": rasterize_mode == "antialiased"}
+                "antialiased": rasterize_mode == "antialiased", "camera_model": camera_model}
     places = list(itertools.product(range(len(flat["means"])), range(views)))
     scenes = [_scene_of(flat, b, c, sh_degree, render_mode, settings) for b, c in places]
     rows = _rows(flat, scenes, radius_clip, rasterize_mode)
@@ -158,7 +159,7 @@ def _api():
 
 def _reason_to_pass(given, others):
     """What of a call gemsplat does not draw, as it was given; None: it draws all."""
-    drawn = {"camera_model": ("pinhole",), "render_mode": _MODES, "rasterize_mode": ("classic", "antialiased"),
+    drawn = {"camera_model": CAMERA_MODELS, "render_mode": _MODES, "rasterize_mode": ("classic", "antialiased"),
              "tile_size": (_TILE, None), "distributed": (False,)}
     for name, values in drawn.items():
         if given[name] not in values:
