@@ -72,14 +72,17 @@ std::uint64_t hash_of(std::string_view text) {
   return hash.value();
 }
 
-Features features_of(const Process& process) {
-  return {names_of(kLosses), {kNoPhotometricModel, kGainsModel}, process.count > 1};
+Features features_of(std::size_t devices, const Process& process) {
+  return {names_of(kLosses),
+          {kNoPhotometricModel, kGainsModel},
+          process.count > 1,
+          devices == 1 && process.count == 1};
 }
 
 class CudaBackend final : private Gpus, private StepLauncher, private Device, public Backend {
  public:
   CudaBackend(const std::vector<int>& devices, std::size_t chunk_rows, const Process& process)
-      : Gpus(devices), Backend(features_of(process)), chunk_rows_(chunk_rows),
+      : Gpus(devices), Backend(features_of(devices.size(), process)), chunk_rows_(chunk_rows),
         others_(process.count > 1 ? std::make_unique<Processes>(process, static_cast<Gpus&>(*this))
                                   : nullptr),
         photometric_(first().context, first().memory, process.count > 1),
@@ -324,6 +327,8 @@ class CudaBackend final : private Gpus, private StepLauncher, private Device, pu
       loss_settings.photo_on_device = &*on_device;
     }
     gpu.photo_buffers.select(turn_of(i), rows, model_->count(), gpu.renderer, gpu.pass);
+    if (settings.order == RenderOrder::pixel)
+      find_ray_depths(gpu.context, model_->gaussians.span(), rows.camera, rows.pose, gpu.pass);
     StepReport* const report = steps_.reports().of_step(number);
     // Other processes do not learn of a step that has to be repeated, and a loss of the program sees
     // what it lacked. A view that was not seen before may have any number.

@@ -174,10 +174,11 @@ GS_HD std::uint32_t saturating_sum(std::uint32_t a, std::uint32_t b) {
 }
 
 /// True where blend() works on tensor cores. Truncation by standard deviations gives each splat a
-/// lowest exponent of its own, which the products cannot test.
+/// lowest exponent of its own, which the products cannot test; in the order by pixel, pixels blend
+/// different splats at a time.
 inline bool blends_on_tensor_cores(const Context& context, const RenderSettings& settings) {
   return settings.use_tensor_cores && context.has_tensor_cores() &&
-         settings.truncation == Truncation::alpha;
+         settings.truncation == Truncation::alpha && settings.order == RenderOrder::z;
 }
 
 /// Calls f(splats) with the splats of a pass, of whichever type stage 1 has made.
@@ -207,13 +208,23 @@ void with_tiles(const RenderPass& pass, F&& f) {
   });
 }
 
+/// True where a pass is drawn in the order by pixel, and so by files of that name.
+inline bool is_by_pixel(const RenderPass& pass) { return !pass.ray_depths.empty(); }
+
 /// True where the tile numbers of a pass fit keys of 16 bits, with the number for "no tile".
-inline bool uses_short_keys(const RenderPass& pass) { return pass.tile_count() < kShortKeyTiles; }
+inline bool uses_short_keys(const RenderPass& pass) {
+  return pass.tile_count() < kShortKeyTiles && !is_by_pixel(pass);
+}
 
 /// 1  preprocess.cu: activate, cull, project, color; one splat per Gaussian, and which tiles it
 /// hits.
 void preprocess(Context& context, const GaussiansSpan& gaussians, const Camera& camera,
                 const RenderSettings& settings, Workspace& workspace, RenderPass& pass);
+
+/// After 1, in the order by pixel  pixel_order.cu: how far along the rays of the view the Gaussians of
+/// a pass are. `pose` as in PhotoRows.
+void find_ray_depths(Context& context, const GaussiansSpan& gaussians, const Camera& camera,
+                     const DevicePose* pose, RenderPass& pass);
 
 /// 1 for the photos of a step  preprocess.cu: the same into the arrays of each photo. Here and
 /// below, `shard` says which rows of the model the Gaussians are.
@@ -246,6 +257,10 @@ void create_instances(Context& context, const RenderSettings& settings, Workspac
 void report_instances(Context& context, const RenderSettings& settings, Workspace& workspace,
                       const RenderPass& pass, StepReport* report, std::uint32_t step);
 
+/// After 2, in the order by pixel  pixel_order.cu: keys of the instances also hold their depths.
+void add_depths_to_keys(Context& context, const RenderSettings& settings, Workspace& workspace,
+                        RenderPass& pass, std::uint32_t capacity);
+
 /// 3  sort.cu: order the instances by tile, stably, find each tile's list, and put the longest
 /// first, unless there are so many tiles that their order does not matter. For the backward pass
 /// the lists are also divided into segments.
@@ -255,6 +270,9 @@ void sort_by_tile(Context& context, const RenderSettings& settings, Workspace& w
 /// 4  blend.cu: blend each tile's list front to back over the background.
 void blend(Context& context, const RenderSettings& settings, RenderPass& pass);
 
+/// 4  blend_pixel_order.cu: the same in the order by pixel. blend() has sized the images.
+void blend_by_pixel(Context& context, const RenderSettings& settings, RenderPass& pass);
+
 /// 4  blend_gemm.cu: the same on tensor cores, compute capability 8 and later. blend() has sized
 /// the images.
 void blend_gemm(Context& context, const RenderSettings& settings, RenderPass& pass);
@@ -263,7 +281,8 @@ void blend_gemm(Context& context, const RenderSettings& settings, RenderPass& pa
 /// the bytes (H, W, 3) and up to 11 more.
 void pack_picture(Context& context, const RenderPass& pass, Buffer<std::uint32_t>& words);
 
-/// 6  blend_backward.cu: from dL/d(picture) to dL/d(splat), added to workspace.splat_gradients.
+/// 6  blend_backward.cu: from dL/d(picture) to dL/d(splat), added to workspace.splat_gradients. In the
+/// order by pixel with the kernel of gradients/pixel_order.cuh.
 void blend_backward(Context& context, const RenderSettings& settings, const PictureGradient& dL,
                     Workspace& workspace, const RenderPass& pass);
 

@@ -8,6 +8,7 @@
 #include "gs_core/buffer.h"
 #include "gs_core/error.h"
 #include "gs_core/math/render/blend.h"
+#include "gs_core/math/render/ray_depth.h"
 #include "gs_core/math/render/splat.h"
 
 namespace gs {
@@ -21,6 +22,7 @@ struct RenderSettings : SplatSettings {
   // (3) in the memory of a GPU, where the CUDA backend reads it; null: `background` counts
   const float* background_on_device = nullptr;
   BlendRule blend_rule = BlendRule::faster_gs;
+  RenderOrder order = RenderOrder::z;
   // backward's dL_dmean2d sums absolute values over pixels (Ye et al. 2024, AbsGS)
   bool absolute_gradient = false;
   FragmentStatistic fragment_statistic = FragmentStatistic::none;
@@ -90,6 +92,7 @@ struct RenderPass {
   Buffer<Splat> splats;                 // (N)
   Buffer<Rect> pixel_rects;             // (N)   pixels of the bounding rectangle
   Buffer<std::uint32_t> tile_counts;    // (N)   tiles hit; 0 = culled
+  Buffer<RayDepth<float>> ray_depths;   // (N)   in the order by pixel; else empty
 
   // 2 depth order and instances        V visible Gaussians, I instances
   Buffer<std::uint32_t> depth_order;    // (V)   visible Gaussians, near to far, equal depths by index
@@ -102,12 +105,13 @@ struct RenderPass {
   Buffer<float> image;                  // (3, H, W) with background, not clamped
   Buffer<float> transmittance;          // (H, W)    what is left for the background
   Buffer<float> depth_image;            // (H, W)    sum of weights times Splat::depth; only if blends_depth
-  Buffer<std::uint32_t> last_instance;  // (H, W)    1 + position in its tile's list of the last blended; 0 = none
+  Buffer<std::uint32_t> last_instance;  // (H, W)    1 + position in its tile's list of the last blended; 0 = none.
+                                        //           In the order by pixel how many were blended
 
   explicit RenderPass(Memory& memory = host_memory())
-      : splats(memory), pixel_rects(memory), tile_counts(memory), depth_order(memory),
-        tile_splats(memory), tile_ranges(memory), image(memory), transmittance(memory),
-        depth_image(memory), last_instance(memory) {}
+      : splats(memory), pixel_rects(memory), tile_counts(memory), ray_depths(memory),
+        depth_order(memory), tile_splats(memory), tile_ranges(memory), image(memory),
+        transmittance(memory), depth_image(memory), last_instance(memory) {}
 
   /// The scratch of one backend, made when it is first asked for.
   template <class Scratch>
@@ -139,6 +143,7 @@ struct RenderPass {
     splats.resize_discard(with_splats ? gaussians : 0);
     pixel_rects.resize_discard(gaussians);
     tile_counts.resize_discard(gaussians);
+    ray_depths.resize_discard(0);
   }
 
   std::size_t pixel_count() const { return std::size_t(width) * height; }

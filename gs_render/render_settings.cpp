@@ -14,6 +14,7 @@ RenderSettings render_settings(const Config& config) {
   settings.use_tensor_cores = render.blend == BlendKernel::gemm;
   settings.deterministic = config.train.deterministic;
   settings.blend_rule = render.blend_rule;
+  settings.order = render.order;
   settings.antialias = render.antialias;
   settings.antialias_detach = render.antialias_detach;
   settings.absolute_gradient = growth_method(config.density.strategy).absolute_gradient;

@@ -68,6 +68,10 @@ class Renderer {
                         const GaussiansSpan& gradients, Span<Vec2f> dL_dmean2d) = 0;
 };
 
+/// Throws UsageError where Gaussians cannot be drawn in the order by pixel: in space and time, or
+/// through a lens.
+void check_has_rays(const GaussiansSpan& gaussians, const Camera& camera);
+
 /// The scalar renderer. It is the reference: every other renderer must compute the same.
 std::unique_ptr<Renderer> make_scalar_renderer();
 

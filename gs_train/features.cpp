@@ -20,6 +20,8 @@ void check_supported(const Config& config, const Features& features, const std::
   };
   check("loss.kind", config.loss.kind, features.losses);
   check("photometric.model", config.photometric.model, features.photometric);
+  if (config.render.order == RenderOrder::pixel && !features.draws_by_pixel)
+    throw UsageError("render.order = \"pixel\" trains on one GPU; choose it with --device cuda:0");
   if (features.is_shared && config.density.max_gaussians == kAutoCount)
     throw UsageError(
         "density.max_gaussians = auto goes by the memory of one GPU; give a number where several "

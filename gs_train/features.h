@@ -15,6 +15,7 @@ struct Features {
   // Other processes take the same steps of the same model. This one cannot go back or take other
   // steps than they do.
   bool is_shared = false;
+  bool draws_by_pixel = true;  // render.order = "pixel"
 };
 
 /// Throws UsageError where the config asks for what a backend does not have. `name` is that of its

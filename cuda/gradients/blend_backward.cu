@@ -9,194 +9,24 @@
 //
 // The score "force" of density control (FragmentSums) costs little more: sum f is one of the moments,
 // and sum f^2 is summed from the registers that the products load.
-#include "cuda/gradients/gradient_sums.cuh"
-#include "cuda/render/blend/fragment_products.cuh"
+#include "cuda/gradients/pixel_order.cuh"
+#include "cuda/gradients/splat_shares.cuh"
 
 namespace gs::cuda {
 namespace {
 
 constexpr int kBlocks = 6;  // per multiprocessor, as many as registers and memory allow
-constexpr int kColorStride = kWarp + 8;  // floats; columns are 8 banks apart
-constexpr int kSecondAt = 16;            // the place of FragmentSums::second among a splat's sums
 
 using Walk = PartWalkOf<Splat, kTileWidth, true, std::uint16_t>;
 static_assert(kSegmentLength <= 65536);  // a walk of 16 bits
-
-// Columns of the colors' right-hand side that are in use.
-template <bool with_depth>
-constexpr int kColorColumns = with_depth ? 8 : 6;
 
 template <bool with_depth>
 struct WarpShared {
   Listed<with_depth> list[kListed];
   Walk::Ahead ahead;
-  // the left-hand sides: f and w of 16 splats at each pixel; then the sums over the pixels
-  alignas(16) float fragments[place_of_w(kProducts - 1) + kLeftStride];
-  alignas(
-      8) float colors[kColorColumns<with_depth>][kColorStride];  // the right-hand side, by columns
+  ProductFragments fragments;
+  ProductColors<with_depth> colors;
 };
-
-// The results of the forward pass.
-struct Forward {
-  const float* image;                      // (3, H, W)
-  const float* transmittance;              // (H, W)
-  const std::uint32_t* last;               // (H, W)
-  const std::uint32_t* first_checkpoints;  // (tiles)
-  const Vec4f* checkpoints;                // (.., pixels of a tile)
-  const float* depth;                      // (H, W)
-  const float* depth_checkpoints;          // (.., pixels of a tile)
-};
-// A PictureGradient as a kernel gets it.
-struct PictureGradientPointers {
-  const float *image, *alpha, *depth;
-};
-
-// The state of one pixel during the walk. gs_core/math/render/blend.h has the same formulas with
-// the color behind a fragment; here its inner product with dL/d(pixel) is enough.
-template <bool with_depth>
-struct PixelWalk {
-  Vec3f dL_dpixel{0, 0, 0};
-  float dL_ddepth = 0;
-  float behind = 0;       // <color behind without background, dL/dpixel> - background_term
-  float last_behind = 0;  // the same behind the last fragment: -background_term
-  float transmittance = 1;
-  int last = -1;  // the position of the last fragment
-
-  __device__ PixelWalk(const TileLists& lists, const Subtile& subtile, const Vec3f& background,
-                       const Forward& forward, const PictureGradientPointers& dL) {
-    if (!subtile.is_inside) return;
-    const std::size_t at = subtile.pixel(lists), plane = std::size_t(lists.width) * lists.height;
-    const float* const image = forward.image + at;
-    dL_dpixel = {dL.image[at], dL.image[plane + at], dL.image[2 * plane + at]};
-    behind = inner(dL_dpixel, Vec3f(image[0], image[plane], image[2 * plane]));
-    last_behind = forward.transmittance[at] * inner(dL_dpixel, background);
-    if (dL.alpha) {  // as a color of -dL/d(alpha) behind everything
-      const float by_alpha = forward.transmittance[at] * dL.alpha[at];
-      behind -= by_alpha;
-      last_behind -= by_alpha;
-    }
-    if constexpr (with_depth) {
-      dL_ddepth = dL.depth[at];
-      behind = fmaf(dL_ddepth, forward.depth[at], behind);
-    }
-    last = int(forward.last[at]) - 1;
-  }
-
-  /// Skips to a later segment, before which `at` has color, transmittance and depth.
-  __device__ void skip_to(const Forward& forward, std::size_t at) {
-    const Vec4f& checkpoint = forward.checkpoints[at];
-    behind -= inner(dL_dpixel, Vec3f(checkpoint.x, checkpoint.y, checkpoint.z));
-    if constexpr (with_depth) behind -= dL_ddepth * forward.depth_checkpoints[at];
-    transmittance = checkpoint.w;
-  }
-
-  /// Returns f and w of a fragment, and advances past it. A fragment that is not kept has opacity 0:
-  /// f and w are 0 and the state stays as it is, without a branch.
-  template <BlendRule rule>
-  __device__ float2 step(const Listed<with_depth>& splat, float e, bool is_kept) {
-    const float opacity = is_kept ? splat.opacity : 0.0f, gaussian = exp2_fragment(e);
-    const float alpha = fragment_alpha<rule>(opacity, gaussian);
-    const float weight = transmittance * alpha;
-    float shade =
-        fmaf(splat.red, dL_dpixel.x, fmaf(splat.green, dL_dpixel.y, splat.blue * dL_dpixel.z));
-    if constexpr (with_depth) shade = fmaf(splat.depth, dL_ddepth, shade);
-    behind = int(splat.position) == last ? last_behind : fmaf(-weight, shade, behind);
-    const float q = 1.0f / fmaxf(1.0f - alpha, kMinOneMinusAlpha);
-    float f = fmaf(weight, shade, -alpha * q * behind);
-    if (rule == BlendRule::classic && opacity * gaussian > kMaxAlphaClassic) f = 0.0f;
-    transmittance = transmittance * (1.0f - alpha);
-    return {f, weight};
-  }
-};
-
-// Writes this lane's row of the right-hand side of the colors: red, green and blue of dL/d(pixel),
-// which a product cuts off to TF32, the rest of each, and the same of the depth.
-template <bool with_depth>
-__device__ void write_colors(WarpShared<with_depth>& shared, const PixelWalk<with_depth>& pixel) {
-  const int lane = lane_of_thread();
-  for (int c = 0; c < 3; ++c) {
-    shared.colors[c][lane] = pixel.dL_dpixel[c];
-    shared.colors[3 + c][lane] = pixel.dL_dpixel[c] - tf32_part(pixel.dL_dpixel[c]);
-  }
-  if constexpr (with_depth) {
-    shared.colors[6][lane] = pixel.dL_ddepth;
-    shared.colors[7][lane] = pixel.dL_ddepth - tf32_part(pixel.dL_ddepth);
-  }
-}
-
-// FragmentSums::second of the splats 2 g and 2 g + 1 over the pixels that this lane loads.
-struct SecondSums {
-  float first = 0, second = 0;
-
-  // Left-hand sides of f.
-  __device__ void add(const float4& f) {
-    first = fmaf(f.x, f.x, fmaf(f.z, f.z, first));
-    second = fmaf(f.y, f.y, fmaf(f.w, f.w, second));
-  }
-  /// The four lanes with the same g: the sum over all pixels, of splat 2 g in even lanes and of
-  /// 2 g + 1 in odd ones.
-  __device__ float total() const {
-    const bool is_odd = lane_of_thread() % 2;
-    const float given = __shfl_xor_sync(kAllLanes, is_odd ? first : second, 1);
-    const float pair = (is_odd ? second : first) + given;
-    return pair + __shfl_xor_sync(kAllLanes, pair, 2);
-  }
-};
-
-// What lane k knows of the k-th splat, where asked for.
-struct SplatOfLane {
-  Vec2f absolute{0, 0};  // its absolute gradient
-  unsigned kept = 0;     // the pixels of its fragments, a bit each
-};
-
-// The whole warp: sums f and w of up to 16 splats over the pixels, and adds each splat's share to
-// the sums of its Gaussian. Splats 2 g and 2 g + 1 are rows g and g + 8 of the products.
-template <class Sums, class Shared, class Listed>
-__device__ void add_shares(Shared& shared, const Listed* list, int count,
-                           const SplatOfLane& of_lane, const Monomials& monomials,
-                           const Vec2f& center, const Sums& sums) {
-  constexpr bool kHasFragments = Sums::kStatistic != FragmentStatistic::none;
-  const int lane = lane_of_thread(), g = lane / 4, t = lane % 4;
-  __syncwarp();
-  const float* const column = shared.colors[min(g, kColorColumns<Sums::kDepth> - 1)] + 2 * t;
-  SecondSums seconds;
-  float moments[4] = {}, colors[4] = {};
-#pragma unroll
-  for (int q = 0; q < kProducts; ++q) {
-    const float4 f = *reinterpret_cast<const float4*>(shared.fragments + place_of_f(q) + 4 * lane);
-    const float4 w = *reinterpret_cast<const float4*>(shared.fragments + place_of_w(q) + 4 * lane);
-    const float y = monomials.y_of_row(q);
-    const float2 color = *reinterpret_cast<const float2*>(column + 8 * q);
-    multiply_add_exactly(moments, {f.x, f.y, f.z, f.w}, {monomials.x[0] * y, monomials.x[1] * y});
-    multiply_add_exactly(colors, {w.x, w.y, w.z, w.w}, {color.x, color.y});
-    if (kHasFragments) seconds.add(f);
-  }
-  [[maybe_unused]] const float second = kHasFragments ? seconds.total() : 0.0f;
-  __syncwarp();
-  float* const to = shared.fragments + 2 * g * kSumStride + 2 * t;
-  *reinterpret_cast<float2*>(to) = {moments[0], moments[1]};
-  *reinterpret_cast<float2*>(to + 8) = {colors[0], colors[1]};
-  *reinterpret_cast<float2*>(to + kSumStride) = {moments[2], moments[3]};
-  *reinterpret_cast<float2*>(to + kSumStride + 8) = {colors[2], colors[3]};
-  if (kHasFragments && t < 2) shared.fragments[(2 * g + t) * kSumStride + kSecondAt] = second;
-  __syncwarp();
-  std::uint32_t gaussian = 0;
-  SplatShare share;
-  if (lane < count) {
-    const Listed splat = list[lane];
-    const float* const of_splat = shared.fragments + lane * kSumStride;
-    gaussian = splat.gaussian;
-    share.gradient = splat_gradient(splat, center, of_splat);
-    if (Sums::kDepth) share.gradient.depth = of_splat[14] + of_splat[15];
-    if (Sums::kAbsolute)
-      share.gradient.absolute_x = of_lane.absolute.x,
-      share.gradient.absolute_y = of_lane.absolute.y;
-    if (kHasFragments)
-      share.fragments = {float(__popc(of_lane.kept)), of_splat[0], of_splat[kSecondAt]};
-  }
-  sums.add(count, gaussian, share, shared.fragments);
-  __syncwarp();
-}
 
 template <BlendRule rule, class Sums>
 __global__ void __launch_bounds__(kBlendThreads, kBlocks)
@@ -218,12 +48,12 @@ __global__ void __launch_bounds__(kBlendThreads, kBlocks)
   if (segment.number > 0)
     pixel.skip_to(forward,
                   subtile.checkpoint(forward.first_checkpoints[segment.tile] + segment.number - 1));
-  write_colors(shared, pixel);
+  write_colors(shared.colors, pixel);
   const Monomials monomials;
   const Vec2f center{float(subtile.x0) + 0.5f * kSubtileWidth,
                      float(subtile.y0) + 0.5f * kSubtileHeight};
   const float x = float(subtile.x) + 0.5f, y = float(subtile.y) + 0.5f;
-  float* const left = shared.fragments + place_of_f(lane / 8) + 2 * (lane % 8);
+  float* const left = shared.fragments.of + place_of_f(lane / 8) + 2 * (lane % 8);
   const PixelRange pixels = subtile.pixels();
   Walk walk(shared.ahead, lists, subtile.tile, pixels.bit(), first,
             min(longest, first + kSegmentLength), false);
@@ -260,7 +90,7 @@ __global__ void __launch_bounds__(kBlendThreads, kBlocks)
       *reinterpret_cast<float2*>(to) = {a.x, b.x};
       *reinterpret_cast<float2*>(to + place_of_w(0)) = {a.y, b.y};
     }
-    add_shares(shared, list, count, of_lane, monomials, center, sums);
+    add_shares(shared.fragments, shared.colors, list, count, of_lane, monomials, center, sums);
     listed -= count;
     list = list + kProductSplats < shared.list + kListed ? list + kProductSplats : shared.list;
   }
@@ -307,12 +137,18 @@ void blend_backward(Context& context, const RenderSettings& settings, const Pict
                         pass.depth_image.data(),
                         scratch.depth_checkpoints.data()};
   const auto launch = [&](const auto& sums) {
+    using Sums = std::remove_cvref_t<decltype(sums)>;
+    const PictureGradientPointers by{dL.image.data, dL.alpha.data, dL.depth.data};
     with_rule(settings.blend_rule, [&](auto rule) {
-      context.launch("blend backward",
-                     blend_backward_kernel<rule(), std::remove_cvref_t<decltype(sums)>>,
-                     blend_blocks(scratch.segments.size()), kBlendThreads, tile_lists(pass),
-                     scratch.segments.data(), Background(settings), forward,
-                     PictureGradientPointers{dL.image.data, dL.alpha.data, dL.depth.data}, sums);
+      if (is_by_pixel(pass))
+        context.launch("blend backward", blend_backward_by_pixel_kernel<rule(), Sums>,
+                       pixel_order_blocks(pass.tile_count()), kPixelOrderThreads, tile_lists(pass),
+                       pass.ray_depths.data(), scratch.order(), Background(settings), forward, by,
+                       sums);
+      else
+        context.launch("blend backward", blend_backward_kernel<rule(), Sums>,
+                       blend_blocks(scratch.segments.size()), kBlendThreads, tile_lists(pass),
+                       scratch.segments.data(), Background(settings), forward, by, sums);
     });
   };
   const FragmentSink fragments{

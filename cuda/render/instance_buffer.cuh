@@ -30,8 +30,16 @@ inline std::size_t most_segments(std::size_t tiles, std::uint32_t instances) {
   return tiles + instances / kSegmentLength;
 }
 
-/// The bits of a tile's number, and of the number that means "no tile".
-inline int tile_key_bits(const RenderPass& pass) { return int(std::bit_width(pass.tile_count())); }
+/// The bits of a depth in the keys of the tile sort: none but in the order by pixel.
+inline int depth_bits(const RenderPass& pass) {
+  const int left = 32 - int(std::bit_width(pass.tile_count()));
+  return is_by_pixel(pass) ? std::min(left, kDepthKeyBits) : 0;
+}
+/// The bits of the keys: those of a tile's number, or of the number that means "no tile", and of a
+/// depth.
+inline int tile_key_bits(const RenderPass& pass) {
+  return int(std::bit_width(pass.tile_count())) + depth_bits(pass);
+}
 
 /// The arrays of the tile sort. create_instances() fills `keys` and `splats`, the sort uses
 /// `other_keys` and `other_splats` as well. Either `splats` or `other_splats` is pass.tile_splats:

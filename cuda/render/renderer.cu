@@ -46,8 +46,11 @@ void CudaRenderer::finish_counted(const RenderSettings& settings, RenderPass& pa
 
 void CudaRenderer::forward(const GaussiansSpan& gaussians, const Camera& camera,
                            const RenderSettings& settings, RenderPass& pass) {
-  draw_frame(gaussians.mean.size, camera, settings, pass,
-             [&] { preprocess(context_, gaussians, camera, settings, workspace_, pass); });
+  draw_frame(gaussians.mean.size, camera, settings, pass, [&] {
+    preprocess(context_, gaussians, camera, settings, workspace_, pass);
+    if (settings.order == RenderOrder::pixel)
+      find_ray_depths(context_, gaussians, camera, nullptr, pass);
+  });
 }
 
 std::unique_ptr<PackedScene> CudaRenderer::pack(const GaussiansSpan& gaussians,
@@ -121,6 +124,7 @@ void CudaRenderer::finish(const RenderSettings& settings, RenderPass& pass,
 void CudaRenderer::sort_and_blend(const RenderSettings& settings, RenderPass& pass,
                                   const InstanceLimit& limit) {
   create_instances(context_, settings, workspace_, pass, limit);
+  if (is_by_pixel(pass)) add_depths_to_keys(context_, settings, workspace_, pass, limit.capacity);
   sort_by_tile(context_, settings, workspace_, pass, limit.capacity);
   blend(context_, settings, pass);
 }

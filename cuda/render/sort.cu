@@ -48,9 +48,16 @@ struct SaturatingSum {
 
 static_assert(2 * kLengthClasses <= kThreads);  // one block of tile_ranges_kernel clears them
 
+// The tiles of keys whose lower bits are a depth's.
+struct TilesOfKeys {
+  const std::uint32_t* keys;
+  int depth_bits;
+  __device__ std::uint32_t operator[](std::uint32_t i) const { return keys[i] >> depth_bits; }
+};
+
 // Range t begins at the first instance whose tile is not below t.
-template <class Key>
-__global__ void tile_ranges_kernel(const Key* keys, std::uint32_t capacity, std::uint32_t tiles,
+template <class Keys>
+__global__ void tile_ranges_kernel(Keys keys, std::uint32_t capacity, std::uint32_t tiles,
                                    std::uint32_t* ranges, std::uint32_t* length_classes) {
   const std::uint32_t i = blockIdx.x * kThreads + threadIdx.x;
   if (length_classes && i < 2 * kLengthClasses) length_classes[i] = 0;  // for order_tiles()
@@ -271,10 +278,16 @@ void sort_by_tile(Context& context, const RenderSettings& settings, Workspace& w
   workspace.length_classes.resize_discard(2 * kLengthClasses);
   const auto run = [&](auto key) {
     using Key = decltype(key);
-    const Key* const keys = sort_instances<Key>(context, buffer, workspace, pass, capacity);
-    context.launch("tile ranges", tile_ranges_kernel<Key>, blocks_for(capacity, kThreads), kThreads,
-                   keys, capacity, std::uint32_t(pass.tile_count()), pass.tile_ranges.data(),
-                   workspace.length_classes.data());
+    const Key* const sorted = sort_instances<Key>(context, buffer, workspace, pass, capacity);
+    const auto launch = [&](auto keys) {
+      context.launch("tile ranges", tile_ranges_kernel<decltype(keys)>,
+                     blocks_for(capacity, kThreads), kThreads, keys, capacity,
+                     std::uint32_t(pass.tile_count()), pass.tile_ranges.data(),
+                     workspace.length_classes.data());
+    };
+    if constexpr (sizeof(Key) == sizeof(std::uint32_t))
+      if (is_by_pixel(pass)) return launch(TilesOfKeys{sorted, depth_bits(pass)});
+    launch(sorted);
   };
   if (uses_short_keys(pass))
     run(std::uint16_t());

@@ -347,6 +347,13 @@ void validate(const Config& config, const SettingOrigins& origins) {
   require(parse_region(density.region).has_value(), "density.region", density.region,
           "up to six half-spaces, each of them four numbers such as \"0,0,1,2.5\", with ; between "
           "them");
+  if (config.render.order == RenderOrder::pixel) {
+    require(!config.model.dynamic, "model.dynamic", true, "false where render.order = \"pixel\"");
+    require(config.dataset.lens != LensUse::native, "dataset.lens", config.dataset.lens,
+            "undistort or auto where render.order = \"pixel\"");
+    require(growth_method(density.strategy).score_photos == 0, "density.strategy", density.strategy,
+            "one without a score pass where render.order = \"pixel\"");
+  }
   const TrainConfig& train = config.train;
   const double iterations = train.iterations > 0
                                 ? double(train.iterations)

@@ -73,6 +73,7 @@ struct ModelConfig {
 struct RenderConfig {
   Background background = Background::black;
   BlendRule blend_rule = BlendRule::faster_gs;
+  RenderOrder order = RenderOrder::z;
   Truncation truncation = Truncation::alpha;
   TileBounds bounds = TileBounds::exact;
   BlendKernel blend = BlendKernel::gemm;

@@ -56,6 +56,11 @@ struct Words<BlendRule> {
                                                {"classic", BlendRule::classic}};
 };
 template <>
+struct Words<RenderOrder> {
+  static constexpr Word<RenderOrder> kTable[] = {{"z", RenderOrder::z},
+                                                 {"pixel", RenderOrder::pixel}};
+};
+template <>
 struct Words<Truncation> {
   static constexpr Word<Truncation> kTable[] = {{"alpha", Truncation::alpha},
                                                 {"sigma2", Truncation::sigma2},

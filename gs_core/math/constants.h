@@ -35,6 +35,7 @@ inline constexpr float kFrustumMargin = 0.15f;          // of the picture's size
 inline constexpr float kMinCovarianceDeterminant = 1e-6f;  // pixels^4; below it a splat is not rendered [FGS]
 inline constexpr float kMaxCovarianceDeterminant = 1e30f;  // pixels^4; above it 1 / det loses its range in float
 inline constexpr float kMinQuaternionNorm2 = 1e-8f;     // below it a Gaussian is degenerate [FGS]
+inline constexpr double kLeastThickness = 1e-3;         // of a Gaussian's length, in the order by pixel (Radl et al. 2024, code: world units)
 
 // Time.
 inline constexpr float kMinMarginal = 0.05f;            // a Gaussian whose opacity is scaled by less is not rendered [FGS]

@@ -7,6 +7,7 @@
 #include "gs_core/threads/parallel.h"
 #include "gs_render/stage_clock.h"
 #include "gs_render/stages.h"
+#include "gs_render/stages/pixel_order.h"
 #include "gs_render/stages/tile_loop.h"
 
 namespace gs {
@@ -113,6 +114,7 @@ void blend(const RenderSettings& settings, RenderPass& pass) {
   pass.transmittance.resize_discard(pass.pixel_count());
   pass.last_instance.resize_discard(pass.pixel_count());
   pass.depth_image.resize_discard(settings.blends_depth ? pass.pixel_count() : 0);
+  if (!pass.ray_depths.empty()) return blend_by_pixel(settings, pass);
   parallel_for(pass.tile_count(), 1, [&](std::size_t tile) {
     if (settings.blend_rule == BlendRule::classic)
       blend_tile_as_asked<BlendRule::classic>(settings, pass, tile);

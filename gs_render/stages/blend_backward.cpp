@@ -9,6 +9,7 @@
 #include "gs_core/threads/parallel.h"
 #include "gs_render/stage_clock.h"
 #include "gs_render/stages.h"
+#include "gs_render/stages/pixel_order.h"
 #include "gs_render/stages/tile_loop.h"
 
 namespace gs {
@@ -211,6 +212,7 @@ void blend_backward(const RenderSettings& settings, const PictureGradient& dL, R
   scratch.instance_gradients.resize_discard(instances);
   scratch.absolute_gradients.resize_discard(settings.absolute_gradient ? instances : 0);
   scratch.fragment_sums.resize_discard(has_sums ? instances : 0);
+  if (!pass.ray_depths.empty()) return blend_backward_by_pixel(settings, dL, pass);
   tiles_for_statistic(settings)(settings, dL, pass);
 }
 

@@ -2,6 +2,7 @@
 // Stage 1: one splat per Gaussian; see gs_core/math/render/splat.h for the formulas, and
 // spacetime_splat.h for those of Gaussians in space and time.
 #include "gs_core/threads/parallel.h"
+#include "gs_render/renderer.h"
 #include "gs_render/stage_clock.h"
 #include "gs_render/stages.h"
 
@@ -22,6 +23,10 @@ void preprocess(const GaussiansSpan& gaussians, const Camera& camera,
   const HostStage stage("preprocess");
   const std::size_t count = gaussians.mean.size;
   pass.begin(camera, count);
+  if (settings.order == RenderOrder::pixel) {
+    check_has_rays(gaussians, camera);
+    pass.ray_depths.resize_discard(count);
+  }
 
   parallel_for(count, 512, [&](std::size_t i) {
     pass.tile_counts[i] = 0;
@@ -37,6 +42,8 @@ void preprocess(const GaussiansSpan& gaussians, const Camera& camera,
     pass.splats[i] = splat;
     pass.pixel_rects[i] = pixels;
     pass.tile_counts[i] = hits;
+    if (!pass.ray_depths.empty())
+      pass.ray_depths[i] = ray_depth(camera, parameters_of(gaussians, i));
   });
 }
 

@@ -36,6 +36,14 @@ class ScalarRenderer final : public Renderer {
 
 }  // namespace
 
+void check_has_rays(const GaussiansSpan& gaussians, const Camera& camera) {
+  if (gaussians.has_time) throw UsageError("a model that moves is drawn with render.order = \"z\"");
+  if (camera.has_lens())
+    throw UsageError(
+        "cameras with a lens are drawn with render.order = \"z\"; photos have none with "
+        "dataset.lens = \"undistort\"");
+}
+
 std::unique_ptr<PackedScene> Renderer::pack(const GaussiansSpan& gaussians, const RenderSettings&) {
   return std::make_unique<PackedScene>(gaussians);
 }

@@ -136,6 +136,7 @@ TEST(Config, EveryFieldOfTheListIsItsOwn) {
 TEST_F(ConfigFile, PrintedConfigReadsBackEqualAsItIsAndWithEveryFieldChanged) {
   Config changed = everything_changed();
   changed.loss.kind = Config{}.loss.kind;  // there is only one word so far
+  changed.render.order = RenderOrder::z;         // the other one refuses values of other fields
   validate(changed);
   for (const Config& config : {Config(), changed})
     EXPECT_EQ(fields_of(load(to_toml(config))), fields_of(config));
@@ -407,7 +408,7 @@ TEST(ConfigWords, EachWordStandsForItsOwnValueAndOthersAreRefused) {
                         HasSubstr("one of " + std::string(joined_words<T>()))));
     }
   });
-  EXPECT_EQ(settings, 12u);
+  EXPECT_EQ(settings, 13u);
 }
 
 TEST(Setting, TakesTomlValuesAndBareWords) {
@@ -450,6 +451,17 @@ TEST(Validate, ChecksFieldsAgainstEachOther) {
   config = {};
   config.dataset.resolution = 3;
   EXPECT_THAT(message_of([&] { validate(config); }), HasSubstr("1, 2, 4, 8"));
+  config = {};
+  config.render.order = RenderOrder::pixel;
+  EXPECT_EQ(message_of([&] { validate(config); }), "no error");
+  config.model.dynamic = true;
+  EXPECT_THAT(message_of([&] { validate(config); }), HasSubstr("model.dynamic"));
+  config.model.dynamic = false;
+  config.density.strategy = "fastgs";
+  EXPECT_THAT(message_of([&] { validate(config); }), HasSubstr("density.strategy"));
+  config.density.strategy = "growth";
+  config.dataset.lens = LensUse::native;
+  EXPECT_THAT(message_of([&] { validate(config); }), HasSubstr("dataset.lens"));
   config = {};
   config.train.steps_scaler = 1e-6f;
   EXPECT_THAT(message_of([&] { validate(config); }), HasSubstr("train.steps_scaler"));

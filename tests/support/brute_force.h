@@ -56,6 +56,7 @@ struct ReferenceSplats {
     std::uint32_t gaussian;
     double depth;
     BasicSplat<double> splat;
+    RayDepth<double> ray{};  // in the order by pixel
   };
   std::vector<Entry> entries;
   double conic_error, mean_error;  // of a float renderer's splats: relative; pixels
@@ -103,6 +104,9 @@ ReferenceSplats reference_splats(const std::vector<DoubleGaussian>& gaussians,
                                Vec3d(s.color),
                                double(s.variance_y),
                                double(p.depth)}});
+    if (settings.order == RenderOrder::z) continue;
+    const RayDepth<T> ray = ray_depth(camera_t, parameters);
+    result.entries.back().ray = {ray.depth, Vec2<double>(ray.u), Vec2<double>(ray.v), ray.w};
   }
   std::stable_sort(result.entries.begin(), result.entries.end(),
                    [](const auto& a, const auto& b) { return a.depth < b.depth; });
@@ -180,17 +184,33 @@ struct ReferencePicture {
   }
 };
 
+/// Those in front of the eye at a pixel, by their depth along its ray.
+inline ReferenceSplats in_order_of_pixel(const ReferenceSplats& splats, int x, int y) {
+  ReferenceSplats result{{}, splats.conic_error, splats.mean_error};
+  for (ReferenceSplats::Entry entry : splats.entries) {
+    entry.depth = entry.ray.at(x + 0.5 - entry.splat.mean2d.x, y + 0.5 - entry.splat.mean2d.y);
+    if (entry.depth > 0) result.entries.push_back(entry);
+  }
+  std::stable_sort(result.entries.begin(), result.entries.end(),
+                   [](const auto& a, const auto& b) { return a.depth < b.depth; });
+  return result;
+}
+
 /// The whole picture.
 inline ReferencePicture reference_picture(const ReferenceSplats& splats,
                                           const RenderSettings& settings, int width, int height) {
   ReferencePicture picture{width, height, {}};
   picture.pixels.reserve(std::size_t(width) * height);
+  const auto pixel = [&](const ReferenceSplats& in_order, int x, int y) {
+    return settings.blend_rule == BlendRule::classic
+               ? reference_pixel<BlendRule::classic>(in_order, settings.background, x, y)
+               : reference_pixel<BlendRule::faster_gs>(in_order, settings.background, x, y);
+  };
   for (int y = 0; y < height; ++y)
     for (int x = 0; x < width; ++x)
-      picture.pixels.push_back(
-          settings.blend_rule == BlendRule::classic
-              ? reference_pixel<BlendRule::classic>(splats, settings.background, x, y)
-              : reference_pixel<BlendRule::faster_gs>(splats, settings.background, x, y));
+      picture.pixels.push_back(settings.order == RenderOrder::pixel
+                                   ? pixel(in_order_of_pixel(splats, x, y), x, y)
+                                   : pixel(splats, x, y));
   return picture;
 }
 

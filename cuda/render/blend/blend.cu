@@ -88,6 +88,7 @@ void blend(Context& context, const RenderSettings& settings, RenderPass& pass) {
   pass.transmittance.resize_discard(pass.pixel_count());
   pass.last_instance.resize_discard(pass.pixel_count());
   pass.depth_image.resize_discard(settings.blends_depth ? pass.pixel_count() : 0);
+  if (is_by_pixel(pass)) return blend_by_pixel(context, settings, pass);
   if (blends_on_tensor_cores(context, settings)) return blend_gemm(context, settings, pass);
   const CudaScratch& scratch = pass.scratch<CudaScratch>();
   const Output out{pass.image.data(),

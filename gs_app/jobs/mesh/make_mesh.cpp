@@ -67,7 +67,8 @@ std::unique_ptr<Fusion> fusion_of(const MeshJob& job, Backend& backend,
   std::unique_ptr<Fusion> fusion = renderer.fusion(job.rule);
   const Gaussians gaussians = copy_to(backend.memory(), opened.model);
   RenderSettings settings = view_settings(opened, config);
-  settings.for_backward = true;  // the lists of tiles are needed, too
+  settings.for_backward = true;     // the lists of tiles are needed, too
+  settings.order = RenderOrder::z;  // in which surfaces are found
   RenderPass pass(backend.memory());
   for (const Camera& camera : cameras) {
     renderer.forward(gaussians.span(), camera, settings, pass);

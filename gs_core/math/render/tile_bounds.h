@@ -92,18 +92,23 @@ GS_HD Rect tile_rect(const Rect& pixels) {
           std::uint16_t(pixels.y_begin / edge), std::uint16_t((pixels.y_end + edge - 1) / edge)};
 }
 
-/// True where some point of a rectangle of pixel centers has an exponent >= -cutoff: the exact test
-/// of Radl et al. 2024 (StopThePop), for the quadratic 1/2 d^T Q d.
+/// Where the quadratic 1/2 d^T Q d of a splat is least, and how much.
+struct LeastPoint {
+  Vec2f offset;  // d, from the mean, pixels
+  float value;
+};
+/// The best point of a rectangle of pixel centers, at which a splat's exponent is largest.
+///                                                              Radl et al. 2024 (StopThePop)
 ///
 /// x_min .. y_max  the outermost pixel centers   pixels
-/// slack           relative rounding error of the quadratic that still counts as a hit; 0: none
+/// slack           relative rounding error of the quadratic that the value may be lower by; 0: none
 ///
 /// The smallest value over the rectangle lies at the mean if that is inside, else on one of the two
 /// edges nearest to it; along an edge the minimum of the parabola is clamped to the edge. Edges
 /// that the mean is not outside of are replaced by the column or row through it, so that nothing
 /// branches.
-GS_HD bool rectangle_is_hit(const Vec2f& mean2d, const Sym2<float>& conic, float cutoff,
-                            float x_min, float x_max, float y_min, float y_max, float slack = 0) {
+GS_HD LeastPoint least_in_rectangle(const Vec2f& mean2d, const Sym2<float>& conic, float x_min,
+                                    float x_max, float y_min, float y_max, float slack = 0) {
   using std::fmax, std::fmin;
   const float left = x_min - mean2d.x, right = x_max - mean2d.x;
   const float up = y_min - mean2d.y, down = y_max - mean2d.y;
@@ -116,7 +121,15 @@ GS_HD bool rectangle_is_hit(const Vec2f& mean2d, const Sym2<float>& conic, float
     const float square = multiply_add(conic.xx * dx, dx, conic.yy * dy * dy);
     return multiply_add(conic.xy * dx, dy, (0.5f - slack) * square);
   };
-  return min_of(quadratic(fx, y), quadratic(x, fy)) <= cutoff;
+  const float in_column = quadratic(fx, y), in_row = quadratic(x, fy);
+  if (in_row < in_column) return {{x, fy}, in_row};
+  return {{fx, y}, in_column};
+}
+
+/// True where some point of the rectangle has an exponent >= -cutoff.
+GS_HD bool rectangle_is_hit(const Vec2f& mean2d, const Sym2<float>& conic, float cutoff,
+                            float x_min, float x_max, float y_min, float y_max, float slack = 0) {
+  return least_in_rectangle(mean2d, conic, x_min, x_max, y_min, y_max, slack).value <= cutoff;
 }
 
 /// rectangle_is_hit() for a tile.
