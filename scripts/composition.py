@@ -4,7 +4,7 @@
 
     python3 scripts/composition.py RUN -o out/composition             # on a GPU, of a run's folder
 
-RUN is drawn with the bounds of each system, and as a file of c3dgs and of LightGaussian, with `render.blend` simt and
+RUN is drawn with the bounds and the order of each system, and as a file of c3dgs and of LightGaussian, with `render.blend` simt and
 gemm. OUT has composition.json, composition.md and the report of each `gemsplat bench`.
 """
 import argparse
@@ -20,6 +20,7 @@ ROWS = [
     ("3DGS: squares of 3 standard deviations", ["render.bounds=square", "render.blend_rule=classic"], None),
     ("Speedy-Splat: boxes by opacity", ["render.bounds=box"], None),
     ("FlashGS, Speedy-Splat: the tiles that an ellipse touches", [], None),
+    ("StopThePop: each pixel's own order", ["render.order=pixel"], None),
     ("c3dgs: its file", [], ".npz"),
     ("LightGaussian: its file", [], ".extreme_saving.zip"),
 ]
