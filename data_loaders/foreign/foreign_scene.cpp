@@ -45,25 +45,15 @@ constexpr int kDeepest = 3;                   // folders below the scene's
 constexpr std::size_t kMostEntries = 200000;  // of folders that are looked through
 constexpr std::uint64_t kHead = 4096;         // bytes
 
-std::string beginning_of(const fs::path& file) {
-  try {
-    ByteReader reader(file);
-    const auto bytes = std::size_t(std::min(reader.size(), kHead));
-    return lowercase({reinterpret_cast<const char*>(reader.peek(bytes)), bytes});
-  } catch (const Error&) {  // a file that cannot be read is nobody's poses
-    return "";
-  }
-}
-
 bool may_be(const Form& form, const fs::path& file) {
   return lowercase(file.filename().string()).ends_with(form.name_end) &&
          (!*form.folder || file.parent_path().filename() == form.folder);
 }
 
-bool is_of(const Form& form, const fs::path& file) {
-  if (!may_be(form, file)) return false;
-  if (form.read == read_bundler && !bundler_list(file)) return false;
-  return beginning_of(file).find(form.content) != std::string::npos;
+/// `head`: beginning_of() the file.
+bool is_of(const Form& form, const fs::path& file, const std::string& head) {
+  return may_be(form, file) && head.find(form.content) != head.npos &&
+         (form.read != read_bundler || bundler_list(file));
 }
 
 /// The files that may be of a form, sorted by depth and name.
@@ -88,12 +78,23 @@ void collect(const fs::path& folder, int depth, std::size_t& entries,
 }
 
 const Form* form_of(const fs::path& file) {
+  const std::string head = beginning_of(file);
   for (const Form& form : kForms)
-    if (is_of(form, file)) return &form;
+    if (is_of(form, file, head)) return &form;
   return nullptr;
 }
 
 }  // namespace
+
+std::string beginning_of(const fs::path& file) {
+  try {
+    ByteReader reader(file);
+    const auto bytes = std::size_t(std::min(reader.size(), kHead));
+    return lowercase({reinterpret_cast<const char*>(reader.peek(bytes)), bytes});
+  } catch (const Error&) {  // a file that cannot be read is nobody's poses
+    return "";
+  }
+}
 
 std::optional<ForeignScene> find_foreign_scene(const fs::path& scene) {
   if (is_file(scene)) {
@@ -107,9 +108,11 @@ std::optional<ForeignScene> find_foreign_scene(const fs::path& scene) {
     const auto depth = [](const fs::path& path) { return std::distance(path.begin(), path.end()); };
     return depth(a) != depth(b) ? depth(a) < depth(b) : a < b;
   });
+  std::vector<std::string> heads;
+  for (const fs::path& file : files) heads.push_back(beginning_of(file));
   for (const Form& form : kForms)
-    for (const fs::path& file : files)
-      if (is_of(form, file)) return {{file, form.program}};
+    for (std::size_t i = 0; i < files.size(); ++i)
+      if (is_of(form, files[i], heads[i])) return {{files[i], form.program}};
   return std::nullopt;
 }
 

@@ -4,10 +4,14 @@
 
 #include <filesystem>
 #include <optional>
+#include <string>
 
 #include "data_loaders/colmap/colmap_model.h"
 
 namespace gs {
+
+/// The first 4096 bytes of a file, ASCII letters in lower case; empty if it cannot be read.
+std::string beginning_of(const std::filesystem::path& file);
 
 /// A file with camera poses, and the program that wrote it.
 struct ForeignScene {

@@ -57,13 +57,13 @@ bool holds_only_photos(const fs::path& folder) {
   const bool has_videos = !find_videos(folder).empty();
   if (!fs::is_directory(folder, error)) return has_videos;
   if (!has_videos && !holds_photos(folder)) return false;
-  if (has_poses(folder) || find_foreign_scene(folder) || has_model(folder) ||
+  if (has_poses(folder) || has_model(folder) ||
       has_model(fs::absolute(folder / "").lexically_normal() / ".."))
     return false;
   for (fs::directory_iterator entry(folder, error), end; !error && entry != end;
        entry.increment(error))
     if (entry->is_directory(error) && has_model(entry->path())) return false;
-  return true;
+  return !find_foreign_scene(folder);
 }
 
 }  // namespace gs

@@ -3,13 +3,8 @@
 
 #include <spdlog/fmt/fmt.h>
 
-#include <algorithm>
-#include <string_view>
-
-#include "data_loaders/photos/photo_names.h"
+#include "data_loaders/foreign/foreign_scene.h"
 #include "data_loaders/reconstruct/photo_walk.h"
-#include "gs_core/error.h"
-#include "gs_core/system/byte_reader.h"
 #include "gs_core/system/text/ascii.h"
 
 namespace gs {
@@ -37,17 +32,6 @@ constexpr Kind kKinds[] = {
     {".rcproj", "", "RealityCapture", kRealityCapture},
 };
 
-std::string head_of(const fs::path& file) {
-  constexpr std::uint64_t kHead = 4096;
-  try {
-    ByteReader reader(file);
-    const auto bytes = std::size_t(std::min(reader.size(), kHead));
-    return lowercase({reinterpret_cast<const char*>(reader.peek(bytes)), bytes});
-  } catch (const Error&) {  // a file that cannot be read is nobody's poses
-    return "";
-  }
-}
-
 }  // namespace
 
 std::optional<ForeignCameras> find_foreign_cameras(const fs::path& folder) {
@@ -56,7 +40,7 @@ std::optional<ForeignCameras> find_foreign_cameras(const fs::path& folder) {
     std::string head;
     for (const Kind& kind : kKinds) {
       if (!name.ends_with(kind.name_end)) continue;
-      if (head.empty()) head = head_of(file);
+      if (head.empty()) head = beginning_of(file);
       if (head.find(kind.content) != head.npos) return {{file, kind.program, kind.way}};
     }
   }
