@@ -30,7 +30,8 @@ FORMS = {
 }
 SETTINGS = ({}, {"blend_rule": "classic"}, {"antialiased": True}, {"blur": 0.5, "near": 2.8},
             {"outputs": ("image", "alpha", "depth")}, {"outputs": ("inverse_depth",)}, {"deterministic": True})
-LENSES = ({"camera_model": "fisheye"}, {"camera_model": "ortho", "outputs": ("image", "alpha", "depth")})  # not of JAX
+# Not of JAX. With another near plane the gradient by the background is not nearly 0, which float32 could not tell.
+LENSES = ({"camera_model": "fisheye"}, {"camera_model": "ortho", "near": 2.5, "outputs": ("image", "alpha", "depth")})
 
 
 def arrays_for(count, seed=1, **others):

@@ -53,7 +53,9 @@ class HostOperation:
     def _arguments(self, pictures, rows=()):
         names = ("count", "width", "height", "sh_degree", "near", "far", "blur", "antialiased", "blend_rule")
         camera = self.call.get("camera")
-        return Arguments(arrays=self.arrays, cameras=(camera,) if camera else None, views=1, has_view_axis=False, shape="",
+        cameras = (camera,) if camera else None
+        by_matrices = "viewmats" in self.arrays  # of which a camera gives the lens alone
+        return Arguments(arrays=self.arrays, cameras=None if by_matrices else cameras, lenses=cameras if by_matrices else None, views=1, has_view_axis=False, shape="",
                          opacity="", color="colors", channels=self._channels(), dtype="float32", pictures=pictures, rows=rows, smooth=False,
                          max_instances=None, **{name: self.call[name] for name in names})
 
