@@ -98,10 +98,16 @@ TEST_F(Reconstruct, ASceneWithCamerasAndWithoutPointsKeepsItsCameras) {
 }
 
 TEST_F(Reconstruct, TrainStopsWherePosesOfAnotherProgramLieBesideThePhotos) {
+  const std::string train =
+      "train " + path("photos") + " -o " + path("run") +
+      " --iterations 5 --device cpu --set reconstruct.colmap=" + path("colmap");
+  write_bytes(path("photos/walk.psx"), "<document version=\"1.2.0\"/>");  // a project
+  EXPECT_EQ(run(train), 2);
+  EXPECT_THAT(printed(), AllOf(HasSubstr("walk.psx"), HasSubstr("Metashape")));
+  EXPECT_FALSE(fs::exists(path("run/scene")));
+  // An export is read, and this one has no pose.
   write_bytes(path("photos/cameras.xml"), "<document version=\"2.0.0\"><chunk/></document>");
-  EXPECT_EQ(run("train " + path("photos") + " -o " + path("run") +
-                " --iterations 5 --device cpu --set reconstruct.colmap=" + path("colmap")),
-            2);
+  EXPECT_EQ(run(train), 3);
   EXPECT_THAT(printed(), AllOf(HasSubstr("cameras.xml"), HasSubstr("Metashape")));
   EXPECT_FALSE(fs::exists(path("run/scene")));
 }
