@@ -136,7 +136,7 @@ TEST(Config, EveryFieldOfTheListIsItsOwn) {
 TEST_F(ConfigFile, PrintedConfigReadsBackEqualAsItIsAndWithEveryFieldChanged) {
   Config changed = everything_changed();
   changed.loss.kind = Config{}.loss.kind;  // there is only one word so far
-  changed.render.order = RenderOrder::z;         // the other one refuses values of other fields
+  changed.render.order = RenderOrder::z;   // the other one refuses values of other fields
   validate(changed);
   for (const Config& config : {Config(), changed})
     EXPECT_EQ(fields_of(load(to_toml(config))), fields_of(config));
