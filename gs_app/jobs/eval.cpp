@@ -4,6 +4,8 @@
 #include <iterator>
 
 #include "gs_app/export/export_model.h"
+#include "gs_app/export/film_path.h"
+#include "gs_app/export/view_pictures.h"
 #include "gs_app/jobs/parts/shared_options.h"
 #include "gs_app/jobs/verbs.h"
 #include "gs_app/run/make_backend.h"
@@ -14,6 +16,7 @@
 #include "gs_core/system/files/output_lock.h"
 #include "gs_eval/depth_error.h"
 #include "gs_eval/lpips/lpips.h"
+#include "gs_eval/popping.h"
 
 namespace gs {
 namespace {
@@ -21,7 +24,7 @@ namespace {
 struct EvalJob : JobSettings {
   std::string model, split = "test", output;
   ModelChoice choice;
-  bool corrects_colors = false;
+  bool corrects_colors = false, measures_popping = false;
 };
 
 void visit_options(EvalJob& job, OptionList& option) {
@@ -36,6 +39,9 @@ void visit_options(EvalJob& job, OptionList& option) {
                  "also measure LPIPS, with the weights in this file; none: without it");
   option("--color-corrected", job.corrects_colors,
          "also measure pictures whose colors are fitted to each photo");
+  option("--popping", job.measures_popping,
+         "also measure what pops up in a film through the views: FLIP between frames and their "
+         "neighbors, moved to the same camera");
   option("-o,--output", job.output, "also write the JSON to a file").takes("FILE");
   dataset_options(option, "-d,--data,-s,--source-path");
   render_options(option);
@@ -74,6 +80,34 @@ EvaluationOptions options_of(const EvalJob& job, const OpenedModel& opened, cons
   return options;
 }
 
+constexpr std::size_t kFilmFrames = 300;  // ten seconds
+constexpr int kFilmWidth = 800;           // pixels, at most
+
+// Of a film through the views, by pinholes.
+Popping popping_of(ViewPictures& pictures, const OpenedModel& opened,
+                   const std::vector<View>& views) {
+  if (opened.model.gaussians.has_time)
+    throw UsageError("--popping is for scenes that do not move; leave it out");
+  std::vector<NamedCamera> cameras;
+  for (const View& view : views) {
+    const Camera& camera = view.camera;
+    cameras.push_back({view.name, at_resolution(camera, std::min(camera.width, kFilmWidth))});
+    cameras.back().camera.lens = {};
+  }
+  PathRequest request;
+  request.kind = "spline";
+  request.frames = kFilmFrames;
+  std::vector<Camera> film;
+  for (const NamedCamera& frame :
+       film_path(request, cameras, opened.model.gaussians.mean.span(), opened.model.world_offset)
+           .cameras)
+    film.push_back(frame.camera);
+  return measure_popping(film, [&](const Camera& camera) {
+    std::vector<ImageF> drawn = pictures.values(camera, {Quantity::color, Quantity::depth});
+    return FilmFrame{camera, std::move(drawn[0]), std::move(drawn[1])};
+  });
+}
+
 Outcome run(const EvalJob& job, JobEvents& events) {
   std::optional<OutputLock> lock;
   if (!job.output.empty()) lock.emplace(OutputLock::of_file(job.output));
@@ -98,16 +132,25 @@ Outcome run(const EvalJob& job, JobEvents& events) {
       },
       options);
   measure_depth(backend->renderer(), gaussians, views, settings, evaluation);
-  const std::string json = evaluation_json(evaluation, opened.ply.string(), job.split,
-                                           gaussians.count(), backend->name());
+  std::string json = evaluation_json(evaluation, opened.ply.string(), job.split, gaussians.count(),
+                                     backend->name());
+  std::string text = summary(evaluation);
+  if (job.measures_popping) {
+    ViewPictures pictures(*backend, gaussians, opened.model.gaussians, settings, false);
+    const Popping popping = popping_of(pictures, opened, views);
+    Json with_popping = Json::parse(json);
+    with_popping["popping"] = {{"flip_next", popping.next}, {"flip_seventh", popping.seventh}};
+    json = file_text(with_popping);
+    text += fmt::format("; popping {:.4f} FLIP to the next frame, {:.4f} to the seventh",
+                        popping.next, popping.seventh);
+  }
   if (!job.output.empty()) {
     keep_older_aside(job.output);
     write_text(job.output, json);
   }
   if (!events.wants_json())
     for (const ViewMetrics& view : evaluation.views) log_info("{}", line_of(view));
-  return {fmt::format("{}: {}, {} Gaussians\n", job.split, summary(evaluation),
-                      with_commas(gaussians.count())),
+  return {fmt::format("{}: {}, {} Gaussians\n", job.split, text, with_commas(gaussians.count())),
           Json::parse(json),
           {{"look at it", "gemsplat view " + shell_word(job.model)}},
           true};
