@@ -57,11 +57,11 @@ __global__ void __launch_bounds__(kPixelOrderThreads)
   Walk walk(shared, lists, rays, subtile);
   do {
     add_third(walk, walk.next_third());
-    walk.template take<rule>(
+    walk.take(
         blended <= pixel.last,
-        [&](int place, float alpha) {
+        [&](int place, const typename Walk::Listed& splat, float e, bool is_kept) {
           float* const f = f_of(place);
-          *f = alpha;
+          *f = is_kept ? fragment_alpha<rule>(splat.opacity, exp2_fragment(e)) : 0.0f;
           f[place_of_w(0)] = 0.0f;
         },
         [&](int place, const typename Walk::Listed& splat) {

@@ -2,8 +2,7 @@
 // How a warp walks a tile's list in the order by pixel, for the blending kernel and its backward
 // pass. Each lane has a pixel of the sub-tile. The list is sorted by the depths at each splat's best
 // point of the tile (render/pixel_order.cu); from there on each pixel keeps a window of its own
-// (pixel_window.h), so that lanes blend different splats at the same time. The alphas of the splats
-// at the pixels lie in shared memory meanwhile.
+// (pixel_window.h), so that lanes blend different splats at the same time.
 #pragma once
 
 #include "cuda/render/blend/pixel_window.h"
@@ -44,11 +43,11 @@ class PixelOrderWalk {
   /// The splats of a third.
   __device__ int listed_in(int third) const { return int(counts_ >> 8 * third & 255u); }
 
-  /// The whole warp: takes the next splats. Calls keep(place, alpha) for each of them, in order, with
-  /// alpha 0 where this lane's pixel has no fragment or is not open; then blend(place, splat) for
-  /// fragments of this lane's pixel in their order; after the last splats, and where no pixel is
-  /// open, for all that are left.
-  template <BlendRule rule, class Keep, class Blend>
+  /// The whole warp: takes the next splats. Calls keep(place, splat, exponent, is_kept) for each of
+  /// them, in order; one is not kept where this lane's pixel has no fragment or is not open. Then
+  /// calls blend(place, splat) for fragments of this lane's pixel in their order; after the last
+  /// splats, and where no pixel is open, for all that are left.
+  template <class Keep, class Blend>
   __device__ void take(bool is_open, const Keep& keep, const Blend& blend) {
     const int first = third_ * kWindow, lane = lane_of_thread();
     const bool any_open = __any_sync(kAllLanes, is_open);
@@ -65,12 +64,12 @@ class PixelOrderWalk {
     WindowKeys arriving;
 #pragma unroll
     for (int k = 0; k < kWindow; ++k) {
-      const ListedSplat& splat = shared_.listed[first + k];
+      const Listed& splat = shared_.listed[first + k];
       const float dx = x_ - splat.mean2d.x, dy = y_ - splat.mean2d.y;
       const float e = base2_exponent(splat, dx, dy), depth = shared_.rays[k].at(dx, dy);
       const bool is_kept = k < count && is_open && e >= splat.lowest && depth > 0.0f;
       arriving.of[k] = is_kept ? window_key(depth, first + k) : 0u;
-      keep(first + k, is_kept ? fragment_alpha<rule>(splat.opacity, exp2_fragment(e)) : 0.0f);
+      keep(first + k, splat, e, is_kept);
     }
     merge(held_, arriving);
     third_ = (third_ + 1) % 3;
