@@ -48,7 +48,8 @@ std::array<Camera, 2> panorama_halves(const Camera& panorama) {
   return {front, back};
 }
 
-ImageF joined_panorama(const Camera& panorama, const std::array<ImageF, 2>& halves, bool is_smooth) {
+ImageF joined_panorama(const Camera& panorama, const std::array<ImageF, 2>& halves,
+                       bool is_smooth) {
   const std::array<Camera, 2> cameras = panorama_halves(panorama);
   constexpr double kOverlap = 2 * (kHemisphereReach - pi / 2);
   ImageF result(panorama.width, panorama.height, halves[0].channels);

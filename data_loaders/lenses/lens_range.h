@@ -11,7 +11,7 @@ namespace gs {
 
 /// The photo's camera with its lens and the range of the lens. The formula counts until it folds,
 /// until a step away from the axis moves the pixel by less than kSlowestLens of what it does at the
-/// center, and, in the angle chart, to the picture's last corner: nothing beyond was ever measured.
+/// center, and to the picture's last corner: nothing beyond was ever measured.
 /// Throws Error that names the photo for a lens that does not count at its own center.
 PinholeCamera<double> camera_with_lens(const LensCamera& camera, const std::string& photo);
 
