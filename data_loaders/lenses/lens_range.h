@@ -18,8 +18,8 @@ PinholeCamera<double> camera_with_lens(const LensCamera& camera, const std::stri
 inline constexpr double kSlowestLens = 0.25;
 inline constexpr double kWidestPerspective = 85;  // degrees; the perspective chart ends at 90
 
-/// The camera that a photo trains with. LensUse::automatic undistorts it where undistorted_pinhole()
-/// does. Throws Error as the other two do.
+/// The camera that a photo trains with. LensUse::automatic undistorts it unless
+/// is_too_wide_for_pinhole(). Throws Error as the other two do.
 PinholeCamera<double> trained_camera(const LensCamera& camera, LensUse use,
                                      const std::string& photo);
 

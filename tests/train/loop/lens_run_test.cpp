@@ -244,6 +244,20 @@ TEST_F(LensRun, TakesALensNativelyWhereItIsToldTo) {
   EXPECT_EQ(load_scene(dataset).train_views[0].camera.lens, native.camera.lens);
 }
 
+// Its pinhole would end at 74 degrees and show less than half of the photo.
+TEST_F(LensRun, TakesAFisheyeOf200DegreesNativelyByItself) {
+  ColmapModel model = fisheye_model();
+  model.cameras.at(1).params[0] = 24 / (100 * std::numbers::pi / 180);
+  write(model);
+  DatasetConfig dataset = this->dataset();
+  const View view = load_scene(dataset).train_views[0];
+  EXPECT_TRUE(view.camera.has_lens());
+  EXPECT_TRUE(view.mask.empty());  // all of it trains
+  EXPECT_THAT(log_of(dataset), HasSubstr("12 photos train through their lens"));
+  dataset.lens = LensUse::undistort;
+  EXPECT_FALSE(load_scene(dataset).train_views[0].camera.has_lens());
+}
+
 // A lens that folds inside of its picture: what lies beyond shows nothing that it could explain.
 TEST_F(LensRun, DoesNotTrainPixelsThatNoRayReaches) {
   ColmapModel model = fisheye_model();
