@@ -62,8 +62,12 @@ std::vector<View> views_of(Scene scene, const std::string& split) {
 std::string line_of(const ViewMetrics& view) {
   const PerceptualMetrics& metrics = *view.perceptual;
   const std::string lpips = metrics.lpips ? fmt::format("  LPIPS {:.4f}", *metrics.lpips) : "";
-  return fmt::format("{:>8.3f} dB  SSIM {:.4f}  FLIP {:.4f}{}  {}", view.psnr, view.ssim,
-                     metrics.flip, lpips, view.name);
+  std::string panorama;
+  if (view.panorama)
+    panorama = fmt::format("; the whole panorama {:.3f} dB  WS-PSNR {:.3f} dB  SSIM {:.4f}",
+                           view.panorama->psnr, view.panorama->ws_psnr, view.panorama->ssim);
+  return fmt::format("{:>8.3f} dB  SSIM {:.4f}  FLIP {:.4f}{}  {}{}", view.psnr, view.ssim,
+                     metrics.flip, lpips, view.name, panorama);
 }
 
 // A run with a photometric model is measured as when it ended.
