@@ -15,6 +15,7 @@
 #include "gs_app/run/run_folder.h"
 #include "gs_core/error.h"
 #include "gs_core/system/files/access.h"
+#include "gs_core/system/files/move_aside.h"
 #include "gs_core/system/text/foreign_text.h"
 #include "gs_core/system/text/read_json.h"
 #include "gs_model/formats/formats.h"
@@ -121,12 +122,29 @@ std::vector<std::string> words_to_go_on(const StudioJob& job) {
   return words;
 }
 
+std::string newest_scene_of(const Project& project) {
+  std::string newest;
+  fs::file_time_type when{};
+  for (const fs::path& path : entries_of(project.folder)) {
+    std::error_code none;
+    const fs::path model = path / "sparse" / "0";
+    if (!is_file(path / "reconstruct.json") || !is_folder(model)) continue;
+    if (const auto time = fs::last_write_time(model, none); newest.empty() || time > when) {
+      newest = path.filename().string();
+      when = time;
+    }
+  }
+  return newest;
+}
+
 Json models_of(const Project& project) {
   std::vector<std::pair<fs::file_time_type, Json>> found;
   std::error_code none;
   const auto add = [&](const fs::path& named, const fs::path& file, const char* kind) {
     found.emplace_back(fs::last_write_time(file, none),
-                       Json{{"path", fs::relative(named, project.folder).string()},
+                       Json{{"path", is_within(named, project.folder)
+                                         ? fs::relative(named, project.folder).string()
+                                         : named.string()},
                             {"kind", kind},
                             {"bytes", fs::file_size(file, none)},
                             {"from", nullptr}});
@@ -140,6 +158,8 @@ Json models_of(const Project& project) {
     for (const fs::path& file : entries_of(project.folder / folder))
       if (is_file(file) && find_format(file))
         add(file, file, folder == std::string("input") ? "input" : "file");
+  if (is_file(project.photos) && find_format(project.photos))
+    add(project.photos, project.photos, "input");
   std::stable_sort(found.begin(), found.end(),
                    [](const auto& a, const auto& b) { return a.first < b.first; });
   Json models = Json::array();

@@ -6,7 +6,7 @@
 //   input/          what was dropped onto the page, where the photos lie in no other folder
 //   chosen/         links to the photos that were not left out, for COLMAP
 //   photos.txt      the same of a scene, for dataset.photo_list
-//   scene/ run-3/ edits/4.ply share/5/ films/6.mp4       what job 2, 3, ... made
+//   scene-2/ run-3/ edits/4.ply share/5/ films/6.mp4       what job 2, 3, ... made
 //   jobs/3.log      what job 3 said: the lines of --progress json and --json
 #pragma once
 
@@ -66,7 +66,11 @@ std::filesystem::path safe_path(const std::string& name);
 /// checkpoint, `reconstruct` from its folder. Other verbs move a file aside that they had written.
 std::vector<std::string> words_to_go_on(const StudioJob& job);
 
-/// Trained models in the project: {"path", "kind": "run", "file" or "input", "bytes", "from"}, the
+/// The newest folder in which COLMAP has placed the photos, relative to the project's; empty if there
+/// is none.
+std::string newest_scene_of(const Project& project);
+
+/// Trained models of the project: {"path", "kind": "run", "file" or "input", "bytes", "from"}, the
 /// newest last; "from" is the model that an edit began with.
 Json models_of(const Project& project);
 

@@ -1,12 +1,16 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "gs_app/studio/studio.h"
 
+#include <fcntl.h>
 #include <signal.h>
 #include <spdlog/fmt/fmt.h>
+#include <sys/file.h>
 
 #include <algorithm>
 #include <array>
+#include <cerrno>
 #include <chrono>
+#include <cstdlib>
 #include <ctime>
 
 #include "data_loaders/photos/photo_names.h"
@@ -63,18 +67,28 @@ bool is_active(const StudioJob& job) {
   return job.state == JobState::waiting || job.state == JobState::running;
 }
 
-// How a job ended, as its log and its process say.
+Descriptor locked_folder(const fs::path& folder) {
+  fs::create_directories(folder);
+  Descriptor lock(::open(folder.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC));
+  if (lock < 0) throw Error("cannot read " + folder.string() + "; choose a folder of your own");
+  if (::flock(lock, LOCK_EX | LOCK_NB) != 0 && errno == EWOULDBLOCK)
+    throw Error("another studio has " + folder.string() +
+                " open; use the address that it printed, or end it with Ctrl-C");
+  return lock;
+}
+
+// How a job ended, as its log and its process say. Without the latter it is one of an earlier studio.
+// A run also stops where somebody presses Stop in its own view.
 void end_job(StudioJob& job, const JobLog& log, const std::optional<ProcessEnd>& end,
-             bool was_asked) {
+             bool studio_ends) {
   job.ended = now();
   job.message = log.error;
+  const bool was_stopped = end && (end->exit_code == int(ExitCode::interrupted) ||
+                                   end->signal == SIGTERM || end->signal == SIGINT);
   if (end ? end->good() : log.error.empty() && !log.outcome.is_null()) {
     job.state = JobState::done;
-  } else if (was_asked) {
-    job.state = JobState::stopped;
-  } else if (!end || end->exit_code == int(ExitCode::interrupted) || end->signal == SIGTERM ||
-             end->signal == SIGINT) {
-    job.state = JobState::interrupted;
+  } else if (!end || was_stopped) {
+    job.state = end && !studio_ends ? JobState::stopped : JobState::interrupted;
   } else {
     job.state = JobState::failed;
     if (job.message.empty() && end->signal != 0)
@@ -87,7 +101,7 @@ void end_job(StudioJob& job, const JobLog& log, const std::optional<ProcessEnd>&
 }  // namespace
 
 Studio::Studio(const fs::path& folder, UploadLimits limits)
-    : folder_(fs::absolute(folder)), lock_(OutputLock::of_folder(folder_)), limits_(limits) {
+    : folder_(fs::absolute(folder)), lock_(locked_folder(folder_)), limits_(limits) {
   read_all();
   std::vector<std::thread> threads;
   start_threads(threads, 1, [this] { run_jobs(); });
@@ -167,7 +181,6 @@ void Studio::look_after(Entry& entry) {
 
 void Studio::begin(Entry& entry, StudioJob& job) {
   entry.logs.erase(job.id);
-  entry.was_asked_to_stop = false;
   job.began = now();
   job.state = JobState::running;
   write_project(entry.project);
@@ -186,7 +199,7 @@ void Studio::begin(Entry& entry, StudioJob& job) {
 void Studio::settle(Entry& entry, StudioJob& job) {
   std::optional<ProcessEnd> end;
   if (entry.child > 0) end = wait_for_child(std::exchange(entry.child, 0));
-  end_job(job, log(entry, job.id), end, entry.was_asked_to_stop);
+  end_job(job, log(entry, job.id), end, ends_);
   write_project(entry.project);
 }
 
@@ -197,8 +210,9 @@ int Studio::start(const std::string& project, JobWords words) {
   StudioJob job{.id = known.jobs.empty() ? 1 : known.jobs.back().id + 1, .words = std::move(words)};
   for (std::string& word : job.words) word = with_number(word, job.id);
   if (job.verb() == "reconstruct") choose_photos(known);
-  if (job.verb() == "train" && job.words.size() > 1 && !known.left_out.empty() &&
-      write_chosen_list(known, job.words[1]))
+  const bool has_scene =
+      job.verb() == "train" && job.words.size() > 1 && !job.words[1].starts_with('-');
+  if (has_scene && !known.left_out.empty() && write_chosen_list(known, job.words[1]))
     for (const char* word : {"--set", "dataset.photo_list=photos.txt"})
       job.words.emplace_back(word);
   known.jobs.push_back(job);
@@ -229,7 +243,6 @@ void Studio::stop(const std::string& project, int id) {
     job.state = JobState::stopped;
     write_project(known.project);
   } else if (job.state == JobState::running && known.child > 0) {
-    known.was_asked_to_stop = true;
     ::kill(known.child, SIGTERM);
   }
 }
@@ -282,7 +295,9 @@ std::string Studio::live_view(const std::string& project, int id) {
   return known.project.job(id).state == JobState::running ? log(known, id).viewer : "";
 }
 
-std::string Studio::create(const std::string& name, const std::string& photos) {
+std::string Studio::create(const std::string& name, const std::string& typed) {
+  const char* const home = std::getenv("HOME");
+  const std::string photos = home && typed.starts_with("~/") ? home + typed.substr(1) : typed;
   if (!photos.empty() && (!fs::path(photos).is_absolute() || !is_there(photos)))
     throw UsageError(
         "there is no " + shown_word(photos) +
@@ -327,7 +342,7 @@ Json Studio::state() {
 
 Json Studio::details(const std::string& id) {
   const Project known = project(id);
-  const fs::path photos = photo_folder_of(known), scene = known.folder / "scene";
+  const fs::path photos = photo_folder_of(known);
   const bool is_video = is_file(known.input());
   const auto pictures = is_video ? JobWords() : picture_names_in(photos);
   JobWords videos;
@@ -346,8 +361,8 @@ Json Studio::details(const std::string& id) {
                {"scene", nullptr}};
   if (is_scene)
     json["scene"] = json["photos"];
-  else if (is_file(scene / "reconstruct.json") && is_folder(scene / "sparse" / "0"))
-    json["scene"] = "scene";
+  else if (const std::string scene = newest_scene_of(known); !scene.empty())
+    json["scene"] = scene;
   return json;
 }
 

@@ -19,7 +19,7 @@
 #include "gs_app/studio/job_log.h"
 #include "gs_app/studio/project.h"
 #include "gs_app/studio/uploads.h"
-#include "gs_core/system/files/output_lock.h"
+#include "gs_core/system/processes/process.h"
 
 namespace gs {
 
@@ -44,7 +44,7 @@ class Studio {
 
   /// Makes a project, with the photos in a folder of this machine where one is named. Returns its
   /// identity, the name of its folder.
-  std::string create(const std::string& name, const std::string& photos);
+  std::string create(const std::string& name, const std::string& typed);
   /// Changes "name", "left_out" or "model".
   void change(const std::string& project, const Json& changes);
   /// Puts a job at the end of the project's; {id} in its words stands for its number. Returns it.
@@ -68,7 +68,6 @@ class Studio {
     Project project;
     std::map<int, JobLog> logs;
     pid_t child = 0;  // of the job that runs, where this studio has started it
-    bool was_asked_to_stop = false;
     std::unique_ptr<Uploads> uploads;
   };
 
@@ -83,7 +82,7 @@ class Studio {
   bool has_children() const;
 
   const std::filesystem::path folder_;
-  const OutputLock lock_;
+  const Descriptor lock_;  // that no child inherits, such as a browser
   const UploadLimits limits_;
   std::mutex mutex_;  // of what follows
   std::condition_variable changed_;

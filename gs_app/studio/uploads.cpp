@@ -7,6 +7,7 @@
 
 #include <cerrno>
 #include <cstring>
+#include <map>
 #include <string_view>
 
 #include "data_loaders/photos/photo_names.h"
@@ -88,6 +89,14 @@ bool is_clutter(const std::string& name) {
          name.starts_with("__MACOSX/");
 }
 
+// "fox/" where all entries lie in that folder: the project stands for it. They are sorted.
+std::string top_folder_of(const std::map<std::string, PackedEntry>& entries) {
+  if (entries.empty()) return "";
+  const std::string& first = entries.begin()->first;
+  const std::string top = first.substr(0, first.find('/') + 1);
+  return entries.rbegin()->first.starts_with(top) ? top : "";
+}
+
 }  // namespace
 
 Uploads::Uploads(fs::path project, UploadLimits limits)
@@ -165,9 +174,11 @@ void Uploads::unpack(const fs::path& archive) {
   const fs::path name = archive.filename();
   try {
     const MappedFile zip(archive);
-    for (const auto& [entry, packed] : packed_entries(name, zip.bytes())) {
-      if (is_clutter(entry)) continue;
-      const fs::path file = input_ / safe_path(entry);
+    auto entries = packed_entries(name, zip.bytes());
+    std::erase_if(entries, [](const auto& entry) { return is_clutter(entry.first); });
+    const std::string top = top_folder_of(entries);
+    for (const auto& [entry, packed] : entries) {
+      const fs::path file = input_ / safe_path(entry.substr(top.size()));
       if (is_there(file)) continue;
       if (packed.bytes > kLargestEntry)
         throw UsageError(

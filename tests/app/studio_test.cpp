@@ -155,14 +155,18 @@ TEST(StudioUploads, UnpackArchivesWithoutLeavingTheirFolder) {
   const auto drop = [&](const std::string& name, const std::string& zip) {
     return uploads.take(name, 0, zip.size(), zip);
   };
-  EXPECT_TRUE(drop("fox.zip", zip_of({{"images/a.jpg", "aaa"},
-                                      {"images/", ""},
-                                      {"__MACOSX/images/._a.jpg", "x"},
-                                      {"images/.DS_Store", "x"}},
-                                     true))
-                  .is_whole);
+  const std::string fox = zip_of({{"fox/images/a.jpg", "aaa"},
+                                  {"fox/sparse/0/cameras.txt", "c"},
+                                  {"fox/images/", ""},
+                                  {"__MACOSX/fox/images/._a.jpg", "x"},
+                                  {"fox/images/.DS_Store", "x"}},
+                                 true);
+  EXPECT_TRUE(drop("fox.zip", fox).is_whole);
   EXPECT_EQ(read_bytes(folder.path() / "input/images/a.jpg"), "aaa");
+  EXPECT_EQ(read_bytes(folder.path() / "input/sparse/0/cameras.txt"), "c");
   EXPECT_FALSE(fs::exists(folder.path() / "input/fox.zip"));
+  EXPECT_TRUE(drop("two.zip", zip_of({{"a/1.jpg", "1"}, {"b/2.jpg", "2"}})).is_whole);
+  EXPECT_EQ(read_bytes(folder.path() / "input/a/1.jpg"), "1");
   EXPECT_FALSE(fs::exists(folder.path() / "input/images/.DS_Store"));
   EXPECT_THROW(drop("evil.zip", zip_of({{"../../evil", "x"}})), UsageError);
   EXPECT_FALSE(fs::exists(folder.path().parent_path() / "evil"));
@@ -322,7 +326,7 @@ TEST_F(StudioJobs, ThatAnotherProcessHoldsAreStillRunning) {
     EXPECT_TRUE(is_job_alive(project.log_of(1)));
   }
   EXPECT_FALSE(is_job_alive(project.log_of(1)));
-  EXPECT_THAT(error_of([&] { Studio second(folder_.path()); }), HasSubstr("process"));
+  EXPECT_THAT(error_of([&] { Studio second(folder_.path()); }), HasSubstr("another studio"));
 }
 
 }  // namespace

@@ -150,6 +150,7 @@ class App {
     return this.put(STEPS[this.step][1](this), `${this.project.name} · ${STEPS[this.step][0]}`);
   }
   put(screen, title) {
+    this.head.querySelector('[aria-current]')?.scrollIntoView({block: 'nearest', inline: 'center'});
     document.title = title;
     const scroll = this.shown === location.hash ? scrollY : 0;
     this.shown = location.hash;

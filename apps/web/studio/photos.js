@@ -3,7 +3,7 @@
 import {el} from '../shared/dom.js';
 import {whole} from '../shared/format.js';
 import {button, isActive, jobList} from './jobs.js';
-import {dropZone, upload} from './start.js';
+import {check, dropZone, upload} from './start.js';
 
 const MARKS = {good: '✓', note: 'i', warning: '!', fatal: '×'};
 const SHOWN_AT_ONCE = 120;
@@ -97,7 +97,7 @@ function photoGrid(app) {
 
 export function showPhotos(app) {
   const {details, server} = app,
-    check = () => app.act(() => server.run(['doctor', details.photos]));
+    checkAgain = () => app.act(check);
   const grid = photoGrid(app);
   const list = jobList(
     app,
@@ -114,7 +114,7 @@ export function showPhotos(app) {
       el(
         'div.buttons',
         {},
-        button(list.newest ? 'Check again' : 'Check the photos', check),
+        button(list.newest ? 'Check again' : 'Check the photos', checkAgain),
         button(
           details.scene ? 'Train' : 'Find the cameras',
           () => app.go(app.id, details.scene ? 'train' : 'cameras'),
@@ -131,7 +131,7 @@ export function showPhotos(app) {
           el('h2', {}, 'More photos'),
           dropZone('Drop more photos here', async ({files}, tell) => {
             await upload(app, server, files, tell);
-            app.reload();
+            await app.act(check);
           }),
         ),
     ),
@@ -179,15 +179,13 @@ export function showCameras(app) {
   ];
   const find = () => {
     const photos = details.left_out.length ? 'chosen' : details.photos;
-    const again = details.scene || list.newest ? ['--force'] : [];
     app.act(server =>
       server.run([
         'reconstruct',
         photos,
         '-o',
-        'scene',
+        'scene-{id}',
         ...choices.flatMap(({words}) => words()),
-        ...again,
       ]),
     );
   };

@@ -66,7 +66,16 @@ export function dropZone(words, take) {
   return zone;
 }
 
-/// Sends files to a project and has them checked. Throws an Error with the first sentence of trouble.
+/// Has what a project begins with checked. Returns the screen to show: of a model alone, that which
+/// cleans it.
+export async function check(server) {
+  const {photos, pictures, videos, scene, models} = await server.details();
+  if (!pictures.length && !videos.length && !scene && models.length) return 'clean';
+  await server.run(['doctor', photos]);
+  return 'photos';
+}
+
+/// Sends files to a project. Throws an Error with the first sentence of trouble.
 export async function upload(app, server, files, tell) {
   app.uploading = true;
   try {
@@ -76,7 +85,6 @@ export async function upload(app, server, files, tell) {
   } finally {
     app.uploading = false;
   }
-  await server.run(['doctor', 'input']);
 }
 
 function typedFolder(app) {
@@ -96,8 +104,7 @@ function typedFolder(app) {
         const photos = field.value.trim().replace(/(.)\/+$/, '$1');
         try {
           const {id} = await createProject(cleanName(photos.split('/').pop() ?? ''), photos);
-          await new ProjectServer(id).run(['doctor', photos]);
-          app.go(id, 'photos');
+          app.go(id, await check(new ProjectServer(id)));
         } catch (error) {
           said.textContent = error.message;
         }
@@ -142,7 +149,7 @@ export function showStart(app) {
     const {id} = await createProject(cleanName(name));
     const server = new ProjectServer(id);
     await upload(app, server, files, tell).catch(app.fail); // what has arrived is there
-    app.go(id, 'photos');
+    app.go(id, await check(server));
   };
   return {
     node: el(

@@ -238,8 +238,8 @@ const tests = {
     await desk.step('Cameras');
     await desk.page.getByRole('button', {name: 'Find the cameras'}).click();
     await desk.page.waitForSelector('.job');
-    await desk.finishJob('reconstruct', {within: 300});
-    const placed = readdirSync(join(desk.folder, desk.id, 'scene', 'images'));
+    const job = await desk.finishJob('reconstruct', {within: 300});
+    const placed = readdirSync(join(desk.folder, desk.id, `scene-${job.id}`, 'images'));
     assert.ok(!placed.includes(left) && placed.length === photos.length - 1);
     await desk.openPage(`p=${desk.id}&s=train`);
     await desk.page.waitForSelector('.preset');
