@@ -348,7 +348,7 @@ Json Studio::details(const std::string& id) {
   JobWords videos;
   if (is_video || pictures.empty())
     for (const fs::path& video : find_videos(known.input())) videos.push_back(video.filename());
-  const bool is_scene = is_folder(known.input()) && !holds_only_photos(known.input());
+  const bool is_scene = !pictures.empty() && !holds_only_photos(known.input());
   Json json = {{"id", id},
                {"name", known.name},
                {"folder", known.folder.string()},

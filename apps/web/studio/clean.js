@@ -46,6 +46,13 @@ const SLIDERS = [
   ],
 ];
 
+// The words of a job without its places: "--drop opacity=..0.05".
+const operationOf = words =>
+  words
+    .slice(2)
+    .filter((word, i, all) => !['-o', '-d'].includes(word) && !['-o', '-d'].includes(all[i - 1]))
+    .join(' ');
+
 export function showClean(app) {
   const {details} = app,
     current = currentModel(details);
@@ -124,12 +131,7 @@ export function showClean(app) {
     current,
     show,
   );
-  const list = jobList(app, ['edit'], job =>
-    job.words
-      .slice(2)
-      .filter((word, i, all) => word !== '-o' && all[i - 1] !== '-o')
-      .join(' '),
-  );
+  const list = jobList(app, ['edit'], ({words}) => operationOf(words));
   return {
     node: el(
       'main.with-viewer',
@@ -159,17 +161,6 @@ export function showClean(app) {
           ),
         ),
         el('section.card', {}, el('h2', {}, 'Filters'), SLIDERS.map(slider)),
-        el(
-          'section.card',
-          {},
-          el('h2', {}, 'Level'),
-          el('p.muted', {}, 'Turns the model so that its floor is level.'),
-          el(
-            'div.buttons',
-            {},
-            button('Straighten', () => apply(['--straighten'])),
-          ),
-        ),
         said,
         list.node,
       ),

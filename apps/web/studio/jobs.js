@@ -69,7 +69,8 @@ export class JobCard {
     this.shown = job.state;
     this.buttons.replaceChildren(
       isActive(job) ? button('Stop', () => this.app.act(server => server.stop(this.id))) : '',
-      ['interrupted', 'stopped', 'failed'].includes(job.state)
+      ['interrupted', 'stopped', 'failed'].includes(job.state) &&
+        !(job.words[0] === 'doctor' && job.state === 'failed')
         ? button(
             job.state === 'failed' ? 'Try again' : 'Go on',
             () => this.app.act(server => server.goOn(this.id)),
@@ -88,6 +89,8 @@ export class JobCard {
   endText(job) {
     if (job.state === 'waiting') return 'It begins when the job before it has ended.';
     if (job.state === 'done') return `It took ${duration(Math.max(0, secondsOf(job)))}.`;
+    if (job.words[0] === 'doctor' && job.state === 'failed')
+      return 'Training cannot start with these yet; what is marked red says why.';
     return (
       job.message ||
       (job.state === 'interrupted' ? 'The studio ended while it ran. Nothing is lost.' : '')

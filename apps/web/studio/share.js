@@ -55,14 +55,24 @@ export function showShare(app) {
     };
   });
   const name = app.id.replaceAll(/[^\w-]+/g, '_');
+  const level = el('input', {type: 'checkbox', id: 'level'});
   const write = () => {
     const files = boxes
       .filter(({box}) => box.checked)
       .map(({ending}) => `share/{id}/${name}.${ending}`);
     if (!files.length) return app.fail(new Error('Choose a format.'));
-    return app.act(server =>
-      server.run(['export', current, ...files, ...modelWords(details, current).slice(1)]),
-    );
+    return app.act(async server => {
+      const words = modelWords(details, current);
+      if (!level.checked) return server.run(['export', current, ...files, ...words.slice(1)]);
+      const {id} = await server.run([
+        'edit',
+        ...words,
+        '--straighten',
+        '-o',
+        'share/{id}/level.ply',
+      ]);
+      return server.run(['export', `share/${id}/level.ply`, ...files]);
+    });
   };
   const list = jobList(
     app,
@@ -82,6 +92,12 @@ export function showShare(app) {
           'div.formats',
           {},
           boxes.map(({node}) => node),
+        ),
+        el(
+          'label.field.check',
+          {for: 'level'},
+          level,
+          el('span', {}, 'turn it so that its floor is level, with its middle at the origin'),
         ),
         el('div.buttons', {}, button('Write these', write, 'primary')),
       ),

@@ -15,6 +15,12 @@ const PRESETS = [
   ['cpu_tiny', 'Small', 'Some minutes on a machine without a GPU.'],
 ];
 
+// Settings are floats: 0.05000000074505806 was written as 0.05.
+const shownValue = value =>
+  typeof value === 'number' && !Number.isInteger(value)
+    ? String(Number(value.toPrecision(7)))
+    : String(value ?? '');
+
 // A field of the form. words(): --set for a value that was changed.
 function settingField(key, {value, meaning, unit, words}) {
   const id = `setting-${key}`,
@@ -33,7 +39,7 @@ function settingField(key, {value, meaning, unit, words}) {
         title,
         type: isSwitch ? 'checkbox' : 'text',
         checked: isSwitch && value,
-        value: isSwitch ? null : String(value ?? ''),
+        value: isSwitch ? null : shownValue(value),
         spellcheck: 'false',
       });
   const now = () => (isSwitch ? String(field.checked) : field.value.trim());
@@ -48,7 +54,7 @@ function settingField(key, {value, meaning, unit, words}) {
     key,
     node,
     text: `${key} ${meaning}`.toLowerCase(),
-    words: () => (now() === String(value ?? '') ? [] : ['--set', `${key}=${now()}`]),
+    words: () => (now() === shownValue(value) ? [] : ['--set', `${key}=${now()}`]),
   };
 }
 
