@@ -147,6 +147,7 @@ Json models_of(const Project& project) {
                                          : named.string()},
                             {"kind", kind},
                             {"bytes", fs::file_size(file, none)},
+                            {"time", fs::last_write_time(file, none).time_since_epoch().count()},
                             {"from", nullptr}});
   };
   for (const fs::path& path : entries_of(project.folder)) {

@@ -70,7 +70,7 @@ std::vector<std::string> words_to_go_on(const StudioJob& job);
 /// is none.
 std::string newest_scene_of(const Project& project);
 
-/// Trained models of the project: {"path", "kind": "run", "file" or "input", "bytes", "from"}, the
+/// Trained models of the project: {"path", "kind": "run", "file" or "input", "bytes", "time", "from"}, the
 /// newest last; "from" is the model that an edit began with.
 Json models_of(const Project& project);
 

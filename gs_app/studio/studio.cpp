@@ -315,7 +315,6 @@ std::string Studio::create(const std::string& name, const std::string& typed) {
 void Studio::change(const std::string& project, const Json& changes) {
   const std::lock_guard lock(mutex_);
   Project& known = entry(project).project;
-  if (changes.contains("name")) known.name = changes["name"];
   if (changes.contains("model")) known.model = changes["model"];
   if (changes.contains("left_out")) known.left_out = changes["left_out"];
   write_project(known);

@@ -45,7 +45,7 @@ class Studio {
   /// Makes a project, with the photos in a folder of this machine where one is named. Returns its
   /// identity, the name of its folder.
   std::string create(const std::string& name, const std::string& typed);
-  /// Changes "name", "left_out" or "model".
+  /// Changes "left_out" or "model".
   void change(const std::string& project, const Json& changes);
   /// Puts a job at the end of the project's; {id} in its words stands for its number. Returns it.
   int start(const std::string& project, std::vector<std::string> words);

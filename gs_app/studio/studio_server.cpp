@@ -180,9 +180,11 @@ HttpAnswer StudioServer::post_to_project(const HttpRequest& request, const std::
   if (what == "go_on") return json_said({{"id", studio_.go_on(id, job())}});
   if (what == "stop") return studio_.stop(id, job()), json_said(Json::object());
   if (what == "ask") return json_said(studio_.ask(id, words_of(body_of(request))));
-  if (what == "view")
+  if (what == "view") {
+    const std::filesystem::path folder = studio_.project(id).folder;
     return json_said(
-        {{"port", viewers_.open(studio_.project(id).folder, words_of(body_of(request)))}});
+        {{"port", viewers_.open(folder, words_of(body_of(request)), word_in(request, "time"))}});
+  }
   if (what == "live") {
     const std::string url = studio_.live_view(id, job());
     return json_said({{"hash", url.substr(std::min(url.find('#'), url.size()))}});

@@ -114,10 +114,12 @@ Viewers::~Viewers() {
   }
 }
 
-int Viewers::open(const std::filesystem::path& folder, const std::vector<std::string>& words) {
+int Viewers::open(const std::filesystem::path& folder, const std::vector<std::string>& words,
+                  const std::string& time) {
   const std::lock_guard lock(mutex_);
   for (auto at = viewers_.begin(); at != viewers_.end(); ++at) {
-    if (at->folder != folder || at->words != words || has_ended(at->child)) continue;
+    if (at->folder != folder || at->words != words || at->time != time || has_ended(at->child))
+      continue;
     viewers_.splice(viewers_.begin(), viewers_, at);
     return at->port;
   }
@@ -126,7 +128,7 @@ int Viewers::open(const std::filesystem::path& folder, const std::vector<std::st
     wait_for_child(viewers_.back().child);
     viewers_.pop_back();
   }
-  viewers_.push_front(start(folder, words));
+  viewers_.push_front(start(folder, words, time));
   return viewers_.front().port;
 }
 
@@ -137,7 +139,7 @@ bool Viewers::has(int port) {
 }
 
 Viewers::Viewer Viewers::start(const std::filesystem::path& folder,
-                               const std::vector<std::string>& words) {
+                               const std::vector<std::string>& words, const std::string& time) {
   const std::filesystem::path file = folder / "jobs" / "view.log";
   std::vector<std::string> command = {program_to_start().string(), "view"};
   command.insert(command.end(), words.begin(), words.end());
@@ -154,7 +156,7 @@ Viewers::Viewer Viewers::start(const std::filesystem::path& folder,
     const bool lives = is_job_alive(file);
     log.update();
     if (log.outcome.is_object() && log.outcome.contains("url"))
-      return {folder, words, child, port_in(log.outcome["url"])};
+      return {folder, words, time, child, port_in(log.outcome["url"])};
     if (!lives) break;
     std::this_thread::sleep_for(kLook);
   }

@@ -26,9 +26,10 @@ int port_in(const std::string& url);
 class Viewers {
  public:
   ~Viewers();
-  /// The port at which `gemsplat view WORDS`, started in `folder`, serves; one that shows this
-  /// already is taken. Throws Error with what the child says where it cannot.
-  int open(const std::filesystem::path& folder, const std::vector<std::string>& words);
+  /// The port at which `gemsplat view WORDS`, started in `folder`, serves; one that shows this model
+  /// of this `time` already is taken. Throws Error with what the child says where it cannot.
+  int open(const std::filesystem::path& folder, const std::vector<std::string>& words,
+           const std::string& time);
   /// Whether one of them serves there.
   bool has(int port);
 
@@ -36,10 +37,12 @@ class Viewers {
   struct Viewer {
     std::filesystem::path folder;
     std::vector<std::string> words;
+    std::string time;  // of the model, as the page has it
     pid_t child;
     int port;
   };
-  Viewer start(const std::filesystem::path& folder, const std::vector<std::string>& words);
+  Viewer start(const std::filesystem::path& folder, const std::vector<std::string>& words,
+               const std::string& time);
 
   std::mutex mutex_;
   std::list<Viewer> viewers_;  // the one that was asked for last comes first

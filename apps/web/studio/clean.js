@@ -133,37 +133,33 @@ export function showClean(app) {
   );
   const list = jobList(app, ['edit'], ({words}) => operationOf(words));
   return {
-    node: el(
-      'main.with-viewer',
+    view,
+    side: el(
+      'div.side',
       {},
-      view.node,
       el(
-        'div.side',
+        'section.card',
         {},
-        el(
-          'section.card',
-          {},
-          el('div.job-head', {}, el('h2', {}, 'Versions'), el('div.buttons', {}, undo, redo)),
-          versions,
-          el('p.muted', {}, bytes(modelAt(details, current).bytes || null)),
-        ),
-        el(
-          'section.card',
-          {},
-          el('h2', {}, 'Crop'),
-          el('p.muted', {}, 'Drag the handles of the box or the sphere in the picture.'),
-          el(
-            'div.buttons',
-            {},
-            button('Show the region', async () => (await view.viewer()).openTool('Crop')),
-            button('Count', async () => preview(await regionOf().catch(app.fail))),
-            button('Apply', async () => apply(await regionOf())),
-          ),
-        ),
-        el('section.card', {}, el('h2', {}, 'Filters'), SLIDERS.map(slider)),
-        said,
-        list.node,
+        el('div.job-head', {}, el('h2', {}, 'Versions'), el('div.buttons', {}, undo, redo)),
+        versions,
+        el('p.muted', {}, bytes(modelAt(details, current).bytes || null)),
       ),
+      el(
+        'section.card',
+        {},
+        el('h2', {}, 'Crop'),
+        el('p.muted', {}, 'Drag the handles of the box or the sphere in the picture.'),
+        el(
+          'div.buttons',
+          {},
+          button('Show the region', async () => (await view.viewer()).openTool('Crop')),
+          button('Count', async () => preview(await regionOf().catch(app.fail))),
+          button('Apply', async () => apply(await regionOf())),
+        ),
+      ),
+      el('section.card', {}, el('h2', {}, 'Filters'), SLIDERS.map(slider)),
+      said,
+      list.node,
     ),
     update: list.update,
   };

@@ -67,49 +67,45 @@ export function showFilm(app) {
       ),
   );
   return {
-    node: el(
-      'main.with-viewer',
+    view,
+    side: el(
+      'div.side',
       {},
-      view.node,
       el(
-        'div.side',
+        'section.card',
         {},
+        el('h2', {}, 'Film'),
         el(
-          'section.card',
+          'div.fields',
           {},
-          el('h2', {}, 'Film'),
-          el(
-            'div.fields',
-            {},
-            field('Seconds', seconds),
-            field('Size', size),
-            field('Pictures a second', fps),
-          ),
-          el(
-            'div.buttons',
-            {},
-            button('Circle around', () => render('orbit', length()), 'primary'),
-            button('Fly along the photos', () => render('flythrough', length())),
-          ),
+          field('Seconds', seconds),
+          field('Size', size),
+          field('Pictures a second', fps),
         ),
         el(
-          'section.card',
+          'div.buttons',
           {},
-          el('h2', {}, 'Your own path'),
-          el(
-            'p.muted',
-            {},
-            'Move the picture, press “Add this view” in its tool Path, and repeat. “Preview” flies along.',
-          ),
-          el(
-            'div.buttons',
-            {},
-            button('Show the tool', async () => (await view.viewer()).openTool('Path')),
-            button('Film this path', () => filmKeys().catch(app.fail), 'primary'),
-          ),
+          button('Circle around', () => render('orbit', length()), 'primary'),
+          button('Fly along the photos', () => render('flythrough', length())),
         ),
-        list.node,
       ),
+      el(
+        'section.card',
+        {},
+        el('h2', {}, 'Your own path'),
+        el(
+          'p.muted',
+          {},
+          'Move the picture, press “Add this view” in its tool Path, and repeat. “Preview” flies along.',
+        ),
+        el(
+          'div.buttons',
+          {},
+          button('Show the tool', async () => (await view.viewer()).openTool('Path')),
+          button('Film this path', () => filmKeys().catch(app.fail), 'primary'),
+        ),
+      ),
+      list.node,
     ),
     update: list.update,
   };

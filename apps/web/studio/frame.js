@@ -14,7 +14,7 @@ export const currentModel = details =>
   modelAt(details, details.model) ? details.model : (details.models.at(-1)?.path ?? null);
 
 /// A frame with the viewer of a model. `frame.viewer()` is what its page offers, when it is there.
-export function viewFrame(app, address, title) {
+export function viewFrame(address, title) {
   const said = el('p.said', {'aria-live': 'polite'}, 'The viewer begins.'),
     frame = el('iframe', {title, allow: 'fullscreen'});
   frame.hidden = true;
@@ -39,8 +39,16 @@ export function viewFrame(app, address, title) {
   };
 }
 
-export const viewOfModel = (app, path) =>
-  viewFrame(app, app.server.view(modelWords(app.details, path)), `the model ${path}`);
+/// The frame of a model stays, with what people have set in it, as long as it is the same model.
+export function viewOfModel(app, path) {
+  const {time} = modelAt(app.details, path),
+    key = `${app.id}/${path}/${time}`;
+  if (app.view?.key !== key || !app.view.node.isConnected) {
+    const address = app.server.view(modelWords(app.details, path), time);
+    app.view = {key, ...viewFrame(address, `the model ${path}`)};
+  }
+  return app.view;
+}
 
 /// What a screen shows that needs a model where there is none.
 export const noModel = app => ({

@@ -34,9 +34,9 @@ export function commandLine(folder, words) {
 const secondsOf = job => (job.ended || Date.now() / 1000) - job.began;
 
 export class JobCard {
-  // title: what the job does; app: the page
-  constructor(app, job, title) {
-    Object.assign(this, {app, id: job.id, title});
+  // app: the page; title: what the job does; show(outcome): an element for what it found or made
+  constructor(app, job, title, show) {
+    Object.assign(this, {app, id: job.id, title, show});
     this.bar = el('progress', {max: 1, 'aria-label': `progress of ${title}`});
     this.state = el('span.badge');
     this.text = el('p.said', {'aria-live': 'polite'});
@@ -107,7 +107,7 @@ export class JobCard {
           warnings.map(text => el('li', {}, text)),
         ),
       );
-    const shown = outcome && this.app.outcomeOf?.(outcome, this);
+    const shown = outcome && this.show?.(outcome);
     if (shown) this.more.append(shown);
   }
 }
@@ -115,8 +115,7 @@ export class JobCard {
 /// The cards of the jobs with these verbs, the newest first; the older ones are folded.
 export function jobList(app, verbs, title, show) {
   const jobs = app.project.jobs.filter(job => verbs.includes(job.words[0])).reverse();
-  app.outcomeOf = show;
-  const cards = jobs.slice(0, 12).map(job => new JobCard(app, job, title(job)));
+  const cards = jobs.slice(0, 12).map(job => new JobCard(app, job, title(job), show));
   const [first, ...older] = cards;
   const node = el(
     'div.jobs',

@@ -85,13 +85,6 @@ class App {
   showWhenDone(job, path) {
     this.expected = {id: this.id, job, path};
   }
-  async hasGpu() {
-    this.gpu ??= this.server
-      .question(['info'])
-      .then(info => Boolean(info.gpu?.available ?? info.cuda?.available))
-      .catch(() => false);
-    return this.gpu;
-  }
 
   async poll() {
     const state = await askForState();
@@ -152,12 +145,38 @@ class App {
   put(screen, title) {
     this.head.querySelector('[aria-current]')?.scrollIntoView({block: 'nearest', inline: 'center'});
     document.title = title;
-    const scroll = this.shown === location.hash ? scrollY : 0;
+    const isSame = this.shown === location.hash,
+      scroll = isSame ? scrollY : 0,
+      entered = isSame ? this.entered() : () => {};
     this.shown = location.hash;
     this.screen = screen;
-    this.holder.replaceChildren(screen.node);
+    const main = this.holder.firstChild;
+    if (!screen.view) this.holder.replaceChildren(screen.node);
+    else if (main?.matches('.with-viewer') && screen.view.node.parentNode === main)
+      main.lastChild.replaceWith(screen.side);
+    else this.holder.replaceChildren(el('main.with-viewer', {}, screen.view.node, screen.side));
     screen.update();
+    entered();
     scrollTo(0, scroll);
+  }
+  // What was entered on the screen and what has the focus; the result puts it into a new one.
+  entered() {
+    const fields = [...this.holder.querySelectorAll('input[id], select[id]')].map(field => [
+        field.id,
+        field.value,
+        field.checked,
+      ]),
+      {id, textContent: words, tagName: tag} = document.activeElement;
+    return () => {
+      for (const [name, value, checked] of fields) {
+        const field = document.getElementById(name);
+        if (field) Object.assign(field, {value, checked});
+      }
+      const again = id
+        ? document.getElementById(id)
+        : [...document.getElementsByTagName(tag)].find(node => node.textContent === words);
+      if (tag !== 'BODY') again?.focus({preventScroll: true});
+    };
   }
 
   isDone(step) {

@@ -6,7 +6,8 @@ import {button, isActive, jobList} from './jobs.js';
 import {check, dropZone, upload} from './start.js';
 
 const MARKS = {good: '✓', note: 'i', warning: '!', fatal: '×'};
-const SHOWN_AT_ONCE = 120;
+const SHOWN_AT_ONCE = 120,
+  MOST_SHOWN = 8; // photos of a finding
 const withoutEnding = name => name.replace(/\.[^./]*$/, '');
 
 // Leaves photos out, or takes them in again.
@@ -28,7 +29,24 @@ function findings(app, {findings: found = []}, refresh) {
       'li',
       {'data-level': level},
       el('span.mark-of', {title: level}, MARKS[level]),
-      el('div', {}, el('b', {}, topic), ' ', text),
+      el(
+        'div',
+        {},
+        el('b', {}, topic),
+        ' ',
+        text,
+        level !== 'good' &&
+          own.length < pictures.length &&
+          el(
+            'div.strip',
+            {},
+            own
+              .slice(0, MOST_SHOWN)
+              .map(name =>
+                el('img', {src: app.server.thumb(name), title: name, alt: name, loading: 'lazy'}),
+              ),
+          ),
+      ),
       own.length > 0 &&
         own.length < pictures.length &&
         (level === 'warning' || level === 'fatal') &&

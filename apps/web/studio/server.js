@@ -43,8 +43,10 @@ export class ProjectServer {
   /// The JSON of config, info, doctor, or of edit --dry-run.
   question = words => post(`${this.at}ask`, JSON.stringify({words}));
   keepPath = async path => (await post(`${this.at}path`, JSON.stringify(path))).file;
-  /// The address of a frame that shows a model: the words are those behind `gemsplat view`.
-  view = async words => `view/${(await post(`${this.at}view`, JSON.stringify({words}))).port}/`;
+  /// The address of a frame that shows a model of some time: the words are those behind `gemsplat
+  /// view`.
+  view = async (words, time) =>
+    `view/${(await post(`${this.at}view?time=${time}`, JSON.stringify({words}))).port}/`;
   /// That of a run, with the secret of its buttons.
   live = async job => `${this.at}live/${job}/${(await post(`${this.at}live?id=${job}`)).hash}`;
   uploaded = (name, of) => ask(`${this.at}upload?${query({name, of})}`);

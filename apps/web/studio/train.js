@@ -3,7 +3,7 @@
 // and its figures.
 import {el} from '../shared/dom.js';
 import {fixed, whole} from '../shared/format.js';
-import {viewFrame, viewOfModel} from './frame.js';
+import {modelAt, viewFrame, viewOfModel} from './frame.js';
 import {button, isActive, jobList} from './jobs.js';
 
 // Name, title, for whom; the first one on a machine without a GPU comes last in this list.
@@ -126,6 +126,7 @@ function presetCards(app, chosen, choose) {
         .then(({findings}) => findings.find(({topic}) => topic === 'forecast')?.text ?? '')
         .catch(error => error.message);
       forecast.textContent = shortForecast(app.forecasts[key]);
+      if (!name && !app.memory.preset && /on the CPU/.test(app.forecasts[key])) press('cpu_tiny');
       forecast.title = app.forecasts[key];
     }
   };
@@ -224,10 +225,6 @@ export function showTrain(app) {
       ]),
     );
   presets.ask();
-  if (memory.preset === undefined || memory.preset === '')
-    app.hasGpu().then(has => {
-      if (!has && !memory.preset) presets.press('cpu_tiny');
-    });
   const form = el(
     list.newest ? 'details.card.new-run' : 'section.card.new-run',
     {},
@@ -253,15 +250,15 @@ export function showTrain(app) {
   const update = () => {
     list.update();
     const job = app.project.jobs.find(({id}) => id === list.newest?.id);
-    const kind =
-      job?.state === 'running' && job.viewer ? 'live' : job?.state === 'done' ? 'done' : null;
-    if (!job || kind === shown || !kind) return;
+    if (!job) return;
+    const folder = job.words[job.words.indexOf(job.words.includes('-o') ? '-o' : '--resume') + 1],
+      isLive = job.state === 'running' && job.viewer;
+    const kind = isLive ? 'live' : !isActive(job) && modelAt(details, folder) ? 'ended' : null;
+    if (kind === shown || !kind) return;
     shown = kind;
-    const folder = job.words[job.words.indexOf(job.words.includes('-o') ? '-o' : '--resume') + 1];
-    const frame =
-      kind === 'live'
-        ? viewFrame(app, app.server.live(job.id), 'the run while it trains')
-        : viewOfModel(app, folder);
+    const frame = isLive
+      ? viewFrame(app.server.live(job.id), 'the run while it trains')
+      : viewOfModel(app, folder);
     live.replaceChildren(frame.node);
   };
   return {node: el('main', {}, !list.newest && form, live, list.node, list.newest && form), update};
