@@ -67,6 +67,15 @@ bool is_active(const StudioJob& job) {
   return job.state == JobState::waiting || job.state == JobState::running;
 }
 
+// Nothing has changed where the disk is full.
+template <class Change>
+void save(Project& project, Change&& change) {
+  Project changed = project;
+  change(changed);
+  write_project(changed);
+  project = std::move(changed);
+}
+
 Descriptor locked_folder(const fs::path& folder) {
   fs::create_directories(folder);
   Descriptor lock(::open(folder.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC));
@@ -115,6 +124,7 @@ Studio::~Studio() {
     ends_ = true;
     for (const auto& [id, entry] : entries_)
       if (entry.child > 0) ::kill(entry.child, SIGTERM);
+    if (has_children()) log_info("jobs save their work; a second Ctrl-C does not wait for them");
   }
   changed_.notify_all();
   runner_.join();
@@ -149,12 +159,15 @@ JobLog& Studio::log(Entry& entry, int job) {
 // ---- jobs
 
 void Studio::run_jobs() {
+  std::string trouble;
   for (std::unique_lock lock(mutex_); !ends_ || has_children();) {
     for (auto& [id, entry] : entries_) {
       try {
         look_after(entry);
       } catch (const std::exception& error) {  // the disk is full: the next look may do better
-        log_warning("the project {}: {}", shown_word(id), error.what());
+        if (trouble != error.what())
+          log_warning("the project {}: {}", shown_word(id), error.what());
+        trouble = error.what();
       }
     }
     changed_.wait_for(lock, kLookEvery);
@@ -183,8 +196,8 @@ void Studio::begin(Entry& entry, StudioJob& job) {
   entry.logs.erase(job.id);
   job.began = now();
   job.state = JobState::running;
-  write_project(entry.project);
   try {
+    write_project(entry.project);
     const Descriptor log = new_job_log(entry.project.log_of(job.id));
     entry.child = start_child(
         command_of(job.words),
@@ -215,8 +228,7 @@ int Studio::start(const std::string& project, JobWords words) {
   if (has_scene && !known.left_out.empty() && write_chosen_list(known, job.words[1]))
     for (const char* word : {"--set", "dataset.photo_list=photos.txt"})
       job.words.emplace_back(word);
-  known.jobs.push_back(job);
-  write_project(known);
+  save(known, [&](Project& changed) { changed.jobs.push_back(job); });
   changed_.notify_all();
   return job.id;
 }
@@ -224,13 +236,11 @@ int Studio::start(const std::string& project, JobWords words) {
 int Studio::go_on(const std::string& project, int id) {
   const std::lock_guard lock(mutex_);
   Project& known = entry(project).project;
-  StudioJob& job = known.job(id);
-  if (is_active(job)) throw UsageError("this job has not ended");
-  job.words = words_to_go_on(job);
-  job.state = JobState::waiting;
-  job.message.clear();
-  job.began = job.ended = 0;
-  write_project(known);
+  if (is_active(known.job(id))) throw UsageError("this job has not ended");
+  save(known, [&](Project& changed) {
+    StudioJob& job = changed.job(id);
+    job = {.id = id, .words = words_to_go_on(job)};
+  });
   changed_.notify_all();
   return id;
 }
@@ -238,13 +248,11 @@ int Studio::go_on(const std::string& project, int id) {
 void Studio::stop(const std::string& project, int id) {
   const std::lock_guard lock(mutex_);
   Entry& known = entry(project);
-  StudioJob& job = known.project.job(id);
-  if (job.state == JobState::waiting) {
-    job.state = JobState::stopped;
-    write_project(known.project);
-  } else if (job.state == JobState::running && known.child > 0) {
+  const StudioJob& job = known.project.job(id);
+  if (job.state == JobState::waiting)
+    save(known.project, [&](Project& changed) { changed.job(id).state = JobState::stopped; });
+  else if (job.state == JobState::running && known.child > 0)
     ::kill(known.child, SIGTERM);
-  }
 }
 
 Json Studio::ask(const std::string& project, JobWords words) {
@@ -315,9 +323,10 @@ std::string Studio::create(const std::string& name, const std::string& typed) {
 void Studio::change(const std::string& project, const Json& changes) {
   const std::lock_guard lock(mutex_);
   Project& known = entry(project).project;
-  if (changes.contains("model")) known.model = changes["model"];
-  if (changes.contains("left_out")) known.left_out = changes["left_out"];
-  write_project(known);
+  save(known, [&](Project& changed) {
+    if (changes.contains("model")) changed.model = changes["model"];
+    if (changes.contains("left_out")) changed.left_out = changes["left_out"];
+  });
 }
 
 Json Studio::state() {
