@@ -3,6 +3,7 @@
 #pragma once
 
 #include <limits>
+#include <numbers>
 
 #include "gs_core/types.h"
 
@@ -64,6 +65,10 @@ struct CameraLens : LensCoefficients<T> {
 
   bool operator==(const CameraLens&) const = default;
 };
+
+/// How far the two halves of a panorama see from their axis (data_loaders/lenses/hemispheres.h).
+inline constexpr double kHemisphereDegrees = 95;
+inline constexpr double kHemisphereReach = kHemisphereDegrees * std::numbers::pi / 180;
 
 /// A lens without coefficients that counts everywhere.
 template <class T>

@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <array>
+#include <functional>
 #include <map>
 #include <memory>
 #include <optional>
@@ -43,6 +44,9 @@ struct View {
   // How the camera exposed the photo, by EXIF: log2(seconds ISO / f-number^2), one more for twice
   // the light. None where the tags are missing or were not asked for.
   std::optional<float> exposure_stops = {};
+  // Of the front half of a panorama: decodes the whole, as sharp as the half. Only its photo and mask
+  // count; without a lens its camera has no meaning.
+  std::function<View()> panorama = {};
 
   /// Whether the loss weights the photo's pixels, for its mask or its exposure. Ask when the photo
   /// is there.

@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 #include <mutex>
+#include <numbers>
 #include <utility>
 #include <vector>
 
@@ -14,6 +15,7 @@
 #include "gs_eval/color_correction.h"
 #include "gs_eval/flip/flip.h"
 #include "gs_eval/lpips/lpips.h"
+#include "gs_eval/panorama_metrics.h"
 #include "gs_train/stages/window.h"
 
 namespace gs {
@@ -300,6 +302,9 @@ void add(std::optional<PictureMetrics>& sum, const std::optional<PictureMetrics>
 
 void take_means(Evaluation& evaluation) {
   const double count = double(std::max<std::size_t>(evaluation.views.size(), 1));
+  const auto panoramas =
+      double(std::count_if(evaluation.views.begin(), evaluation.views.end(),
+                           [](const ViewMetrics& view) { return view.panorama.has_value(); }));
   const auto with_look =  // of another scene than the model's, some photos may have none
       double(std::count_if(evaluation.views.begin(), evaluation.views.end(),
                            [](const ViewMetrics& view) { return view.photometric.has_value(); }));
@@ -312,6 +317,11 @@ void take_means(Evaluation& evaluation) {
     add(evaluation.perceptual_exposure, view.perceptual_exposure, 1 / count);
     add(evaluation.photometric, view.photometric, 1 / with_look);
     add(evaluation.corrected, view.corrected, 1 / count);
+    if (!view.panorama) continue;
+    if (!evaluation.panorama) evaluation.panorama = PanoramaMetrics();
+    evaluation.panorama->psnr += view.panorama->psnr / panoramas;
+    evaluation.panorama->ssim += view.panorama->ssim / panoramas;
+    evaluation.panorama->ws_psnr += view.panorama->ws_psnr / panoramas;
   }
   for (double* sum :
        {&evaluation.psnr, &evaluation.ssim, &evaluation.psnr_exposure, &evaluation.ssim_exposure})
@@ -347,6 +357,17 @@ double psnr(const ImageF& render, const View& view, const Vec3f& background) {
   check_sizes(render, view.photo);
   const ImageF exposed = under_exposure(render, view.exposure);
   return psnr_of(exposed, values_of(exposed, view, background, view.exposure));
+}
+
+double ws_psnr(const ImageF& render, const View& panorama, const Vec3f& background) {
+  check_sizes(render, panorama.photo);
+  const auto values = values_of(render, panorama, background, Vec3f(1));
+  return psnr_of(render, [&](std::size_t pixel, int c) {
+    ComparedValue value = values(pixel, c);
+    const double row = double(pixel / std::size_t(render.width));
+    value.share *= std::cos(((row + 0.5) / render.height - 0.5) * std::numbers::pi);
+    return value;
+  });
 }
 
 double ssim(const ImageF& render, const View& view, const Vec3f& background) {
@@ -404,6 +425,8 @@ Evaluation evaluate(Renderer& renderer, const PackedScene& scene, const std::vec
     drawn.appearance = options.appearance_of ? options.appearance_of(view) : nullptr;
     drawn.solved_appearance = is_solved ? options.solved_appearance_of(view) : nullptr;
     evaluation.views.push_back(measured(view, drawn, settings.background, options));
+    if (view.panorama && options.metrics.is_perceptual)
+      evaluation.views.back().panorama = panorama_metrics(renderer, scene, view, settings, pass);
   });
   if (options.metrics.is_perceptual && options.metrics.lpips)
     evaluation.lpips_source = options.metrics.lpips->source();

@@ -57,6 +57,11 @@ struct PictureMetrics {
   double psnr = 0, ssim = 0;
 };
 
+/// Of a panorama as one picture, with WS-PSNR (panorama_metrics.h).
+struct PanoramaMetrics : PictureMetrics {
+  double ws_psnr = 0;
+};
+
 struct ViewMetrics {
   std::string name;
   double psnr, ssim;
@@ -67,7 +72,8 @@ struct ViewMetrics {
   /// Where they were asked for: of the picture as a photometric model shows it, and of the picture
   /// whose colors were fitted to the photo (metrics/color_correction.h).
   std::optional<PictureMetrics> photometric{}, corrected{};
-  std::optional<double> depth_error{};  // of views with a depth map (metrics/depth_error.h)
+  std::optional<PanoramaMetrics> panorama{};  // with FLIP: of the front halves of panoramas
+  std::optional<double> depth_error{};        // of views with a depth map (metrics/depth_error.h)
 };
 
 /// The network of LPIPS, as results tell it.
@@ -83,6 +89,7 @@ struct Evaluation {
   std::vector<ViewMetrics> views;
   std::optional<PerceptualMetrics> perceptual, perceptual_exposure;  // as in ViewMetrics
   std::optional<PictureMetrics> photometric, corrected;              // the same
+  std::optional<PanoramaMetrics> panorama;                           // mean over the panoramas
   std::optional<double> depth_error;        // mean over the views that have one
   std::optional<LpipsSource> lpips_source;  // where LPIPS was measured
 };

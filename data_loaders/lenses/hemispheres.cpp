@@ -36,7 +36,39 @@ Image8 with_border(const Image8& panorama, int first_column) {
   return result;
 }
 
+/// A picture of the camera's size; ray(x, y) is the direction that a pixel of it shows.
+template <class Ray>
+Image8 resampled(const Image8& panorama, int first_column, const PinholeCamera<double>& to,
+                 const std::string& photo, const Ray& ray) {
+  if (std::max(panorama.width, panorama.height) + 2 * kBorder > kLongestResampled)
+    throw Error(
+        fmt::format("cannot cut panorama '{}': {} takes at most {} pixels a side; make it "
+                    "smaller",
+                    photo, resampler_name(), kLongestResampled - 2 * kBorder));
+  const Image8 source = with_border(panorama, first_column);
+  Image8 result(to.width, to.height, panorama.channels);
+  parallel_chunks(std::size_t(to.height), 16, [&](std::size_t begin, std::size_t end) {
+    PhotoPositions positions(to.width, int(end - begin));
+    std::size_t i = 0;
+    for (std::size_t y = begin; y < end; ++y)
+      for (int x = 0; x < to.width; ++x, ++i) {
+        const Vec2d at =
+            panorama_pixel(ray(x + 0.5, double(y) + 0.5), panorama.width, panorama.height);
+        const double turned = at.x - first_column;
+        positions.x[i] = float((turned < 0 ? turned + panorama.width : turned) + kBorder - 0.5);
+        positions.y[i] = float(at.y + kBorder - 0.5);
+      }
+    resample(source, positions, &result.at(0, int(begin), 0));
+  });
+  return result;
+}
+
 }  // namespace
+
+Vec2d panorama_pixel(const Vec3d& p, int width, int height) {
+  return {(std::atan2(p.x, p.z) / (2 * pi) + 0.5) * width,
+          (std::atan2(p.y, std::hypot(p.x, p.z)) / pi + 0.5) * height};
+}
 
 HemispherePixel hemisphere_pixel(const ColmapCamera& panorama, const Vec2d& pixel) {
   const double east = (pixel.x / panorama.width - 0.5) * 2 * pi;
@@ -75,34 +107,23 @@ Image8 evened_panorama(const Image8& panorama) {
 
 Image8 hemisphere_of(const Image8& panorama, const LensCamera& hemisphere, bool is_back,
                      const std::string& photo) {
-  if (std::max(panorama.width, panorama.height) + 2 * kBorder > kLongestResampled)
-    throw Error(
-        fmt::format("cannot cut panorama '{}': {} takes at most {} pixels a side; make it "
-                    "smaller",
-                    photo, resampler_name(), kLongestResampled - 2 * kBorder));
   const PinholeCamera<double>& to = hemisphere.pinhole;
   const int first_column = is_back ? panorama.width / 2 : 0;
-  const Image8 source = with_border(panorama, first_column);
-  Image8 result(to.width, to.height, panorama.channels);
-  parallel_chunks(std::size_t(to.height), 16, [&](std::size_t begin, std::size_t end) {
-    PhotoPositions positions(to.width, int(end - begin));
-    std::size_t i = 0;
-    for (std::size_t y = begin; y < end; ++y)
-      for (int x = 0; x < to.width; ++x, ++i) {
-        const Vec2d u((x + 0.5 - to.cx) / to.fx, (double(y) + 0.5 - to.cy) / to.fy);
-        const double theta = std::sqrt(inner(u, u));
-        const double scale = theta > 0 ? std::sin(theta) / theta : 1;
-        Vec3d p(scale * u.x, scale * u.y, std::cos(theta));
-        if (is_back) p = turned_back(p);
-        const double column = (std::atan2(p.x, p.z) / (2 * pi) + 0.5) * panorama.width;
-        const double row = (std::atan2(p.y, std::hypot(p.x, p.z)) / pi + 0.5) * panorama.height;
-        const double turned = column - first_column;
-        positions.x[i] = float((turned < 0 ? turned + panorama.width : turned) + kBorder - 0.5);
-        positions.y[i] = float(row + kBorder - 0.5);
-      }
-    resample(source, positions, &result.at(0, int(begin), 0));
+  return resampled(panorama, first_column, to, photo, [&](double x, double y) {
+    const Vec2d u((x - to.cx) / to.fx, (y - to.cy) / to.fy);
+    const double theta = std::sqrt(inner(u, u));
+    const double scale = theta > 0 ? std::sin(theta) / theta : 1;
+    const Vec3d p(scale * u.x, scale * u.y, std::cos(theta));
+    return is_back ? turned_back(p) : p;
   });
-  return result;
+}
+
+Image8 pinhole_of(const Image8& panorama, const PinholeCamera<double>& camera,
+                  const std::string& photo) {
+  return resampled(panorama, 0, camera, photo, [&](double x, double y) {
+    return multiply_transposed(camera.cam_from_world_rotation,
+                               Vec3d((x - camera.cx) / camera.fx, (y - camera.cy) / camera.fy, 1));
+  });
 }
 
 }  // namespace gs

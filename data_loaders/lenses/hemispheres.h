@@ -27,4 +27,12 @@ Image8 evened_panorama(const Image8& panorama);
 Image8 hemisphere_of(const Image8& panorama, const LensCamera& hemisphere, bool is_back,
                      const std::string& photo);
 
+/// The picture of a pinhole at the panorama's place, resampled bicubically. Its rotation is from the
+/// panorama's frame. Throws Error as hemisphere_of().
+Image8 pinhole_of(const Image8& panorama, const PinholeCamera<double>& camera,
+                  const std::string& photo);
+
+/// The pixel of a panorama of this size that shows a direction.
+Vec2d panorama_pixel(const Vec3d& direction, int width, int height);
+
 }  // namespace gs

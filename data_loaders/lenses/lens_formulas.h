@@ -20,10 +20,6 @@ struct FocalPlane {
   T fx{}, fy{}, cx{}, cy{};
 };
 
-// How far the two halves of a panorama see from their axis (hemispheres.h).
-inline constexpr double kHemisphereDegrees = 95;
-inline constexpr double kHemisphereReach = kHemisphereDegrees * std::numbers::pi / 180;
-
 /// Sorts the parameters of a model, in COLMAP's order, into the coefficients of the formulas. Those
 /// of EQUIRECTANGULAR, the panorama's sides, become the equidistant lens of one of its halves, as
 /// sharp as the panorama.

@@ -104,10 +104,27 @@ std::vector<Vec2d> directions(const PinholeCamera<double>& photo) {
   return all;
 }
 
-bool explains(const LensCamera& camera, const CameraLens<double>& seen, int x, int y) {
+/// The point of the chart that lands at a pixel.
+std::optional<Vec2d> seen_at(const LensCamera& camera, double x, double y) {
   const PinholeCamera<double>& photo = camera.pinhole;
-  const std::optional<Vec2d> u =
-      chart_point(camera, {(x + 0.5 - photo.cx) / photo.fx, (y + 0.5 - photo.cy) / photo.fy});
+  return chart_point(camera, {(x - photo.cx) / photo.fx, (y - photo.cy) / photo.fy});
+}
+
+/// The largest angle from the axis in a corner of the picture; `most` where no ray lands.
+double angle_of_corners(const LensCamera& camera, double most) {
+  double largest = 0;
+  for (const int x : {0, camera.pinhole.width})
+    for (const int y : {0, camera.pinhole.height}) {
+      const std::optional<Vec2d> u = seen_at(camera, x, y);
+      if (!u) return most;
+      const double r = std::sqrt(inner(*u, *u));
+      largest = std::max(largest, has_angle_chart(camera.lens) ? r : std::atan(r));
+    }
+  return largest;
+}
+
+bool explains(const LensCamera& camera, const CameraLens<double>& seen, int x, int y) {
+  const std::optional<Vec2d> u = seen_at(camera, x + 0.5, y + 0.5);
   return u && inner(*u, *u) <= seen.radius * seen.radius;
 }
 
@@ -122,20 +139,16 @@ PinholeCamera<double> camera_with_lens(const LensCamera& camera, const std::stri
   CameraLens<double>& lens = result.lens;
   static_cast<LensCoefficients<double>&>(lens) =
       static_cast<const LensCoefficients<double>&>(camera);
-  double end_of_lens = most, widest = 0;
+  double end_of_lens = camera.is_hemisphere() ? kHemisphereReach : angle_of_corners(camera, most);
   for (const Vec2d& direction : directions(camera.pinhole)) {
     const Outward ray(camera, direction);
-    const double end = counts_to(ray, most), seen = seen_to(ray, end, margin);
-    const Vec2d u = ray.at(seen);
+    const double end = counts_to(ray, most);
+    const Vec2d u = ray.at(seen_to(ray, end, margin));
     lens.low = {std::min(lens.low.x, u.x), std::min(lens.low.y, u.y)};
     lens.high = {std::max(lens.high.x, u.x), std::max(lens.high.y, u.y)};
     end_of_lens = std::min(end_of_lens, end);
-    widest = std::max(widest, seen);
   }
-  if (has_angles) {
-    end_of_lens = std::min(end_of_lens, camera.is_hemisphere() ? kHemisphereReach : widest);
-    lens.low = {-most, -most}, lens.high = {most, most};
-  }
+  if (has_angles) lens.low = {-most, -most}, lens.high = {most, most};
   lens.radius = has_angles ? end_of_lens : std::tan(end_of_lens);
   if (!(lens.radius > 1e-3))
     throw Error(fmt::format(

@@ -11,15 +11,15 @@ namespace gs {
 
 /// The photo's camera with its lens and the range of the lens. The formula counts until it folds,
 /// until a step away from the axis moves the pixel by less than kSlowestLens of what it does at the
-/// center, and, in the angle chart, to the picture's last corner: nothing beyond was ever measured.
+/// center, and to the picture's last corner: nothing beyond was ever measured.
 /// Throws Error that names the photo for a lens that does not count at its own center.
 PinholeCamera<double> camera_with_lens(const LensCamera& camera, const std::string& photo);
 
 inline constexpr double kSlowestLens = 0.25;
 inline constexpr double kWidestPerspective = 85;  // degrees; the perspective chart ends at 90
 
-/// The camera that a photo trains with. LensUse::automatic undistorts it where undistorted_pinhole()
-/// does. Throws Error as the other two do.
+/// The camera that a photo trains with. LensUse::automatic undistorts it unless
+/// is_too_wide_for_pinhole(). Throws Error as the other two do.
 PinholeCamera<double> trained_camera(const LensCamera& camera, LensUse use,
                                      const std::string& photo);
 

@@ -148,6 +148,22 @@ std::optional<PinholeCamera<double>> filled_pinhole(const LensCamera& camera) {
   return std::nullopt;
 }
 
+/// The share of the photo's pixels that a pinhole shows, too.
+double kept_share(const LensCamera& camera, const PinholeCamera<double>& pinhole) {
+  constexpr int kSteps = 64;  // along each side
+  const PinholeCamera<double>& photo = camera.pinhole;
+  int kept = 0;
+  for (int j = 0; j < kSteps; ++j)
+    for (int i = 0; i < kSteps; ++i) {
+      const auto ideal = undistorted(camera, normalized(photo, (i + 0.5) / kSteps * photo.width,
+                                                        (j + 0.5) / kSteps * photo.height));
+      if (!ideal) continue;
+      const double x = pinhole.fx * ideal->x + pinhole.cx, y = pinhole.fy * ideal->y + pinhole.cy;
+      kept += x >= 0 && x <= pinhole.width && y >= 0 && y <= pinhole.height;
+    }
+  return double(kept) / (kSteps * kSteps);
+}
+
 /// Where the pixels of the rows from `begin` to `end` of `pinhole` lie in the photo.
 PhotoPositions photo_positions(const LensCamera& camera, const PinholeCamera<double>& pinhole,
                                std::size_t begin, std::size_t end) {
@@ -186,7 +202,9 @@ bool is_too_wide_for_pinhole(const LensCamera& camera) {
   if (camera.lens == LensCamera::Lens::none) return false;
   if (camera.is_hemisphere()) return true;
   const auto pinhole = filled_pinhole(camera);
-  return pinhole && FieldOfView(*pinhole).widest() >= kWidestHalfField;
+  if (!pinhole) return false;
+  return FieldOfView(*pinhole).widest() >= kWidestHalfField ||
+         (has_angle_chart(camera.lens) && kept_share(camera, *pinhole) < kLeastKept);
 }
 
 Image8 undistorted_photo(const Image8& image, const LensCamera& camera,

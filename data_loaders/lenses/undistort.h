@@ -17,11 +17,13 @@ namespace gs {
 /// for a pinhole with a side kWidestHalfField or more from the axis.
 PinholeCamera<double> undistorted_pinhole(const LensCamera& camera, const std::string& photo);
 
-/// Whether undistorted_pinhole() refuses the lens because it sees too far from the axis, and for no
-/// other reason.
+/// Whether the photo is better trained on through its lens: undistorted_pinhole() refuses the lens
+/// because it sees too far from the axis, and for no other reason, or the lens is a fisheye of whose
+/// pixels the pinhole shows less than kLeastKept.
 bool is_too_wide_for_pinhole(const LensCamera& camera);
 
 inline constexpr double kMostEnlargement = 2;   // COLMAP's max_scale, a limit for wide lenses
+inline constexpr double kLeastKept = 0.8;       // a fisheye of 64 degrees to each side keeps 0.84
 inline constexpr double kWidestHalfField = 75;  // degrees; a pinhole stretches 1 / cos^2 = 15 times
 
 /// The photo as `pinhole` sees it. `image` has the size of `camera`. `photo` names the photo in

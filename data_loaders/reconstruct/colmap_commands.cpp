@@ -7,6 +7,7 @@
 #include <map>
 
 #include "data_loaders/reconstruct/colmap_log.h"
+#include "data_loaders/reconstruct/panorama_views.h"
 #include "gs_core/system/files/atomic_file.h"
 #include "gs_core/system/processes/subprocess.h"
 
@@ -22,6 +23,10 @@ void write_photo_list(const std::vector<PhotoFile>& photos, const fs::path& file
 }
 
 std::string text(bool value) { return value ? "1" : "0"; }
+/// Where the pictures lie that COLMAP sees.
+fs::path pictures_of(const ColmapPlan& plan) {
+  return plan.has_panoramas() ? plan.files.views() : plan.files.photos();
+}
 std::string thread_text(const ColmapPlan& plan) {
   return fmt::format("{}", plan.threads ? plan.threads : -1);
 }
@@ -52,10 +57,16 @@ ColmapCommand feature_command(const ColmapPlan& plan, const std::vector<PhotoFil
   const fs::path list = plan.files.photo_list();
   write_photo_list(photos, list);
   command.add("--database_path", plan.files.database().string());
-  command.add("--image_path", plan.files.photos().string());
+  command.add("--image_path", pictures_of(plan).string());
   command.add("--image_list_path", list.string());
-  command.add("--ImageReader.camera_model", plan.camera_model);
-  command.add("--ImageReader.single_camera", text(plan.single_camera));
+  if (plan.has_panoramas()) {  // views in one folder have one place on the rig
+    command.add("--ImageReader.camera_model", "PINHOLE");
+    command.add("--ImageReader.camera_params", panorama_view_params(plan));
+    command.add("--ImageReader.single_camera_per_folder", "1");
+  } else {
+    command.add("--ImageReader.camera_model", plan.camera_model);
+    command.add("--ImageReader.single_camera", text(plan.single_camera));
+  }
   command.add_known({"--SiftExtraction.max_num_features"}, fmt::format("{}", plan.max_features));
   command.add_known({"--FeatureExtraction.use_gpu", "--SiftExtraction.use_gpu"},
                     text(plan.use_gpu));
@@ -111,9 +122,41 @@ ColmapCommand model_command(const ColmapPlan& plan) {
   }
   ColmapCommand command(plan.program, "mapper");
   command.add("--database_path", plan.files.database().string());
-  command.add("--image_path", plan.files.photos().string());
+  command.add("--image_path", pictures_of(plan).string());
   command.add("--output_path", plan.files.attempt().string());
+  if (plan.has_panoramas())  // the lens and the turns of their views are known
+    for (const char* what : {"focal_length", "extra_params", "sensor_from_rig"})
+      command.add_known({fmt::format("--Mapper.ba_refine_{}", what).c_str()}, "0");
   command.add_known({"--Mapper.num_threads"}, thread_text(plan));
+  return command;
+}
+
+bool has_command(const ColmapPlan& plan, const std::string& command) {
+  bool is_known = false;
+  run_process({plan.program, "help"}, {}, [&](std::string_view line) {
+    const std::size_t begin = line.find_first_not_of(" \t");
+    is_known |= begin != line.npos && line.substr(begin).starts_with(command);
+  });
+  return is_known;
+}
+
+ColmapCommand rig_command(const ColmapPlan& plan) {
+  ColmapCommand command(plan.program, "rig_configurator");
+  command.add("--database_path", plan.files.database().string());
+  command.add("--rig_config_path", plan.files.rig().string());
+  return command;
+}
+
+ColmapCommand rig_adjustment_command(const ColmapPlan& plan, const fs::path& model,
+                                     const fs::path& adjusted) {
+  ColmapCommand command(plan.program, "rig_bundle_adjuster");
+  command.add("--input_path", model.string());
+  command.add("--output_path", adjusted.string());
+  command.add("--rig_config_path", plan.files.rig().string());
+  command.add_known({"--estimate_rig_relative_poses"}, "0");
+  command.add_known({"--RigBundleAdjustment.refine_relative_poses"}, "0");
+  command.add_known({"--BundleAdjustment.refine_focal_length"}, "0");
+  command.add_known({"--BundleAdjustment.refine_extra_params"}, "0");
   return command;
 }
 

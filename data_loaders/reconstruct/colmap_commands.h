@@ -34,6 +34,14 @@ ColmapCommand match_command(const ColmapPlan& plan);
 /// known_model() in plan.files.known().
 ColmapCommand model_command(const ColmapPlan& plan);
 
+/// Whether the program knows a command.
+bool has_command(const ColmapPlan& plan, const std::string& command);
+/// Tells the database that the views in plan.files.rig() are those of a rig. COLMAP 3.12 and later.
+ColmapCommand rig_command(const ColmapPlan& plan);
+/// Adjusts a model so that its views keep their places on that rig. Before COLMAP 3.12.
+ColmapCommand rig_adjustment_command(const ColmapPlan& plan, const std::filesystem::path& model,
+                                     const std::filesystem::path& adjusted);
+
 /// The known poses with the ids that COLMAP gave the photos, by its log, and without points.
 ColmapModel known_model(const ColmapPlan& plan);
 

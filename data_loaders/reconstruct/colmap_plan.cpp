@@ -17,7 +17,8 @@ namespace {
 
 namespace fs = std::filesystem;
 
-constexpr std::size_t kExhaustivePhotos = 200;  // with more, `auto` matches neighbors by name only
+// With more, `auto` matches neighbors by name only.
+constexpr std::size_t kExhaustivePhotos = 200, kExhaustivePanoramas = 100;
 
 std::string found_program(const ColmapPlan& plan, const std::string& name) {
   const auto program = find_program(name);
@@ -87,9 +88,11 @@ void complete_plan(ColmapPlan& plan, const fs::path& source) {
         fmt::format("{} has {} photo(s); a scene needs at least {}, and looks good with 30 or more",
                     source.string(), plan.photos.size(), kFewestPhotos));
   if (plan.matching == Matching::automatic)
-    plan.matching = plan.videos.empty() && plan.photos.size() <= kExhaustivePhotos
-                        ? Matching::exhaustive
-                        : Matching::sequential;
+    plan.matching =
+        plan.videos.empty() && plan.photos.size() <=
+                                   (plan.has_panoramas() ? kExhaustivePanoramas : kExhaustivePhotos)
+            ? Matching::exhaustive
+            : Matching::sequential;
   plan.single_camera = plan.single_camera_setting == SingleCamera::automatic
                            ? same_size(plan.photos)
                            : plan.single_camera_setting == SingleCamera::yes;
@@ -157,7 +160,10 @@ std::string made_of(const ColmapPlan& plan) {
                          photo.is_copied ? "upright\n" : ""));
   return fmt::format("{} photos {:016x}, {}, {} camera(s), {} matching, {} features{}",
                      plan.photos.size(), hash.value(), plan.camera_model,
-                     plan.single_camera ? "one" : "own", word_of(plan.matching), plan.max_features,
+                     plan.has_panoramas() ? "views of panoramas, no"
+                     : plan.single_camera ? "one"
+                                          : "own",
+                     word_of(plan.matching), plan.max_features,
                      plan.poses ? text_of_poses(*plan.poses) : "");
 }
 

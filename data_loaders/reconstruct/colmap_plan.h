@@ -29,6 +29,8 @@ struct SceneFiles {
   }
   std::filesystem::path attempt() const { return work / "models"; }  // the mapper's
   std::filesystem::path known() const { return work / "known"; }     // poses that are known
+  std::filesystem::path views() const { return work / "views"; }     // of panoramas
+  std::filesystem::path rig() const { return work / "rig.json"; }    // of these views
   std::filesystem::path photo_list() const { return work / "photos.txt"; }
   std::filesystem::path database() const { return root / "database.db"; }
   std::filesystem::path log() const { return root / "colmap.log"; }
@@ -49,6 +51,8 @@ struct ColmapPlan {
   bool has_short_flags = false;                        // as in ColmapJob
   std::shared_ptr<const ColmapModel> poses = nullptr;  // as in ColmapJob
 
+  /// Whether the photos are panoramas of 360 degrees, which COLMAP sees as panorama_views().
+  bool has_panoramas() const { return !photos.empty() && photos[0].is_panorama; }
   /// How to set a setting on the command line, for advice: "--matching exhaustive", or "--set
   /// reconstruct.matching=exhaustive" in verbs without that flag.
   std::string flag(std::string_view key, std::string_view value) const;

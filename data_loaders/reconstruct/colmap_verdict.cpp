@@ -82,7 +82,9 @@ Reconstruction verdict_of(const ColmapPlan& plan) {
   result.mean_error = mean_error_of(model);
   for (const PhotoFile& photo : plan.photos)
     if (!registered.contains(photo.name))
-      result.missing.push_back({photo.name, reasons.of(photo.name)});
+      result.missing.push_back({photo.name, plan.has_panoramas()
+                                                ? "none of its views was placed: too little overlap"
+                                                : reasons.of(photo.name)});
   return result;
 }
 

@@ -100,16 +100,13 @@ std::string name_of_copy(const std::string& name) {
 PhotoFile photo_file(const fs::path& file, const std::string& name) {
   if (is_cut_short(file)) throw Error(fmt::format("{} is cut short; copy it again", file.string()));
   const Header header = header_of(file);
-  if (is_panorama(file, header.size))
-    throw Error(fmt::format(
-        "{} is a panorama of 360 degrees, which trains where a model has its pose; to let COLMAP "
-        "find one, cut it into ordinary views, for example with ffmpeg -i {} -vf "
-        "v360=e:flat:h_fov=90:v_fov=90:yaw=0 front.jpg, "
-        "and the same with yaw=90, 180 and -90",
-        file.string(), file.filename().string()));
   const bool is_known_to_colmap = kColmapEndings.contains(lowercase_ending(file));
-  return {file, name, header.size, header.orientation != 1 || !is_known_to_colmap,
-          header.orientation};
+  return {file,
+          name,
+          header.size,
+          header.orientation != 1 || !is_known_to_colmap,
+          header.orientation,
+          is_panorama(file, header.size)};
 }
 
 // Gives photos that are copied the name and size of the copy. If another photo has that name, the
@@ -175,6 +172,20 @@ std::optional<PhotoFile> usable_photo(const fs::path& file, const std::string& n
   return {};
 }
 
+// COLMAP places panoramas by their views, and ordinary photos as they are, but not both at once.
+void leave_out_panoramas(std::vector<PhotoFile>& photos) {
+  std::vector<std::string> panoramas;
+  for (const PhotoFile& photo : photos)
+    if (photo.is_panorama) panoramas.push_back(photo.name);
+  if (panoramas.empty() || panoramas.size() == photos.size()) return;
+  std::erase_if(photos, &PhotoFile::is_panorama);
+  log_warning(
+      "{} left out, because there are ordinary photos; put panoramas of 360 degrees into a folder "
+      "of "
+      "their own and reconstruct that: {}",
+      counted(panoramas.size(), "panorama", "is", "are"), joined(panoramas));
+}
+
 }  // namespace
 
 std::vector<PhotoFile> find_photos(const fs::path& folder, const fs::path& without, PhotoUse use) {
@@ -191,6 +202,7 @@ std::vector<PhotoFile> find_photos(const fs::path& folder, const fs::path& witho
     if (!is_scene_photo(file, root)) continue;
     if (auto photo = usable_photo(file, name, left_out)) photos.push_back(std::move(*photo));
   }
+  leave_out_panoramas(photos);
   if (use == PhotoUse::in_place) leave_as_stored(photos);
   if (photos.empty()) fail_without_photos(folder, left_out);
   if (!left_out.videos.empty())

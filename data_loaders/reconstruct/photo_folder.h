@@ -12,10 +12,11 @@ namespace gs {
 
 struct PhotoFile {
   std::filesystem::path path;
-  std::string name;        // in the scene: relative to the folder, "/" between folders
-  PhotoSize size;          // in the scene
-  bool is_copied = false;  // the scene gets an upright copy (write_copy()), not the file
-  int orientation = 1;     // of the file, by EXIF
+  std::string name;          // in the scene: relative to the folder, "/" between folders
+  PhotoSize size;            // in the scene
+  bool is_copied = false;    // the scene gets an upright copy (write_copy()), not the file
+  int orientation = 1;       // of the file, by EXIF
+  bool is_panorama = false;  // of 360 degrees
 };
 
 /// Whether the photos are brought into a scene, or lie in its images/ and stay as they are.
@@ -23,8 +24,8 @@ enum class PhotoUse { brought, in_place };
 
 /// The photos in a folder and below it, or in its images/ where it has none itself; sorted by name.
 /// Hidden files, scenes and runs of gemsplat, `masks/`, `depth/` and everything below `without` are
-/// left out. So are photos that cannot be read or are cut short, and panoramas of 360 degrees, with a
-/// warning that names them. Photos that EXIF
+/// left out. So are photos that cannot be read or are cut short, and panoramas of 360 degrees among
+/// ordinary photos, with a warning that names them. Photos that EXIF
 /// turns, or of formats that COLMAP does not read, get copies in the scene: a.heic becomes a.jpg,
 /// and a.webp a.png. In place there are no copies, and a warning names these photos. Throws Error
 /// where there is no photo, and says what there is instead.

@@ -17,6 +17,7 @@
 #include "data_loaders/reconstruct/colmap_plan.h"
 #include "data_loaders/reconstruct/colmap_verdict.h"
 #include "data_loaders/reconstruct/foreign_cameras.h"
+#include "data_loaders/reconstruct/panorama_views.h"
 #include "data_loaders/reconstruct/scene_state.h"
 #include "data_loaders/reconstruct/take_pictures.h"
 #include "gs_core/error.h"
@@ -66,7 +67,8 @@ std::set<std::string> stage_names() {
 // `before` photos of the stage are done by earlier commands.
 void run_stage(const Stage& stage, const ColmapCommand& command, const ColmapPlan& plan,
                const ColmapProgress& progress, std::int64_t before = 0) {
-  const auto photos = std::int64_t(plan.photos.size());
+  const auto photos =
+      std::int64_t(plan.photos.size()) * (plan.has_panoramas() ? kPanoramaViews : 1);
   if (before == 0) {
     progress(stage.stage, 0, photos);
     log_info("{}: colmap {}", stage.headline, command.arguments()[1]);
@@ -109,6 +111,26 @@ void keep_models(const SceneFiles& files) {
     fs::rename(models[i].second, files.new_sparse() / fmt::format("{}", i));
 }
 
+// Models of views become those of panoramas.
+void make_panorama_models(const Stage& stage, const ColmapPlan& plan,
+                          const ColmapProgress& progress) {
+  const bool is_adjusted =
+      !has_command(plan, "rig_configurator") && has_command(plan, "rig_bundle_adjuster");
+  for (const fs::path& folder : colmap_models_in(plan.files.attempt())) {
+    fs::path best = folder;
+    if (is_adjusted) {
+      write_rig_of_views(plan.files.rig(), read_colmap_model(folder));
+      best = plan.files.work / "adjusted";
+      fs::create_directories(best);
+      run_stage(stage, rig_adjustment_command(plan, folder, best), plan, progress, 1);
+    }
+    const ColmapModel model = panorama_model(plan, read_colmap_model(best, Tracks::read));
+    fs::remove_all(best);
+    fs::remove_all(folder);
+    write_colmap_model(folder, model);
+  }
+}
+
 void make_model(const Stage& stage, const ColmapPlan& plan, SceneFolder& folder,
                 const ColmapProgress& progress) {
   fs::remove_all(plan.files.attempt());  // of an earlier command
@@ -118,12 +140,19 @@ void make_model(const Stage& stage, const ColmapPlan& plan, SceneFolder& folder,
     write_colmap_model(plan.files.known(), known_model(plan));
   }
   run_stage(stage, model_command(plan), plan, progress);
+  if (plan.has_panoramas()) make_panorama_models(stage, plan, progress);
   keep_models(plan.files);
   folder.finish(stage.name);
 }
 
 // COLMAP gives one camera to all photos of a call, so each group has a call.
 void find_features(const Stage& stage, const ColmapPlan& plan, const ColmapProgress& progress) {
+  if (plan.has_panoramas()) {
+    run_stage(stage, feature_command(plan, panorama_views(plan)), plan, progress);
+    if (!has_command(plan, "rig_configurator")) return;
+    write_rig_of_views(plan.files.rig());
+    return run_stage(stage, rig_command(plan), plan, progress, 1);
+  }
   std::int64_t before = 0;
   for (const std::vector<PhotoFile>& photos : camera_groups(plan)) {
     run_stage(stage, feature_command(plan, photos), plan, progress, before);
@@ -150,6 +179,8 @@ void run_stages(const ColmapPlan& plan, SceneFolder& folder, const ColmapProgres
 
 std::string text_of_cameras(const ColmapPlan& plan) {
   if (plan.poses) return "with known cameras";
+  if (plan.has_panoramas())
+    return fmt::format("panoramas of 360 degrees as {} views each", kPanoramaViews);
   if (!plan.single_camera) return fmt::format("a {} camera each", plan.camera_model);
   const std::size_t count = camera_groups(plan).size();
   return count == 1 ? fmt::format("one {} camera", plan.camera_model)
@@ -179,6 +210,7 @@ Reconstruction run_colmap(const ColmapJob& job, const ColmapProgress& progress) 
     take_frames_of_videos(plan, *folder, progress);
   else if (!folder->has("model"))
     take_photos(plan, *folder, progress);
+  if (plan.has_panoramas() && !folder->has("model")) cut_panoramas(plan, progress);
   log_info("{} photos, {}, {} matching", plan.photos.size(), text_of_cameras(plan),
            word_of(plan.matching));
   run_stages(plan, *folder, progress);

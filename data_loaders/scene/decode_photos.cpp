@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <atomic>
+#include <cmath>
 #include <limits>
 #include <mutex>
 
@@ -30,6 +31,8 @@ std::size_t pixel_count(const PhotoSize& size) {
   return std::size_t(size.width) * std::size_t(size.height);
 }
 
+View whole_panorama(Photo half);
+
 /// A view without its picture.
 View empty_view(const Photo& photo) {
   View view;
@@ -42,6 +45,8 @@ View empty_view(const Photo& photo) {
   view.over_background = photo.masks.over_background && view.may_be_masked;
   view.has_depth_map = !photo.depth_file.empty();
   view.depth_kind = photo.depth_kind;
+  if (photo.lens.is_hemisphere() && !photo.is_back)
+    view.panorama = [photo] { return whole_panorama(photo); };
   return view;
 }
 
@@ -56,6 +61,17 @@ View view_with(Picture picture, const Photo& photo) {
     view.depth_kind = map.kind;
   }
   return view;
+}
+
+/// View::panorama.
+View whole_panorama(Photo half) {
+  const double scale = double(half.target.width) / half.undistorted.width;
+  const auto side = [&](int pixels) { return int(std::lround(scale * pixels)); };
+  half.lens = {};
+  half.is_explained = true;
+  half.undistorted = {half.size.width, half.size.height};
+  half.target = {side(half.size.width), side(half.size.height)};
+  return view_with(make_picture(half), half);
 }
 
 /// `cache` may be null.

@@ -8,6 +8,7 @@
 #include <mutex>
 #include <tuple>
 
+#include "data_loaders/counted.h"
 #include "data_loaders/lenses/lens_range.h"
 #include "data_loaders/photos/depth_file.h"
 #include "data_loaders/photos/photo_fit.h"
@@ -188,7 +189,7 @@ void plan_photos(SceneModel& scene, LensUse lens, int resolution,
                  const std::function<void(std::size_t done, std::size_t total)>& progress) {
   read_headers(scene.photos, progress);
   const std::vector<std::size_t> frames = frame_numbers(scene.model);
-  std::size_t scaled = 0;
+  std::size_t scaled = 0, wide = 0;
   struct Trained {
     PinholeCamera<double> camera;
     bool is_explained;
@@ -209,6 +210,7 @@ void plan_photos(SceneModel& scene, LensUse lens, int resolution,
       found->second = {seen, !seen.has_lens() || explains_all_pixels(photo.lens, seen.lens)};
     }
     photo.undistorted = found->second.camera;
+    wide += photo.undistorted.has_lens() && !photo.lens.is_hemisphere();
     photo.is_explained = found->second.is_explained;
     check_depth_through_lens(photo);
     check_resolution(resolution, photo.undistorted, photo.name);
@@ -217,6 +219,9 @@ void plan_photos(SceneModel& scene, LensUse lens, int resolution,
     photo.may_be_masked = may_be_masked(photo);
     photo.cost = cost_of(photo);
   }
+  if (wide && lens == LensUse::automatic)
+    log_info("{} through their lens, because a pinhole would not show all that they do",
+             counted(wide, "photo", "trains", "train"));
   if (scaled)
     log_info(
         "{} of {} photos differ in size from their cameras in the model: intrinsics scaled to the "

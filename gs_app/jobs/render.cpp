@@ -9,9 +9,11 @@
 #include <map>
 #include <memory>
 
+#include "data_loaders/georef/georef_file.h"
 #include "data_loaders/photos/photo_names.h"
 #include "gs_app/export/cameras.h"
 #include "gs_app/export/export_model.h"
+#include "gs_app/export/orthophoto.h"
 #include "gs_app/export/view_lens.h"
 #include "gs_app/jobs/render/render_cameras.h"
 #include "gs_app/jobs/render/render_job.h"
@@ -175,6 +177,45 @@ Json description_of(const RenderJob& job, const RenderOutput& output, const Open
   return json;
 }
 
+// --- Orthophotos
+
+constexpr const char* kOrthophoto = "orthophoto";  // name of the picture
+
+std::optional<Orthophoto> orthophoto_of(const RenderJob& job, const OpenedModel& opened,
+                                        const Config& config,
+                                        const std::vector<NamedCamera>& cameras) {
+  if (!job.meters_per_pixel) return std::nullopt;
+  const std::string& scene = config.dataset.source;
+  const std::filesystem::path file =
+      job.georef.empty() ? georef_file_of(scene) : std::filesystem::path(job.georef);
+  if (job.georef.empty() && (scene.empty() || !std::filesystem::exists(file)))
+    throw UsageError(
+        "--meters-per-pixel needs to know where the scene stands on earth; run `gemsplat georef "
+        "SCENE` first, or name its file with --georef FILE");
+  return gs::orthophoto_of(read_georef(file), opened.model.gaussians.mean.span(),
+                           without_names(cameras), opened.model.world_offset,
+                           *job.meters_per_pixel);
+}
+
+// Beside each PNG.
+std::vector<std::filesystem::path> world_files(const RenderJob& job) {
+  std::vector<std::filesystem::path> files;
+  const std::vector<Quantity>& quantities = job.output.quantities;
+  if (job.output.png)
+    for (const Quantity quantity : quantities)
+      files.push_back(job.output.output /
+                      (quantity == Quantity::color || quantities.size() == 1
+                           ? fmt::format("{}.pgw", kOrthophoto)
+                           : fmt::format("{}.{}.pgw", kOrthophoto, name_of(quantity))));
+  return files;
+}
+
+std::string text_of(const Orthophoto& photo) {
+  return fmt::format("{} x {} pixels; the coordinates of its world file are EPSG:{}{:02}\n",
+                     photo.camera.width, photo.camera.height, photo.zone.is_south ? 327 : 326,
+                     photo.zone.number);
+}
+
 Outcome outcome_of(const RenderJob& job, const OpenedModel& opened, std::size_t count) {
   const bool is_film = job.output.is_film();
   const std::string output = job.output.output.string();
@@ -211,7 +252,11 @@ Outcome run(const RenderJob& given, JobEvents& events) {
     path = std::move(film.description);
     if (!job.path_file.empty()) path["file"] = job.path_file;
   }
-  fit_cameras(job, pictures, frame, cameras);
+  const std::optional<Orthophoto> orthophoto = orthophoto_of(job, opened, config, cameras);
+  if (orthophoto)
+    cameras = {{kOrthophoto, orthophoto->camera}};
+  else
+    fit_cameras(job, pictures, frame, cameras);
   set_times_of(job, opened.model.gaussians.has_time, key_times, cameras);
   const LookOfCamera look = look_of(opened, job, cameras);
   const DepthRange range = depth_range(job, pictures, cameras);
@@ -219,11 +264,20 @@ Outcome run(const RenderJob& given, JobEvents& events) {
   if (is_described(job))
     for (const auto& file : {output.description(), output.cameras()})
       check_place(file, job.output.force);
+  if (orthophoto)
+    for (const auto& file : world_files(job)) check_place(file, job.output.force);
   render_views(job, cameras, look, pictures, output, events);
+  if (orthophoto)
+    for (const auto& file : world_files(job)) {
+      if (std::filesystem::exists(file)) move_aside(file);
+      write_text(file, world_file(*orthophoto));
+    }
   if (is_described(job))
     write_description(output, cameras,
                       description_of(job, output, opened, config, settings, cameras, range, path));
-  return outcome_of(job, opened, cameras.size());
+  Outcome outcome = outcome_of(job, opened, cameras.size());
+  if (orthophoto) outcome.text += text_of(*orthophoto);
+  return outcome;
 }
 
 Verb render_verb() {

@@ -29,6 +29,12 @@ void add_picture(const char* suffix, const std::optional<PictureMetrics>& metric
   json[fmt::format("ssim{}", suffix)] = metrics->ssim;
 }
 
+void add_panorama(const std::optional<PanoramaMetrics>& metrics, Json& json) {
+  if (!metrics) return;
+  add_picture("_panorama", *metrics, json);
+  json["ws_psnr"] = metrics->ws_psnr;
+}
+
 Json means(const Evaluation& evaluation) {
   if (evaluation.views.empty()) return nullptr;
   Json json = {{"psnr", evaluation.psnr}, {"ssim", evaluation.ssim}};
@@ -41,6 +47,7 @@ Json means(const Evaluation& evaluation) {
   }
   add_picture("_photometric", evaluation.photometric, json);
   add_picture("_cc", evaluation.corrected, json);
+  add_panorama(evaluation.panorama, json);
   if (evaluation.depth_error) json["depth_error"] = *evaluation.depth_error;
   return json;
 }
@@ -68,6 +75,7 @@ Json by_view(const Evaluation& evaluation) {
     if (has_times) json["time"] = view.time;
     add_picture("_photometric", view.photometric, json);
     add_picture("_cc", view.corrected, json);
+    add_panorama(view.panorama, json);
     if (view.depth_error) json["depth_error"] = *view.depth_error;
     if (!evaluation.has_exposures) continue;
     json["psnr_exposure"] = view.psnr_exposure;
@@ -178,6 +186,9 @@ std::string summary(const Evaluation& evaluation) {
   if (evaluation.corrected)
     text += fmt::format("; with colors fitted to the photos {:.2f} dB, {:.4f}",
                         evaluation.corrected->psnr, evaluation.corrected->ssim);
+  if (const auto& panorama = evaluation.panorama)
+    text += fmt::format("; panoramas as one picture {:.2f} dB, {:.2f} dB WS-PSNR, {:.4f}",
+                        panorama->psnr, panorama->ws_psnr, panorama->ssim);
   if (evaluation.depth_error)
     text += fmt::format("; depth is off by {:.1f} % on average", 100 * *evaluation.depth_error);
   return text;

@@ -56,7 +56,9 @@ std::optional<std::size_t> gpu_bytes(Backend& backend);
 /// "psnr_photometric" (the picture as the photo shows it: predicted in "test", learned in "train")
 /// and "psnr_cc" (the picture with colors fitted to the photo), and "photometric" is {"model",
 /// "rule", "spreads"}. Where poses were refined while training, "poses" has the fields of
-/// PoseChange, and "train" is measured at the refined poses. Where views have depth maps, "test"
+/// PoseChange, and "train" is measured at the refined poses. Where views are panoramas, "test" also
+/// holds "psnr_panorama", "ssim_panorama" and "ws_psnr" of the whole panoramas, and each front half
+/// in per_view.json. Where views have depth maps, "test"
 /// and "train" hold "depth_error", the mean relative error of the rendered depth
 /// (metrics/depth_error.h).
 std::string results_json(const Results& results);

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "gs_core/geodesy/utm.h"
 
+#include <algorithm>
 #include <array>
 #include <cmath>
 #include <numbers>
@@ -88,6 +89,28 @@ UtmFrame utm_frame_at(const UtmZone& zone, const Vec3d& coordinates) {
   frame.convergence = std::atan2(on_ellipsoid.x, on_ellipsoid.y);
   frame.scale = 1 / std::hypot(on_ellipsoid.x, on_ellipsoid.y);
   return frame;
+}
+
+UtmZone utm_zone_at(const Geodetic& place) {
+  return {std::clamp(int(std::floor((place.longitude + 180) / 6)) + 1, 1, 60), place.latitude < 0};
+}
+
+Vec3d utm_of(const UtmZone& zone, const Geodetic& place) {
+  constexpr int kMostRounds = 20;  // four or five do
+  constexpr double kClose = 1e-7;  // meters
+  const Vec3d wanted = ecef_of({place.longitude, place.latitude, 0});
+  const double from_meridian = std::remainder(place.longitude - (6.0 * zone.number - 183), 360);
+  const double meters = kEarthAxis / kDegrees;  // of a degree
+  Vec3d at(kFalseEasting + from_meridian * meters * std::cos(place.latitude / kDegrees),
+           place.latitude * meters + (zone.is_south ? kFalseNorthing : 0), 0.0);
+  for (int round = 0; round < kMostRounds; ++round) {
+    const UtmFrame frame = utm_frame_at(zone, at);
+    const Vec3d away = multiply(enu_from_ecef(frame.place), wanted - ecef_of(frame.place));
+    const double c = std::cos(frame.convergence), s = std::sin(frame.convergence);
+    at += frame.scale * Vec3d(c * away.x - s * away.y, s * away.x + c * away.y, 0.0);
+    if (std::hypot(away.x, away.y) < kClose) break;
+  }
+  return {at.x, at.y, place.height};
 }
 
 }  // namespace gs

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Universal Transverse Mercator on WGS 84 (EPSG:32601 to 32660 in the north, 32701 to 32760 in the
-// south), from its coordinates to places on earth.
+// south), from its coordinates to places on earth and back.
 #pragma once
 
 #include <optional>
@@ -24,6 +24,13 @@ std::optional<UtmZone> utm_zone_of_epsg(int code);
 ///   coefficients beta of Karney 2011 (Transverse Mercator with an accuracy of a few nanometers,
 ///   Eq. 36), then the latitude of the conformal one by Newton's method (Eqs. 19 to 21)
 Geodetic geodetic_of_utm(const UtmZone& zone, const Vec3d& coordinates);
+
+/// The zone of a place, by its longitude alone.
+UtmZone utm_zone_at(const Geodetic& place);
+
+/// The coordinates of a place in a zone that contains it or is next to its own: those that
+/// geodetic_of_utm() takes there, by Newton's method, good to a micrometer.
+Vec3d utm_of(const UtmZone& zone, const Geodetic& place);
 
 /// How the frame of a zone lies in the frame east, north, up at a place of it.
 struct UtmFrame {

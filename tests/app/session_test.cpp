@@ -176,6 +176,20 @@ TEST_F(Session, ARunWithDepthMapsSaysHowFarDepthIsOff) {
     EXPECT_THAT(read_bytes(path("out") / name), HasSubstr("\"depth_error\": 0.")) << name;
 }
 
+TEST_F(Session, ARunOnPanoramasMeasuresThemWhole) {
+  scene_.test_views = {scene_.train_views[0]};
+  scene_.test_views[0].panorama = [] { return View{"", {}, Image8(32, 16, 3, 255)}; };
+  TestHooks hooks;
+  TrainSession session(request("out"), hooks);
+  ASSERT_EQ(session.run(), SessionEnd::finished);
+  for (const char* name : {"results.json", "per_view.json"}) {
+    const Json test = Json::parse(read_bytes(path("out") / name)).at("test");
+    const Json& figures = test.contains("psnr") ? test : *test.begin();
+    for (const char* key : {"psnr_panorama", "ws_psnr"}) EXPECT_GT(figures.at(key), 0) << name;
+    EXPECT_LT(figures.at("ssim_panorama"), 1) << name;
+  }
+}
+
 TEST_F(Session, ARunWhoseCamerasLookAwayDoesNotStart) {
   for (View& view : scene_.train_views) view.camera.cam_from_world_translation.z *= -1;
   try {

@@ -7,6 +7,7 @@
 #include <numeric>
 
 #include "data_loaders/cameras/read_cameras.h"
+#include "data_loaders/georef/georef_file.h"
 #include "data_loaders/photos/exr.h"
 #include "data_loaders/photos/panorama.h"
 #include "data_loaders/photos/photos.h"
@@ -362,6 +363,21 @@ TEST_F(Render, OtherLensesChangeWhatIsSeen) {
   EXPECT_LT(covered("16"), 0.6 * covered("8"));
 }
 
+TEST_F(Render, AnOrthophotoHasAWorldFileForEachPicture) {
+  const std::string flags = "--lens orthographic --meters-per-pixel 0.1";
+  expect_refused(flags + " -o " + text("none"), "gemsplat georef");
+  write_georef(path("georef.json"), {{{15.9, -48.2, 300}, {}}, "a test"});
+  const std::string georef = " --georef " + text("georef.json");
+  expect_done(flags + georef + " --write color,depth -o " + text("map"));
+  for (const char* name : {"orthophoto", "orthophoto.depth"}) {
+    EXPECT_TRUE(fs::exists(path("map") / (std::string(name) + ".png"))) << name;
+    EXPECT_THAT(read_bytes(path("map") / (std::string(name) + ".pgw")),
+                testing::StartsWith("0.1\n0\n0\n-0.1\n"))
+        << name;
+  }
+  expect_refused(flags + georef + " -o " + text("map"), "--force");
+}
+
 TEST_F(Render, FlagsThatDoNotFitALensAreUsageErrors) {
   const std::string out = " -o " + text("none");
   expect_refused("--fov 160" + out, "--lens fisheye");
@@ -369,6 +385,7 @@ TEST_F(Render, FlagsThatDoNotFitALensAreUsageErrors) {
   expect_refused("--lens equirectangular --fov 90" + out, "--fov does not go with");
   expect_refused("--lens equirectangular --size 100x60" + out, "4096x2048");
   expect_refused("--across 3" + out, "--lens orthographic");
+  expect_refused("--meters-per-pixel 1" + out, "--lens orthographic");
   expect_refused("--lens fisheye --write normal" + out, "normals");
   EXPECT_FALSE(fs::exists(path("none")));
 }

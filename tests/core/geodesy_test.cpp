@@ -116,5 +116,17 @@ TEST(Utm, TheFrameLeadsFromGridMetersToMetersOnEarth) {
   EXPECT_NEAR(moved.z, 5, 1e-3);
 }
 
+TEST(Utm, TheWayBackEndsWhereItBegan) {
+  for (const double latitude : {-80.0, -33.9, -1e-4, 0.0, 48.2, 83.5})
+    for (const double from_meridian : {-3.0, -1.234, 0.0, 2.9}) {
+      const Geodetic place{15 + from_meridian, latitude, 123};
+      const UtmZone zone = utm_zone_at(place);
+      EXPECT_EQ(zone.number, 33);
+      EXPECT_EQ(zone.is_south, latitude < 0);
+      EXPECT_LT(distance(geodetic_of_utm(zone, utm_of(zone, place)), place), 1e-6) << latitude;
+    }
+  EXPECT_EQ(utm_zone_at({180, 0, 0}).number, 60);
+}
+
 }  // namespace
 }  // namespace gs

@@ -160,8 +160,12 @@ Vec3d draw_before(TestRandom& random, const PinholeCamera<double>& camera, LensV
     (inner(u, u) < lens.radius * lens.radius ? visits.inside : visits.outside) += 1;
   } else {
     const double z = random.uniform(0.3, 8.0);
-    p = {z * random.uniform(1.4 * lens.low.x, 1.4 * lens.high.x),
-         z * random.uniform(1.4 * lens.low.y, 1.4 * lens.high.y), z};
+    const auto drawn = [&](double low, double high) {
+      return z * 1.4 * random.uniform(std::max(low, -lens.radius), std::min(high, lens.radius));
+    };
+    p.x = drawn(lens.low.x, lens.high.x);
+    p.y = drawn(lens.low.y, lens.high.y);
+    p.z = z;
     const PointInLens<double> at = point_in_lens(lens, Vec2d(p.x / z, p.y / z));
     (at.inside == at.u ? visits.inside : visits.outside) += 1;
   }
@@ -221,7 +225,8 @@ TEST(ProjectThroughLens, IsThePinholeWithoutDistortion) {
   LensCamera ideal;
   ideal.pinhole = {640, 420, 500, 480, 310, 190};
   ideal.lens = Lens::radial_tangential;
-  const PinholeCamera<double> camera = camera_with_lens(ideal, "a.jpg");
+  PinholeCamera<double> camera = camera_with_lens(ideal, "a.jpg");
+  camera.lens.radius = 10;  // not that of the picture's corners
   TestRandom random;
   for (int i = 0; i < 2000; ++i) {
     const double z = random.uniform(0.3, 8.0);

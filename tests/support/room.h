@@ -56,7 +56,7 @@ Image8 panorama_of(int width, const Color& color) {
 
 /// A COLMAP model of panoramas around the room's center, held level and turned in all directions,
 /// with points on its walls.
-inline ColmapModel room_model(std::size_t photos, int width) {
+inline ColmapModel room_model(std::size_t photos, int width, std::uint64_t points = 400) {
   ColmapModel model;
   model.cameras[1] = {
       1, CameraModel::equirectangular, width, width / 2, {double(width), double(width / 2)}};
@@ -68,8 +68,8 @@ inline ColmapModel room_model(std::size_t photos, int width) {
     model.images.push_back({std::uint32_t(i + 1), std::string(1, char('a' + i)) + ".png", 1, q,
                             -multiply(rotation_matrix(q), center)});
   }
-  for (std::uint64_t i = 0; i < 400; ++i) {  // a spiral around the center
-    const double down = 1 - 2 * (double(i) + 0.5) / 400, r = std::sqrt(1 - down * down);
+  for (std::uint64_t i = 0; i < points; ++i) {  // a spiral around the center
+    const double down = 1 - 2 * (double(i) + 0.5) / double(points), r = std::sqrt(1 - down * down);
     const Vec3d ray(r * std::cos(2.39996 * double(i)), down, r * std::sin(2.39996 * double(i)));
     ColmapPoint point{i + 1};
     const Vec3d color = room_color(Vec3d(0.0), ray, &point.position);

@@ -53,6 +53,12 @@ export function showRun(data) {
       },
       shown && {name: 'SSIM', value: fixed(shown.ssim, 4), more: '11×11 window, zero padding'},
       isNumber(shown?.flip) && {name: 'FLIP', value: fixed(shown.flip, 4), more: 'lower is better'},
+      isNumber(shown?.ws_psnr) && {
+        name: 'WS-PSNR',
+        value: fixed(shown.ws_psnr, 2),
+        unit: 'dB',
+        more: `panoramas as one picture · PSNR ${fixed(shown.psnr_panorama, 2)} dB`,
+      },
       isNumber(shown?.depth_error) && {
         name: 'Depth error',
         value: fixed(100 * shown.depth_error, 1),

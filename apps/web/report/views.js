@@ -9,6 +9,9 @@ const FIGURES = [
   {key: 'ssim', name: 'SSIM'},
   {key: 'flip', name: 'FLIP'},
   {key: 'lpips', name: 'LPIPS'},
+  {key: 'psnr_panorama', name: 'panorama PSNR'},
+  {key: 'ws_psnr', name: 'WS-PSNR'},
+  {key: 'ssim_panorama', name: 'panorama SSIM'},
   {key: 'depth_error', name: 'depth error'},
 ];
 const PICTURES = {photo: 'photo', render: 'render', error: 'error ×4', flip_picture: 'FLIP'};

@@ -24,13 +24,15 @@ struct RenderJob : JobSettings {
   ModelChoice choice;
   PathRequest path;
   OutputRequest output;
-  std::string lens;                     // a word of kViewLenses; empty: those of the cameras
-  std::optional<double> field_of_view;  // degrees across the width
-  std::optional<double> across;         // the same of parallel rays, world units
-  std::vector<float> depth_range;       // nearest, farthest, world units; empty: found
-  std::string normal_space = "world";   // or "camera"
-  std::string like;                     // a photo of the run, or kLikeEach; empty: neutral colors
-  std::vector<float> times;             // of all pictures, or of the first and the last; 0 to 1
+  std::string lens;                        // a word of kViewLenses; empty: those of the cameras
+  std::optional<double> field_of_view;     // degrees across the width
+  std::optional<double> across;            // the same of parallel rays, world units
+  std::optional<double> meters_per_pixel;  // of an orthophoto
+  std::string georef;                      // of it; empty: that of the scene
+  std::vector<float> depth_range;          // nearest, farthest, world units; empty: found
+  std::string normal_space = "world";      // or "camera"
+  std::string like;          // a photo of the run, or kLikeEach; empty: neutral colors
+  std::vector<float> times;  // of all pictures, or of the first and the last; 0 to 1
   // As options have them; checked() puts them into `path`, `output`, `path_file` and `size`.
   std::string output_path, size_words;
   std::vector<std::string> quantities = {"color"}, formats;

@@ -68,6 +68,13 @@ void check_lens(const RenderJob& job) {
                                  *job.field_of_view, kWidestPinhole));
   if (job.across && job.lens != "orthographic")
     throw UsageError("--across works only with --lens orthographic");
+  if (job.meters_per_pixel &&
+      (job.lens != "orthographic" || job.is_path() || job.across || job.size))
+    throw UsageError(
+        "--meters-per-pixel gives one picture from above; it needs --lens orthographic, and no "
+        "--path, --across or --size");
+  if (!job.georef.empty() && !job.meters_per_pixel)
+    throw UsageError("--georef is for orthophotos; add --meters-per-pixel");
   if (!job.lens.empty() && contains(job.quantities, "normal"))
     throw UsageError("normals are known of pinholes alone; leave --lens or normal out");
   if (!job.is_panorama()) return;
@@ -219,6 +226,18 @@ void visit_pictures(RenderJob& job, OptionList& list) {
          "their depths]")
       .takes("UNITS")
       .positive()
+      .rare();
+  option(
+      "--meters-per-pixel", job.meters_per_pixel,
+      "orthographic: an orthophoto straight from above, north up, with a world file (.pgw), of a "
+      "georeferenced scene")
+      .takes("METERS")
+      .positive()
+      .rare();
+  option("--georef", job.georef,
+         "of an orthophoto: where the scene stands on earth [georef.json of the run's scene or of "
+         "--data]")
+      .takes("FILE")
       .rare();
   option("--fps", job.output.frames_per_second, "frames per second of a film [30]")
       .takes("F")

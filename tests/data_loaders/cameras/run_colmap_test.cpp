@@ -19,9 +19,12 @@
 #include "data_loaders/photos/photos.h"
 #include "data_loaders/reconstruct/colmap_log.h"
 #include "data_loaders/reconstruct/foreign_cameras.h"
+#include "data_loaders/reconstruct/panorama_views.h"
 #include "data_loaders/reconstruct/photo_folder.h"
 #include "data_loaders/video/video_frames.h"
 #include "gs_core/error.h"
+#include "gs_core/math/render/quaternion.h"
+#include "gs_core/math/render/rotation.h"
 #include "gs_core/system/files/atomic_file.h"
 #include "gs_core/system/files/output_lock.h"
 #include "gs_core/system/processes/subprocess.h"
@@ -749,7 +752,7 @@ TEST_F(PhotoFolder, FilesInPlaceOfAFolderGetTheSentenceThatHelps) {
   EXPECT_FALSE(holds_only_photos(path("fox.zip")));
 }
 
-TEST_F(PhotoFolder, PhotosThatAreCutShortAndPanoramasAreLeftOutAndNamed) {
+TEST_F(PhotoFolder, PhotosThatAreCutShortAndPanoramasAmongOthersAreLeftOutAndNamed) {
   write_png(path("a.png"), plain_photo(8, 4, 9));
   write_png(path("cut.png"), plain_photo(8, 4, 9));
   const std::string whole = read_bytes(path("cut.png"));
@@ -766,8 +769,101 @@ TEST_F(PhotoFolder, PhotosThatAreCutShortAndPanoramasAreLeftOutAndNamed) {
   const std::string& log = logged.text();
   ASSERT_THAT(photos, SizeIs(1));
   EXPECT_EQ(photos[0].name, "a.png");
-  EXPECT_THAT(log, AllOf(HasSubstr("cut.png is cut short"), HasSubstr("wide.png is a panorama"),
-                         HasSubstr("sphere.jpg is a panorama")));
+  EXPECT_THAT(log, AllOf(HasSubstr("cut.png is cut short"), HasSubstr("2 panoramas are left out"),
+                         HasSubstr("sphere.jpg, wide.png")));
+}
+
+/// Three panoramas, and a model of their views whose poses fit them but for one view.
+class FakeColmapOfPanoramas : public FakeColmap {
+ protected:
+  static constexpr int kWidth = 3000;
+  FakeColmapOfPanoramas() {
+    fs::remove_all(photos());
+    const Image8 panorama(kWidth, kWidth / 2, 3, 90);
+    for (const char* name : {"a.png", "deep/b.png", "c.png"}) write_png(photos() / name, panorama);
+    ColmapModel views;
+    const double half = 477;
+    for (std::uint32_t i = 0; i < 3 * kPanoramaViews; ++i) {
+      const std::uint32_t camera = i / 3 + 1;
+      views.cameras[camera] = {camera, CameraModel::pinhole, 954, 954, {half, half, half, half}};
+      ColmapImage image{i + 1, fmt::format("{}/0000{}.jpg", i / 3, i % 3), camera};
+      const double turn = double(i / 3) * std::numbers::pi / 3;  // to the right
+      const Quat<double> view{std::cos(turn / 2), 0, -std::sin(turn / 2), 0};
+      image.cam_from_world_rotation = product(view, rotation_of(i % 3));
+      if (i == 4) image.cam_from_world_rotation = {1, 0, 0, 0};  // view 1 of panorama 1
+      image.cam_from_world_translation =
+          -multiply(rotation_matrix(image.cam_from_world_rotation), center_of(i % 3));
+      image.observations = {{1, half, half}};  // its middle; all see one point
+      views.images.push_back(image);
+    }
+    views.points = {{1, Vec3d(0, 0, 9), {1, 2, 3}, 0.5, 18}};
+    write_binary_model(path("model"), views);
+  }
+  static Quat<double> rotation_of(std::uint32_t panorama) {
+    return {std::cos(0.3 * panorama), 0, std::sin(0.3 * panorama), 0};
+  }
+  static Vec3d center_of(std::uint32_t panorama) { return {1.0 * panorama, 0.5, -2}; }
+};
+
+TEST_F(FakeColmapOfPanoramas, PlacesThemByTheirViews) {
+  install(std::string(kGoodColmap) + R"sh(
+[ "$1" = feature_extractor ] || exit 0
+while [ "$1" != --image_list_path ]; do shift; done
+cp "$2" "$(dirname "$0")/list"; cp "$(dirname "$2")/views/1/00002.jpg" "$(dirname "$0")/view.jpg"
+)sh");
+  const Reconstruction result = run_colmap(job(), kSilent);
+  EXPECT_EQ(result.registered, 3u);
+  EXPECT_THAT(read_bytes(path("list")),
+              AllOf(HasSubstr("0/00000.jpg\n"), HasSubstr("5/00002.jpg\n")));
+  EXPECT_EQ(read_photo_size(path("view.jpg")).width, 954);  // 3000 / pi
+  EXPECT_THAT(read_bytes(scene() / "colmap.log"),
+              HasSubstr("--ImageReader.camera_params 477,477,477,477"));
+  const ColmapModel model = read_colmap_model(scene() / "sparse" / "0", Tracks::read);
+  ASSERT_THAT(model.images, SizeIs(3));
+  EXPECT_EQ(model.cameras.begin()->second.model, CameraModel::equirectangular);
+  EXPECT_EQ(model.images[2].name, "deep/b.png");
+  for (std::uint32_t i = 0; i < 3; ++i) {
+    const ColmapImage& image = model.images[i];
+    const Mat3<double> R = rotation_matrix(image.cam_from_world_rotation);
+    const Vec3d away =
+        multiply(R, center_of(i)) + image.cam_from_world_translation;  // 0: at its place
+    EXPECT_LT(inner(away, away), 1e-12) << i;
+    const Vec3d turned = R.row2 - rotation_matrix(rotation_of(i)).row2;
+    EXPECT_LT(inner(turned, turned), 1e-12) << i;
+    ASSERT_THAT(image.observations, SizeIs(1));
+    EXPECT_NEAR(image.observations[0].x, kWidth / 2, 1e-6);  // of view 0, which looks ahead
+    EXPECT_NEAR(image.observations[0].y, kWidth / 4, 1e-6);
+  }
+  EXPECT_FALSE(fs::exists(scene() / "views"));
+  EXPECT_TRUE(fs::exists(scene() / "images" / "deep" / "b.png"));
+}
+
+// New versions are told of the rig before they match, old ones after they have placed the views.
+TEST_F(FakeColmapOfPanoramas, EveryVersionHearsOfTheRig) {
+  const auto colmap_with = [&](const std::string& command) {
+    install("#!/bin/sh\n[ \"$1\" = help ] && echo '  " + command + "'\n" +
+            (std::string(kGoodColmap) + R"sh(
+case "$1" in rig_*)
+  all="$*"
+  while [ "$1" != --rig_config_path ]; do [ "$1" = --output_path ] && out=$2; shift; done
+  cp "$2" "$(dirname "$0")/rig.json"
+  case "$all" in *--input_path*) cp "$(dirname "$0")/model/"* "$out";; esac
+esac
+)sh")
+                .substr(10));
+    ColmapJob job = this->job();
+    job.force = true;
+    run_colmap(job, kSilent);
+    return Json::parse(read_bytes(path("rig.json")))[0];
+  };
+  const Json of_new = colmap_with("rig_configurator");
+  ASSERT_EQ(of_new.at("cameras").size(), std::size_t(kPanoramaViews));
+  EXPECT_EQ(of_new.at("cameras")[0].at("ref_sensor"), true);
+  EXPECT_NEAR(of_new.at("cameras")[1].at("cam_from_rig_rotation")[2].get<double>(), -0.5, 1e-12);
+  EXPECT_THAT(take_calls(), HasSubstr("rig_configurator\nexhaustive_matcher"));
+  const Json of_old = colmap_with("rig_bundle_adjuster");
+  EXPECT_EQ(of_old.at("cameras")[3].at("camera_id"), 4);
+  EXPECT_THAT(take_calls(), HasSubstr("mapper\nhelp\nhelp\nrig_bundle_adjuster"));
 }
 
 TEST_F(PhotoFolder, OnlyPhotosMeansNoPosesNearby) {

@@ -9,6 +9,7 @@
 #include "data_loaders/scene/split_panoramas.h"
 #include "gs_core/math/lens/lens_projection.h"
 #include "gs_core/system/text/json.h"
+#include "gs_render/panorama.h"
 #include "tests/support/load_scene.h"
 #include "tests/support/room.h"
 #include "tests/support/test.h"
@@ -157,6 +158,71 @@ TEST_F(PanoramaScene, SmallerFilesAndResolutionsKeepTheRadius) {
   EXPECT_NEAR(view.camera.width, 1.06 * kWidth / 8, 1);
   EXPECT_EQ(view.photo.width, view.camera.width);
   EXPECT_FLOAT_EQ(view.camera.lens.radius, float(kHemisphereReach));
+}
+
+// In evaluations; the whole is as sharp as the halves.
+TEST_F(PanoramaScene, FrontHalvesGiveTheWholePanorama) {
+  Image8 mask(kWidth, kWidth / 2, 1, 255);
+  for (int x = 0; x < kWidth; ++x) mask.at(x, kWidth / 2 - 1, 0) = 0;
+  write_png(folder() / "masks" / "a.png", mask);
+  DatasetConfig dataset = this->dataset();
+  for (const int resolution : {1, 2}) {
+    dataset.resolution = resolution;
+    const std::vector<View> views = load_scene(dataset).train_views;
+    EXPECT_FALSE(views[0].panorama);
+    const View whole = views[1].panorama();
+    EXPECT_EQ(whole.photo.width, kWidth / resolution);
+    EXPECT_EQ(whole.photo.height, kWidth / 2 / resolution);
+    EXPECT_EQ(whole.mask.at(3, whole.photo.height - 2, 0), 255);
+    EXPECT_EQ(whole.mask.at(3, whole.photo.height - 1, 0), resolution == 1 ? 0 : 128);
+    if (resolution == 1) EXPECT_EQ(whole.photo.pixels, room_photo(model_.images[0], kWidth).pixels);
+  }
+}
+
+// Photos of a room, cut into halves and put together again: there is no step at the seam and at the
+// poles that the truth does not have.
+TEST(Panorama, HalvesPutTogetherAreContinuousAtSeamAndPoles) {
+  const ColmapImage image = room_model(2, kWidth).images[1];
+  Camera camera;
+  camera.width = kWidth, camera.height = kWidth / 2;
+  const std::array<Camera, 2> cameras = panorama_halves(camera);
+  const Image8 truth = room_photo(image, kWidth), fine = room_photo(image, 3 * kWidth / 2);
+  const LensCamera half = hemisphere_camera(3 * kWidth / 2);
+  std::array<ImageF, 2> halves;
+  for (const bool is_back : {false, true}) {
+    const Image8 cut = hemisphere_of(evened_panorama(fine), half, is_back, "a.jpg");
+    ASSERT_EQ(cut.width, cameras[is_back].width);
+    halves[is_back] = ImageF(cut.width, cut.height, 3);
+    for (std::size_t i = 0; i < cut.pixels.size(); ++i)
+      halves[is_back].pixels[i] = float(cut.pixels[i]) / 255;
+  }
+  const Image8 joined = to_image8(joined_panorama(camera, halves, true));
+  const auto step = [](const Image8& picture, int x, int y, int to_x, int to_y) {
+    int largest = 0;
+    for (int c = 0; c < 3; ++c)
+      largest =
+          std::max(largest, std::abs(int(picture.at(to_x, to_y, c)) - int(picture.at(x, y, c))));
+    return largest;
+  };
+  const auto largest_steps = [&](const Image8& picture) {
+    std::array<int, 3> largest{};  // at the seam, where the halves meet, over the poles
+    for (int y = 0; y < picture.height; ++y) {
+      largest[0] = std::max(largest[0], step(picture, kWidth - 1, y, 0, y));
+      largest[1] = std::max(largest[1], step(picture, kWidth / 4 - 1, y, kWidth / 4, y));
+    }
+    for (int x = 0; x < kWidth; ++x)
+      for (const int y : {0, kWidth / 2 - 1})
+        largest[2] = std::max(largest[2], step(picture, x, y, (x + kWidth / 2) % kWidth, y));
+    return largest;
+  };
+  const std::array<int, 3> of_truth = largest_steps(truth), of_joined = largest_steps(joined);
+  for (int place = 0; place < 3; ++place) EXPECT_LE(of_joined[place], of_truth[place] + 2) << place;
+  double sum = 0;
+  for (std::size_t i = 0; i < truth.pixels.size(); ++i) {
+    const double error = (double(joined.pixels[i]) - double(truth.pixels[i])) / 255;
+    sum += error * error;
+  }
+  EXPECT_LT(std::sqrt(sum / double(truth.pixels.size())), 0.02);
 }
 
 // The colors under a mask, here at the pole, never show.

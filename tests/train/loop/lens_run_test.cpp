@@ -1,8 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
 // Runs on photos that were taken through a lens too wide for pinhole pictures, from COLMAP's files
 // to the model that they leave.
+#include "data_loaders/lenses/lens.h"
 #include "gs_core/math/lens/lens_projection.h"
+#include "gs_render/paths/camera_spline.h"
 #include "tests/support/load_scene.h"
+#include "tests/support/room.h"
 #include "tests/support/scene_run.h"
 
 namespace gs {
@@ -125,6 +128,88 @@ TEST_F(LensRun, LearnsFromPinholesAndLensesInOneRun) {
   }
 }
 
+/// Runs on photos of a room that are cast ray by ray: no lens is favored.
+class RoomThroughLens : public SceneTest {
+ protected:
+  struct HeldOut {
+    double own, pinholes;
+  };
+  /// The PSNR of held-out photos after a run on photos of such a camera, and that of pinholes at
+  /// their places. `params` are without the center.
+  HeldOut psnr_after(CameraModel kind, std::vector<double> params, int side, LensUse use) {
+    params.insert(params.begin() + (kind == CameraModel::simple_fisheye ? 1 : 2), 2, side / 2.0);
+    ColmapModel model = room_model(24, 96, 4000);
+    model.cameras.at(1) = {1, kind, side, side, params};
+    write(model);
+    for (const ColmapImage& photo : model.images)
+      write_png(image(photo.name), room_photo(photo, lens_camera(model.cameras.at(1), "")));
+    DatasetConfig dataset = this->dataset();
+    dataset.lens = use;
+    dataset.eval = true;
+    dataset.test_every = 6;
+    const Scene scene = load_scene(dataset);
+    Config config = short_run();
+    config.train.iterations = 500;
+    config.density.until_step = 0;
+    Trainer trainer(scene, config, *backend_);
+    trainer.run();
+    std::vector<View> pinholes = scene.test_views;
+    for (View& view : pinholes) {
+      const auto photo = std::ranges::find(model.images, view.name, &ColmapImage::name);
+      const LensCamera pinhole =
+          lens_camera({1, CameraModel::pinhole, 48, 48, {34, 34, 24, 24}}, "");
+      view.camera = with_pose(camera_as<float>(pinhole.pinhole), pose_of(view.camera));
+      view.photo = room_photo(*photo, pinhole);
+      view.mask = {};
+    }
+    return {psnr_of(*backend_, trainer, scene.test_views), psnr_of(*backend_, trainer, pinholes)};
+  }
+  /// The photo of an image through a lens, each pixel the mean of four rays.
+  static Image8 room_photo(const ColmapImage& image, const LensCamera& camera) {
+    const Mat3<double> R = rotation_matrix(image.cam_from_world_rotation);
+    const Vec3d center = -multiply_transposed(R, image.cam_from_world_translation);
+    const PinholeCamera<double>& plane = camera.pinhole;
+    ImageF photo(plane.width, plane.height, 3);
+    for (int y = 0; y < photo.height; ++y)
+      for (int x = 0; x < photo.width; ++x)
+        for (const double dy : {0.25, 0.75})
+          for (const double dx : {0.25, 0.75}) {
+            const auto u = chart_point(
+                camera, {(x + dx - plane.cx) / plane.fx, (y + dy - plane.cy) / plane.fy});
+            if (!u) continue;  // no ray
+            const double r = std::sqrt(inner(*u, *u));
+            const Vec3d ray =
+                has_angle_chart(camera.lens)
+                    ? Vec3d(std::sin(r) / r * u->x, std::sin(r) / r * u->y, std::cos(r))
+                    : Vec3d(u->x, u->y, 1);
+            const Vec3d color = room_color(center, multiply_transposed(R, ray));
+            for (int c = 0; c < 3; ++c) photo.at(x, y, c) += 0.25f * float(color[c]);
+          }
+    return to_image8(photo);
+  }
+  const std::unique_ptr<Backend> backend_ = make_scalar_backend();
+};
+
+TEST_F(RoomThroughLens, StrongLensesLearnWhatPinholesDo) {
+  const HeldOut pinhole = psnr_after(CameraModel::pinhole, {26, 26}, 48, LensUse::native);
+  const HeldOut strong =  // sees as far as the pinhole
+      psnr_after(CameraModel::opencv, {34, 34, -0.25, 0.05, 0, 0}, 48, LensUse::native);
+  EXPECT_GT(strong.own, pinhole.own - 0.3);
+  EXPECT_GT(strong.pinholes, pinhole.pinholes - 0.3);
+  const HeldOut fisheye =  // 95 degrees to each side
+      psnr_after(CameraModel::simple_fisheye, {24}, 80, LensUse::native);
+  EXPECT_GT(fisheye.own, pinhole.own - 0.3);
+  EXPECT_GT(fisheye.pinholes, pinhole.pinholes - 0.3);
+}
+
+// A lens of a phone.
+TEST_F(RoomThroughLens, ALensLearnsTheSameNativelyAsUndistorted) {
+  const std::vector<double> lens{24, 24, 0.08, -0.01, 1e-3, -1e-3};
+  const HeldOut native = psnr_after(CameraModel::opencv, lens, 48, LensUse::native);
+  const HeldOut undistorted = psnr_after(CameraModel::opencv, lens, 48, LensUse::undistort);
+  EXPECT_NEAR(native.pinholes, undistorted.pinholes, 0.2);
+}
+
 TEST_F(LensRun, GoesOnWhereItWasStopped) {
   const Scene scene = scene_of_truth();
   Config config = run_through_lens();
@@ -157,6 +242,20 @@ TEST_F(LensRun, TakesALensNativelyWhereItIsToldTo) {
   EXPECT_TRUE(native.mask.empty());
   dataset.resolution = 24;  // pixels wide
   EXPECT_EQ(load_scene(dataset).train_views[0].camera.lens, native.camera.lens);
+}
+
+// Its pinhole would end at 74 degrees and show less than half of the photo.
+TEST_F(LensRun, TakesAFisheyeOf200DegreesNativelyByItself) {
+  ColmapModel model = fisheye_model();
+  model.cameras.at(1).params[0] = 24 / (100 * std::numbers::pi / 180);
+  write(model);
+  DatasetConfig dataset = this->dataset();
+  const View view = load_scene(dataset).train_views[0];
+  EXPECT_TRUE(view.camera.has_lens());
+  EXPECT_TRUE(view.mask.empty());  // all of it trains
+  EXPECT_THAT(log_of(dataset), HasSubstr("12 photos train through their lens"));
+  dataset.lens = LensUse::undistort;
+  EXPECT_FALSE(load_scene(dataset).train_views[0].camera.has_lens());
 }
 
 // A lens that folds inside of its picture: what lies beyond shows nothing that it could explain.

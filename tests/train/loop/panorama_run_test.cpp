@@ -27,6 +27,14 @@ TEST_F(SceneTest, PanoramasOfARoomTrain) {
   trainer.run();
   EXPECT_EQ(backend->rows().count_not_finite(trainer.model()), 0u);
   EXPECT_GT(psnr_of(*backend, trainer, scene.test_views), 24);  // 25.7 at the time of writing
+  const Evaluation measured = evaluate(backend->renderer(), trainer.model().gaussians.span(),
+                                       scene.test_views, {}, {}, MetricSet::all);
+  ASSERT_TRUE(measured.panorama);
+  EXPECT_FALSE(measured.views[0].panorama);  // the half behind
+  ASSERT_TRUE(measured.views[1].panorama);
+  EXPECT_NEAR(measured.panorama->psnr, measured.psnr, 1);
+  EXPECT_NEAR(measured.panorama->ws_psnr, measured.psnr, 1);
+  EXPECT_NEAR(measured.panorama->ssim, measured.ssim, 0.1);
 }
 
 }  // namespace
