@@ -8,6 +8,7 @@
 #include <memory>
 
 #include "data_loaders/photos/photo_names.h"
+#include "gs_app/edit/lasso.h"
 #include "gs_app/export/contributions.h"
 #include "gs_app/pictures/pictures.h"
 #include "gs_core/config/text/nearest_word.h"
@@ -62,6 +63,14 @@ MarksOf in_view(const std::string& name) {
       return std::any_of(cameras.begin(), cameras.end(),
                          [&](const Camera& camera) { return is_in_picture(camera, mean); });
     });
+  };
+}
+
+MarksOf in_lasso(const std::string& file) {
+  return [file](const EditModel& model, const EditTools&) {
+    const Lasso lasso = read_lasso(file, model.model.world_offset);
+    return marks_where(count_of(model),
+                       [&](std::size_t i) { return lasso.holds(model.model.gaussians.mean[i]); });
   };
 }
 
@@ -176,6 +185,9 @@ const std::vector<KindOfSelection>& kinds_of_selection() {
       {{"view", "NAME", "inside of the picture of this camera; view=all: of any camera"},
        true,
        [](auto&, auto& value, auto&) { return in_view(value); }},
+      {{"lasso", "FILE", "inside of a line that was drawn in the viewer, hidden ones included"},
+       false,
+       [](auto&, auto& value, auto&) { return in_lasso(value); }},
       {{"opacity", "LOW..HIGH", "by opacity, 0 to 1"}, false, ranged(opacities)},
       {{"size", "LOW..HIGH", "by the largest of the three standard deviations, world units"},
        false,

@@ -42,6 +42,7 @@ std::filesystem::path folder_of(const StudioJobRequest& job) {
 
 Outcome run(const StudioJobRequest& job, JobEvents& events) {
   check_can_view();
+  if (!has_studio_page()) throw Error("this build has no studio page; install npm and build again");
   SignalWait signal;
   Studio studio(folder_of(job));
   const std::string secret = new_secret();

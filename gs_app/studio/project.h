@@ -7,6 +7,7 @@
 //   chosen/         links to the photos that were not left out, for COLMAP
 //   photos.txt      the same of a scene, for dataset.photo_list
 //   scene-2/ run-3/ edits/4.ply share/5/ films/6.mp4       what job 2, 3, ... made
+//   tools/          key frames and lassos of the viewer
 //   jobs/3.log      what job 3 said: the lines of --progress json and --json
 #pragma once
 

@@ -273,12 +273,13 @@ Json Studio::ask(const std::string& project, JobWords words) {
   return log.outcome;
 }
 
-std::string Studio::keep_path(const std::string& project, const Json& path) {
+std::string Studio::keep(const std::string& project, const std::string& tool, const Json& json) {
+  if (tool != "path" && tool != "lasso") throw UsageError("the viewer has no such tool");
   const fs::path folder = this->project(project).folder;
   for (int i = 1;; ++i) {
-    const std::string name = fmt::format("films/path-{}.json", i);
+    const std::string name = fmt::format("tools/{}-{}.json", tool, i);
     if (is_there(folder / name)) continue;
-    write_text(folder / name, file_text(path));
+    write_text(folder / name, file_text(json));
     return name;
   }
 }

@@ -52,8 +52,8 @@ class Studio {
   int go_on(const std::string& project, int job);
   /// Asks a job to save and end.
   void stop(const std::string& project, int job);
-  /// Keeps key frames of a film, and returns their file.
-  std::string keep_path(const std::string& project, const Json& path);
+  /// Keeps a file of a tool of the viewer, "path" or "lasso", and returns it.
+  std::string keep(const std::string& project, const std::string& tool, const Json& json);
   /// Runs a verb that only says something, and returns its JSON.
   Json ask(const std::string& project, std::vector<std::string> words);
 

@@ -189,7 +189,8 @@ HttpAnswer StudioServer::post_to_project(const HttpRequest& request, const std::
     const std::string url = studio_.live_view(id, job());
     return json_said({{"hash", url.substr(std::min(url.find('#'), url.size()))}});
   }
-  if (what == "path") return json_said({{"file", studio_.keep_path(id, body_of(request))}});
+  if (what == "keep")
+    return json_said({{"file", studio_.keep(id, word_in(request, "name"), body_of(request))}});
   if (what != "change") return http_error(404, "there is nothing at this address");
   const Json changes = body_of(request);
   take_from_json("the request", "load the page again", [&] { studio_.change(id, changes); });

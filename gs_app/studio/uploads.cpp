@@ -110,20 +110,24 @@ fs::path Uploads::part_of(const fs::path& path, std::uint64_t of) const {
 UploadState Uploads::state(const std::string& name, std::uint64_t of) {
   const fs::path path = safe_path(name);
   const std::lock_guard lock(mutex_);
+  return state_of(path, of);
+}
+
+UploadState Uploads::state_of(const fs::path& path, std::uint64_t of) const {
   if (!is_there(input_ / path)) return {size_of(part_of(path, of)), false};
   if (size_of(input_ / path) != of)
     throw UsageError(
-        shown_word(name) +
+        shown_word(path.string()) +
         " is there already with another content; rename the new one and drop it again");
   return {of, true};
 }
 
 UploadState Uploads::take(const std::string& name, std::uint64_t at, std::uint64_t of,
                           const std::string& bytes) {
-  const UploadState there = state(name, of);
   const fs::path path = safe_path(name), part = part_of(path, of), file = input_ / path;
   const std::lock_guard lock(mutex_);
-  if (there.is_whole || there.bytes != at || is_there(file)) return there;
+  const UploadState there = state_of(path, of);
+  if (there.is_whole || there.bytes != at) return there;
   if (at > of || bytes.size() > of - at)
     throw UsageError(shown_word(name) + " is longer than was said; drop it again");
   if (!use_) count();

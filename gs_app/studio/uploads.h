@@ -43,6 +43,7 @@ class Uploads {
     std::size_t files = 0;
   };
   std::filesystem::path part_of(const std::filesystem::path& path, std::uint64_t of) const;
+  UploadState state_of(const std::filesystem::path& path, std::uint64_t of) const;
   void count();
   void check_room(std::uint64_t more_bytes, std::size_t more_files) const;
   void unpack(const std::filesystem::path& archive);

@@ -74,11 +74,15 @@ Box box_of_means(const Gaussians& gaussians) {
   return box.low.x <= box.high.x ? box : Box{Vec3d(0.0), Vec3d(0.0)};
 }
 
-bool is_in_picture(const Camera& camera, const Vec3f& point) {
+std::optional<Vec2f> pixel_in_sight(const Camera& camera, const Vec3f& point) {
   const Vec3f p = to_camera(camera, point);
-  if (!is_in_sight(camera, p)) return false;
-  const Vec2f at = pixel_of(camera, p);
-  return at.x >= 0 && at.y >= 0 && at.x <= float(camera.width) && at.y <= float(camera.height);
+  return is_in_sight(camera, p) ? std::optional(pixel_of(camera, p)) : std::nullopt;
+}
+
+bool is_in_picture(const Camera& camera, const Vec3f& point) {
+  const std::optional<Vec2f> at = pixel_in_sight(camera, point);
+  return at && at->x >= 0 && at->y >= 0 && at->x <= float(camera.width) &&
+         at->y <= float(camera.height);
 }
 
 std::vector<Vec3f> reaches_of(const Gaussians& gaussians) {

@@ -4,6 +4,7 @@
 #pragma once
 
 #include <limits>
+#include <optional>
 
 #include "gs_core/camera.h"
 #include "gs_core/gaussians.h"
@@ -49,6 +50,9 @@ Box box_between(const Vec3d& a, const Vec3d& b);
 
 /// The smallest box around the finite means; all zero where there are none.
 Box box_of_means(const Gaussians& gaussians);
+
+/// Where the camera shows a point, also beside its picture; nothing where it cannot.   pixels
+std::optional<Vec2f> pixel_in_sight(const Camera& camera, const Vec3f& point);
 
 /// Whether a point is in front of the camera and inside its picture.
 bool is_in_picture(const Camera& camera, const Vec3f& point);

@@ -207,6 +207,31 @@ TEST_F(Edit, APolygonLiesInThePlaneThatIsNamed) {
   EXPECT_THAT(error_of([] { polygon_plane("xx"); }), HasSubstr("name two axes"));
 }
 
+TEST_F(Edit, ALassoHoldsWhatItsCameraShowsInsideOfTheLine) {
+  const TempFolder folder;
+  const auto left = [&](const std::string& line, const Vec3d& offset = Vec3d(0.0)) {
+    write_cameras_json(folder.path() / "cameras.json", std::vector<NamedCamera>{{"view", camera_}});
+    const std::string camera =
+        SortedJson::parse(read_bytes(folder.path() / "cameras.json"))[0].dump();
+    write_bytes(folder.path() / "l", R"({"format": "gemsplat lasso", "version": 1, "camera": )" +
+                                         camera + R"(, "line": )" + line + "}");
+    EditSession s = typical(offset);
+    return apply(s, "keep", "lasso=" + (folder.path() / "l").string()).after;
+  };
+  EditSession s = typical();
+  const std::string whole = "[[0,0],[120,0],[120,80],[0,80]]";
+  const std::size_t all = apply(s, "keep", "view=view").after;
+  EXPECT_EQ(left(whole), all);
+  EXPECT_EQ(left(whole, kUtm), all);
+  const std::size_t a = left("[[0,0],[120,0],[120,80]]"), b = left("[[0,0],[120,80],[0,80]]");
+  EXPECT_EQ(a + b, all);
+  EXPECT_GT(a, 0u);
+  EXPECT_GT(b, 0u);
+  for (const char* bad : {"[[0,0],[1,1]]", "[[0],[1,1],[2,2]]", "7", "[[0,0],[1,1],[2,\"a\"]]"})
+    EXPECT_THAT(error_of([&] { left(bad); }), HasSubstr("save the lasso in the viewer again"))
+        << bad;
+}
+
 TEST_F(Edit, GeoJsonAndTextSayTheSameArea) {
   const TempFolder folder;
   write_bytes(folder.path() / "a.txt", "0 0\n1 0\n1 1\n\n3 3\n4 3\n4 4\n");

@@ -80,11 +80,33 @@ export function showClean(app) {
       app.showWhenDone(id, `edits/${id}.ply`);
     });
   const regionOf = async () => {
-    const viewer = await view.viewer();
-    const operation = await viewer.crop();
+    const operation = await (await view.viewer()).crop();
     if (!operation) throw new Error('This model is too large to be cropped here.');
     return operation.split(' ');
   };
+  const lassoOf = async () => {
+    const lasso = await (await view.viewer()).lasso();
+    if (!lasso) throw new Error('Click three corners or more in the picture first.');
+    return [
+      lasso.drops ? '--drop' : '--keep',
+      `lasso=${await app.server.keep('lasso', lasso.file)}`,
+    ];
+  };
+  // A part of the screen for what is chosen in the picture.
+  const inPicture = (title, words, tool, operation) =>
+    el(
+      'section.card',
+      {},
+      el('h2', {}, title),
+      el('p.muted', {}, words),
+      el(
+        'div.buttons',
+        {},
+        button('Show the tool', async () => (await view.viewer()).openTool(tool)),
+        button('Count', async () => preview(await operation())),
+        button('Apply', async () => apply(await operation())),
+      ),
+    );
 
   const slider = ([label, option, meaning, min, max, step, value]) => {
     const number = el('output', {}, String(value)),
@@ -144,19 +166,13 @@ export function showClean(app) {
         versions,
         el('p.muted', {}, bytes(modelAt(details, current).bytes || null)),
       ),
-      el(
-        'section.card',
-        {},
-        el('h2', {}, 'Crop'),
-        el('p.muted', {}, 'Drag the handles of the box or the sphere in the picture.'),
-        el(
-          'div.buttons',
-          {},
-          button('Show the region', async () => (await view.viewer()).openTool('Crop')),
-          button('Count', async () => preview(await regionOf().catch(app.fail))),
-          button('Apply', async () => apply(await regionOf())),
-        ),
+      inPicture(
+        'Crop',
+        'Drag the handles of the box or the sphere in the picture.',
+        'Crop',
+        regionOf,
       ),
+      inPicture('Lasso', 'Click corners around what is to go in the picture.', 'Lasso', lassoOf),
       el('section.card', {}, el('h2', {}, 'Filters'), SLIDERS.map(slider)),
       said,
       list.node,

@@ -45,7 +45,7 @@ export function showFilm(app) {
   const filmKeys = async () => {
     const path = await (await view.viewer()).path();
     if (!path) throw new Error('A path needs two views or more: add them in the picture first.');
-    await render(await app.server.keepPath(path));
+    await render(await app.server.keep('path', path));
   };
   const field = (label, input) => el('label.field', {for: input.id}, el('span', {}, label), input);
   const list = jobList(

@@ -42,7 +42,9 @@ export class ProjectServer {
   stop = job => post(`${this.at}stop?id=${job}`);
   /// The JSON of config, info, doctor, or of edit --dry-run.
   question = words => post(`${this.at}ask`, JSON.stringify({words}));
-  keepPath = async path => (await post(`${this.at}path`, JSON.stringify(path))).file;
+  /// Keeps what a tool of the viewer has written, a path or a lasso, and returns its file.
+  keep = async (name, json) =>
+    (await post(`${this.at}keep?${query({name})}`, JSON.stringify(json))).file;
   /// The address of a frame that shows a model of some time: the words are those behind `gemsplat
   /// view`.
   view = async (words, time) =>

@@ -188,6 +188,33 @@ const tests = {
     );
     assert.match(shown(), /^edits\//);
 
+    const frame = await (await desk.page.$('.viewer iframe')).contentFrame();
+    await frame.waitForFunction(() =>
+      window.gemsplatViewer?.ready.then(() => gemsplatViewer.settled()).then(() => true),
+    );
+    const card = desk.page.locator('section.card', {hasText: 'Click corners around'});
+    await card.getByText('Show the tool').click();
+    const place = await (await desk.page.$('.viewer iframe')).boundingBox();
+    for (const [x, y] of [
+      [0.3, 0.6],
+      [0.5, 0.6],
+      [0.5, 0.8],
+      [0.3, 0.8],
+    ])
+      await desk.page.mouse.click(place.x + x * place.width, place.y + y * place.height);
+    await desk.shot('lasso');
+    await card.getByText('Apply').click();
+    await desk.page.waitForFunction(
+      () => gemsplatStudio.project.jobs.filter(({words}) => words[0] === 'edit').length === 2,
+    );
+    const lasso = await desk.finishJob('edit', {kills: 0});
+    assert.ok(lasso.words.some(word => /^lasso=tools/.test(word)));
+    const [{before, after}] = (
+      await desk.page.evaluate(id => gemsplatStudio.server.said(id), lasso.id)
+    ).outcome.steps;
+    assert.ok(after < before && after > 0.5 * before, `${after} of ${before} remain`);
+    await desk.page.waitForFunction(() => /^edits/.test(gemsplatStudio.details.model));
+
     await desk.step('Film');
     await desk.page.selectOption('#size', '640x360');
     await desk.page.fill('#seconds', '1');

@@ -100,7 +100,7 @@ export const KEYS = [
         {5: ({switches}) => switches.set('points', switches.get('points') ? 0 : 2)},
       ],
       ['K', 'save a screenshot', {k: viewer => viewer.tools.picture.take(1).catch(fail(viewer))}],
-      ['T', 'tools: picture, measure, crop, path', {t: ({panels}) => panels.tools.toggle()}],
+      ['T', 'tools: picture, measure, crop, lasso, path', {t: ({panels}) => panels.tools.toggle()}],
       ['V', 'add this view to the path', {v: ({tools}) => tools.path.add()}],
       ['Back, Forward', 'the places that were jumped to'],
     ],

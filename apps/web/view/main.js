@@ -34,6 +34,10 @@ window.gemsplatViewer = {
     toolPanel.open(title);
   },
   crop: async () => (await started).tools.crop?.region.operation ?? null,
+  lasso: async () => {
+    const {lasso} = (await started).tools;
+    return lasso?.isClosed ? {file: lasso.file, drops: lasso.drops} : null;
+  },
   path: async () => {
     const {path} = (await started).tools;
     return path.spline ? path.file : null;

@@ -2,6 +2,7 @@
 // The panel of tools, of which one is open at a time.
 import {el, segmented} from '../../shared/dom.js';
 import {CropTool} from './crop_tool.js';
+import {LassoTool} from './lasso_tool.js';
 import {MeasureTool} from './measure_tool.js';
 import {PathTool} from './path_tool.js';
 import {PictureTool} from './picture_tool.js';
@@ -10,7 +11,7 @@ import {PictureTool} from './picture_tool.js';
 export function makeTools(viewer) {
   const drawn = viewer.stage.isRemote
     ? {}
-    : {measure: new MeasureTool(viewer), crop: new CropTool(viewer)};
+    : {measure: new MeasureTool(viewer), crop: new CropTool(viewer), lasso: new LassoTool(viewer)};
   return {picture: new PictureTool(viewer), ...drawn, path: new PathTool(viewer)};
 }
 
