@@ -6,6 +6,7 @@
 #include "gs_core/density/growth_method.h"
 #include "gs_core/forecast/gpu_step.h"
 #include "gs_core/math/constants.h"
+#include "gs_core/math/render/ray_depth.h"
 #include "gs_core/model_rows.h"
 #include "gs_core/system/bytes.h"
 
@@ -74,6 +75,7 @@ void add_step(const TrainingSize& size, Rows& rows) {
   rows.add_words(3);  // depth order, rows and the first instances
   if (size.is_deterministic) rows.add(sizeof(FineSums)), rows.add(sizeof(CoarseSums));
   if (size.has_score_pass) rows.add(sizeof(FixedFragmentSums));
+  if (size.is_by_pixel) rows.add(sizeof(RayDepth<float>));
 }
 
 // What row operations keep besides the memory that they borrow from the step.
@@ -88,8 +90,8 @@ double instance_bytes(const TrainingSize& size, bool have_reserve) {
   Rows places{std::max(size.instance_places * size.gaussians, double(kLeastCapacity)),
               have_reserve};
   constexpr double kSegmentPixels = kTilePixels / kSegmentLength;
-  places.add(std::max(double(unsorted_bytes(size.pixels / kTilePixels < kShortKeyTiles)),
-                      sizeof(Vec4f) * kSegmentPixels));
+  const bool has_short_keys = size.pixels / kTilePixels < kShortKeyTiles && !size.is_by_pixel;
+  places.add(std::max(double(unsorted_bytes(has_short_keys)), sizeof(Vec4f) * kSegmentPixels));
   if (size.has_depth_maps) places.add(sizeof(float) * kSegmentPixels);
   places.add_words(1);  // the lists
   return places.sum;
@@ -142,6 +144,7 @@ TrainingSize training_size(const Config& config, const PictureSizes& pictures, d
   size.has_depth_maps = config.loss.depth_weight > 0 && pictures.depth_pixels > 0;
   size.depth_pixels = size.has_depth_maps ? pictures.depth_pixels : 0;
   size.is_deterministic = config.train.deterministic;
+  size.is_by_pixel = config.render.order == RenderOrder::pixel;
   return size;
 }
 

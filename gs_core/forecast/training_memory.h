@@ -54,6 +54,7 @@ struct TrainingSize {
   bool is_absolute = false;  // gradients of means are also summed as absolute values
   bool has_depth_maps = false;
   bool is_deterministic = false;
+  bool is_by_pixel = false;  // render.order
 };
 
 /// That of a run with so many Gaussians at most.

@@ -73,6 +73,9 @@ TEST(TrainingMemory, AGaussianTakesTheSumOfItsArrays) {
   EXPECT_NEAR(more([](TrainingSize& size) { size.batch = 4; }), 3 * 112, 0.01);
   EXPECT_NEAR(more([](TrainingSize& size) { size.batch = 8; }), 7 * 112, 0.01);
   EXPECT_NEAR(more([](TrainingSize& size) { size.instance_places += 1; }), 12, 0.01);
+  // where a Gaussian is on a ray, and keys of 32 bits
+  EXPECT_NEAR(more([](TrainingSize& size) { size.is_by_pixel = true; }), 24 + kInstancePlaces * 4,
+              0.01);
 }
 
 // Each photo but one also keeps what stages 5 and 6 add for other photos once alone.
