@@ -20,11 +20,13 @@ const Endings kCameras = {".xml", ".json", ".bin", ".txt", ".csv", ".out", ".db"
 
 }  // namespace
 
+bool is_archive(const fs::path& file) { return kArchives.contains(lowercase_ending(file)); }
+
 std::string remedy_of_no_folder(const fs::path& path) {
   std::error_code ignored;
   if (!fs::exists(path, ignored)) return "there is no such folder; check the path";
   const std::string name = path.filename().string(), ending = lowercase_ending(path);
-  if (kArchives.contains(ending))
+  if (is_archive(path))
     return fmt::format("{} is an archive: unpack it first, and name the folder that it gives",
                        name);
   if (is_picture(path) || is_foreign_photo(path))

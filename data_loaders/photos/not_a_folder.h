@@ -11,4 +11,7 @@ namespace gs {
 /// ...", or "there is no such folder; check the path".
 std::string remedy_of_no_folder(const std::filesystem::path& path);
 
+/// Whether this is the extension of an archive, which may hold photos.
+bool is_archive(const std::filesystem::path& file);
+
 }  // namespace gs

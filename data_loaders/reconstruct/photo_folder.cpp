@@ -4,6 +4,9 @@
 #include <spdlog/fmt/fmt.h>
 
 #include <algorithm>
+#include <fstream>
+#include <iterator>
+#include <map>
 #include <optional>
 #include <set>
 
@@ -42,7 +45,8 @@ std::string joined(const std::vector<std::string>& names) {
 
 // Files that are no photos of the scene.
 struct LeftOut {
-  std::vector<std::string> videos, foreign;  // photos of formats that gemsplat does not read
+  std::vector<std::string> videos, archives;
+  std::vector<std::string> foreign;  // photos of formats that gemsplat does not read
   std::size_t unreadable = 0;
   std::string first_fault;  // of the unreadable ones
 };
@@ -53,6 +57,7 @@ struct LeftOut {
     remedy = fmt::format(
         "it has {} video(s): name one of them, or the folder that they lie in, for frames of it",
         left_out.videos.size());
+  if (!left_out.archives.empty()) remedy = fmt::format("unpack {}", joined(left_out.archives));
   if (!left_out.foreign.empty())
     remedy = fmt::format("export {} as JPEG or TIFF, and name the folder of these",
                          joined(left_out.foreign));
@@ -186,6 +191,32 @@ void leave_out_panoramas(std::vector<PhotoFile>& photos) {
       counted(panoramas.size(), "panorama", "is", "are"), joined(panoramas));
 }
 
+bool have_same_bytes(const fs::path& a, const fs::path& b) {
+  std::ifstream first(a, std::ios::binary), second(b, std::ios::binary);
+  using Bytes = std::istreambuf_iterator<char>;
+  return std::equal(Bytes(first), Bytes(), Bytes(second), Bytes());
+}
+
+// A copy of a photo counts twice in training, and may be held out while its twin trains.
+void warn_of_copies(const std::vector<PhotoFile>& photos) {
+  std::map<std::uintmax_t, std::vector<const PhotoFile*>> by_size;
+  std::vector<std::string> copies;
+  for (const PhotoFile& photo : photos) {
+    std::error_code none;
+    std::vector<const PhotoFile*>& others = by_size[fs::file_size(photo.path, none)];
+    const auto twin = std::find_if(others.begin(), others.end(), [&](const PhotoFile* other) {
+      return have_same_bytes(photo.path, other->path);
+    });
+    if (twin == others.end())
+      others.push_back(&photo);
+    else
+      copies.push_back(fmt::format("{} ({})", photo.name, (*twin)->name));
+  }
+  if (!copies.empty())
+    log_warning("{} the same as another one; take one of the two away: {}",
+                counted(copies.size(), "photo", "is", "are"), joined(copies));
+}
+
 }  // namespace
 
 std::vector<PhotoFile> find_photos(const fs::path& folder, const fs::path& without, PhotoUse use) {
@@ -198,6 +229,7 @@ std::vector<PhotoFile> find_photos(const fs::path& folder, const fs::path& witho
   for (const fs::path& file : files_in(root, true, without)) {
     const std::string name = file.lexically_relative(root).generic_string();
     if (is_video(file)) left_out.videos.push_back(printable(name));
+    if (is_archive(file)) left_out.archives.push_back(printable(name));
     if (is_foreign_photo(file)) left_out.foreign.push_back(printable(name));
     if (!is_scene_photo(file, root)) continue;
     if (auto photo = usable_photo(file, name, left_out)) photos.push_back(std::move(*photo));
@@ -208,6 +240,10 @@ std::vector<PhotoFile> find_photos(const fs::path& folder, const fs::path& witho
   if (!left_out.videos.empty())
     log_warning("{} not used, as there are photos; name a video for frames of it: {}",
                 counted(left_out.videos.size(), "video", "is", "are"), joined(left_out.videos));
+  if (!left_out.archives.empty())
+    log_warning("{} not opened; unpack what belongs to the scene: {}",
+                counted(left_out.archives.size(), "archive", "is", "are"),
+                joined(left_out.archives));
   if (!left_out.foreign.empty())
     log_warning(
         "{} left out, because gemsplat does not read the format; export them as JPEG or "
@@ -216,6 +252,7 @@ std::vector<PhotoFile> find_photos(const fs::path& folder, const fs::path& witho
   name_copies(photos);
   std::sort(photos.begin(), photos.end(),
             [](const PhotoFile& a, const PhotoFile& b) { return a.name < b.name; });
+  warn_of_copies(photos);
   return photos;
 }
 

@@ -28,7 +28,8 @@ enum class PhotoUse { brought, in_place };
 /// ordinary photos, with a warning that names them. Photos that EXIF
 /// turns, or of formats that COLMAP does not read, get copies in the scene: a.heic becomes a.jpg,
 /// and a.webp a.png. In place there are no copies, and a warning names these photos. Throws Error
-/// where there is no photo, and says what there is instead.
+/// where there is no photo, and says what there is instead. Warnings name videos, archives, photos of
+/// unknown formats and copies of a photo.
 std::vector<PhotoFile> find_photos(const std::filesystem::path& folder,
                                    const std::filesystem::path& without,
                                    PhotoUse use = PhotoUse::brought);

@@ -706,6 +706,24 @@ TEST_F(PhotoFolder, PhotosOfAFormatThatNothingReadsAreNamedWithTheWayOut) {
   EXPECT_THAT(error_of([&] { find_photos(folder(), {}); }), HasSubstr("g.heic"));
 }
 
+TEST_F(PhotoFolder, ArchivesAndCopiesAreNamed) {
+  write_bytes(path("more.ZIP"), "packed");
+  EXPECT_THAT(error_of([&] { find_photos(folder(), {}); }), HasSubstr("unpack more.ZIP"));
+  write_png(path("a.png"), plain_photo(4, 4, 9));
+  write_png(path("b.png"), plain_photo(4, 4, 8));
+  {
+    CapturedLog logged;
+    EXPECT_THAT(find_photos(folder(), {}), SizeIs(2));
+    EXPECT_THAT(logged.text(), AllOf(HasSubstr("1 archive is not opened"), HasSubstr("more.ZIP")));
+    EXPECT_THAT(logged.text(), Not(HasSubstr("the same as another one")));
+  }
+  write_png(path("day2/c.png"), plain_photo(4, 4, 9));
+  CapturedLog logged;
+  EXPECT_THAT(find_photos(folder(), {}), SizeIs(3));
+  EXPECT_THAT(logged.text(), HasSubstr("1 photo is the same as another one; take one of the two "
+                                       "away: day2/c.png (a.png)"));
+}
+
 TEST_F(PhotoFolder, MasksAreNoPhotos) {
   write_png(path("a.png"), plain_photo(4, 4, 9));
   write_png(path("masks/a.png"), plain_photo(4, 4, 9));
