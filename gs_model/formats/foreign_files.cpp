@@ -32,8 +32,8 @@ constexpr Foreign kEndings[] = {
     {".pth", "a checkpoint of a PyTorch trainer", "let that trainer export a .ply"},
     {".pt", "a checkpoint of a PyTorch trainer", "let that trainer export a .ply"},
     {".ckpt", "a checkpoint of a PyTorch trainer", "let that trainer export a .ply"},
-    {".usdz", "a USD file", "export a .ply from the program that wrote it"},
-    {".usda", "a USD file", "export a .ply from the program that wrote it"},
+    {".usd", "a USD file", "let usdcat of OpenUSD make a .usda of it"},
+    {".usdc", "a USD file", "let usdcat of OpenUSD make a .usda of it"},
     {".html", "a web page", "name the model that the page shows"}};
 
 constexpr Foreign kFirstBytes[] = {
