@@ -159,7 +159,7 @@ TEST_F(Export, NamesWithoutAFormatAreUsageErrorsThatListThem) {
   EXPECT_THAT(
       outcome.err,
       HasSubstr("gemsplat does not write .obj; it writes .ply, .glb, .compressed.ply, .spz, "
-                ".sog, .rad, .npz, .extreme_saving.zip, .splat, .usda, .usdz"));
+                ".sog, .rad, .npz, .extreme_saving.zip, .splat, .usda, .usdc, .usdz"));
   EXPECT_THAT(outcome.err, HasSubstr("a page (.html)"));
   EXPECT_EQ(run("train " + text("scene") + " -o " + text("b") + kTrain + " --export obj").code, 2);
   EXPECT_FALSE(fs::exists(path("b")));
@@ -320,14 +320,14 @@ TEST_F(Export, OneFileNamedTwiceIsAnError) {
 
 TEST_F(Export, AStageOfUsdHasTheCamerasOfTheRunAndIsRead) {
   train("run");
-  for (const char* name : {"a.usda", "a.usdz"}) {
+  for (const char* name : {"a.usda", "a.usdc", "a.usdz"}) {
     const Outcome outcome = export_run(text(name) + " --recenter");
     ASSERT_EQ(outcome.code, 0) << outcome.err;
     EXPECT_THAT(outcome.out, HasSubstr("100.00 dB PSNR"));
     const std::string stage = read_bytes(path(name));
     for (int view = 0; view < kViews; ++view)
-      EXPECT_THAT(stage, HasSubstr("def Camera \"view_" + std::to_string(view) + "_view_" +
-                                   std::to_string(view) + "\""));
+      EXPECT_THAT(stage,
+                  HasSubstr("view_" + std::to_string(view) + "_view_" + std::to_string(view)));
     EXPECT_EQ(run("eval " + text(name) + " --data " + text("scene") + " --device cpu").code, 0);
   }
 }

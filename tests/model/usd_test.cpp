@@ -5,6 +5,7 @@
 
 #include <gmock/gmock.h>
 
+#include <algorithm>
 #include <cmath>
 #include <numbers>
 
@@ -14,6 +15,7 @@
 #include "gs_model/edit/model_transform.h"
 #include "gs_model/formats/coding/zip_file.h"
 #include "gs_model/formats/formats.h"
+#include "gs_model/formats/usd/usd_layer.h"
 #include "tests/support/error_of.h"
 #include "tests/support/random_model.h"
 #include "tests/support/temp_folder.h"
@@ -87,6 +89,8 @@ with "quotes" and a ) bracket"""
     upAxis = 'Y' ; metersPerUnit = 0.01
 )
 # a comment with a { bracket
+// another } of two
+/* lines ( */
 over "Empty" { }
 class ParticleField3DGaussianSplat "_abstract" { point3f[] positions = [(0, 0, 0)] }
 def Xform "World" (
@@ -156,16 +160,83 @@ TEST_F(Usd, TransformsOfItsParentsAndTheUpAxisTakeTheGaussiansAlong) {
 
 TEST_F(Usd, AllLayersOfAPackageAreLookedThroughAndItsBytesAreAligned) {
   const GaussianModel model = random_model(3, 1);
-  write_model(file("a.usdz"), model);
+  for (const char* name : {"a.usda", "a.usdc", "a.usdz"}) write_model(file(name), model);
   const std::string package = read_bytes(file("a.usdz"));
-  EXPECT_EQ(package.find("#usda 1.0") % 64, 0u);
-  EXPECT_EQ(package.substr(30, 10), "model.usda");
-  write_bytes(file("b.usdz"),
-              zip_of({{"default.usda", "#usda 1.0\nover \"a\" (references = @g.usda@) {}\n"},
-                      {"g.usda", package.substr(package.find("#usda"), package.rfind("PK\x01\x02") -
-                                                                           package.find("#usda"))},
-                      {"a.png", "a picture"}}));
-  EXPECT_EQ(read_model(file("b.usdz")).gaussians.count(), 3u);
+  EXPECT_EQ(package.find("PXR-USDC") % 64, 0u);
+  EXPECT_EQ(package.substr(30, 10), "model.usdc");
+  for (const char* layer : {"a.usda", "a.usdc"}) {
+    write_bytes(file("b.usdz"),
+                zip_of({{"default.usda", "#usda 1.0\nover \"a\" (references = @g.usda@) {}\n"},
+                        {std::string("parts/g").append(layer + 1), read_bytes(file(layer))},
+                        {"a.png", "a picture"}}));
+    EXPECT_EQ(read_model(file("b.usdz")).gaussians.count(), 3u) << layer;
+  }
+}
+
+void expect_same(const std::vector<UsdPrim>& a, std::vector<UsdPrim> b) {
+  ASSERT_EQ(a.size(), b.size());
+  for (const UsdPrim& prim : a) {
+    const auto other =
+        std::find_if(b.begin(), b.end(), [&](const UsdPrim& one) { return one.name == prim.name; });
+    ASSERT_NE(other, b.end()) << prim.name;
+    EXPECT_EQ(other->type, prim.type);
+    EXPECT_EQ(other->attributes.size(), prim.attributes.size()) << prim.name;
+    for (const UsdAttribute& attribute : prim.attributes) {
+      const UsdValue* value = other->find(attribute.name);
+      ASSERT_TRUE(value) << attribute.name;
+      EXPECT_EQ(value->type, attribute.value.type);
+      EXPECT_EQ(value->floats, attribute.value.floats) << attribute.name;
+      EXPECT_EQ(value->doubles, attribute.value.doubles) << attribute.name;
+      EXPECT_EQ(value->words, attribute.value.words) << attribute.name;
+    }
+    expect_same(prim.children, other->children);
+  }
+}
+
+TEST_F(Usd, BytesAndTextHoldTheSamePrims) {
+  GaussianModel model = random_model(9, 2);
+  model.antialiased = true;
+  model.world_offset = {1, 2, 300'000.125};
+  const Camera camera{40, 30, 50, 50, 20, 15};
+  ExportOptions options;
+  options.views = {{"a", camera}, {"b", camera}, {"a", camera}};
+  for (const char* name : {"a.usda", "a.usdc", "b.usd"}) write_model(file(name), model, options);
+  const UsdLayer text = parse_usda("", read_bytes(file("a.usda")));
+  const UsdLayer bytes = parse_usdc("", read_bytes(file("a.usdc")));
+  EXPECT_EQ(text.up_axis, bytes.up_axis);
+  expect_same(text.prims, bytes.prims);
+  EXPECT_EQ(read_bytes(file("b.usd")), read_bytes(file("a.usdc")));
+}
+
+// tests/fuzz/corpus/usd/compressed is of another writer, which uses all of what OpenUSD does: tables
+// with differences of 0, 1 and 2 bytes, LZ4 blocks that repeat what they had, numbers of a table,
+// and values in 48 bits.
+TEST_F(Usd, CompressedBytesOfOtherWritersAreRead) {
+  write_bytes(file("a.usdc"), read_bytes(std::filesystem::path(GS_SOURCE_DIR) /
+                                         "tests/fuzz/corpus/usd/compressed"));
+  const GaussianModel model = read_model(file("a.usdc"));
+  const Gaussians& g = model.gaussians;
+  ASSERT_EQ(g.count(), 20u);
+  for (std::size_t i = 0; i < 20; ++i) {
+    EXPECT_EQ(g.mean[i], Vec3f(-float(i) - 1, -2, 3)) << i;  // shifted by 1 2 3
+    EXPECT_NEAR(sigmoid(g.logit_opacity[i]), i % 2 ? 0.25f : 0.75f, 1e-6f) << i;
+    EXPECT_NEAR(g.log_scale[i].x, std::log(0.5f), 1e-6f);
+    EXPECT_EQ(std::abs(g.rotation[i].w), 1);  // half a turn about z, and back
+    EXPECT_EQ(g.sh0[i], Vec3f(float(i % 3), 1, 0));
+  }
+}
+
+TEST_F(Usd, DamagedBytesAreAnErrorWithARemedy) {
+  write_model(file("a.usdc"), random_model(3, 0));
+  std::string bytes = read_bytes(file("a.usdc"));
+  const auto error_of_bytes = [&](const std::string& damaged) {
+    write_bytes(file("b.usdc"), damaged);
+    return error_of([&] { read_model(file("b.usdc")); });
+  };
+  EXPECT_THAT(error_of_bytes(bytes.substr(0, bytes.size() - 1)),
+              AllOf(HasSubstr("cut short or damaged"), HasSubstr("export it again")));
+  bytes[9] = 6;
+  EXPECT_THAT(error_of_bytes(bytes), AllOf(HasSubstr("of version 0.6"), HasSubstr("usdcat FILE")));
 }
 
 TEST_F(Usd, TheWorldOffsetIsKept) {

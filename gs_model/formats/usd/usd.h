@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// OpenUSD 26.03: a stage with a prim of type ParticleField3DGaussianSplat (usdVol), as text (.usda)
-// or in a package (.usdz).
+// OpenUSD 26.03: a stage with a prim of type ParticleField3DGaussianSplat (usdVol), as text (.usda),
+// as bytes (.usdc: crate.h), or as bytes in a package (.usdz).
 //
 //   /Scene                        Xform, the default prim; metersPerUnit 1, upAxis "Y"
 //   /Scene/Gaussians              ParticleField3DGaussianSplat
@@ -36,16 +36,17 @@ struct NamedView {
   Camera camera;  // in the frame of the model
 };
 
-/// Reads the one prim of Gaussians of a .usda, or of the layers in a .usdz. Floats or halfs are
+/// Reads the one prim of Gaussians of a layer, or of the layers in a .usdz. Floats or halfs are
 /// read; what is missing or too short has the schema's defaults. A turn, an even scale and a shift
-/// of its parents and an upAxis of "Z" are applied. Throws Error, with the file, the line and a
-/// remedy, for damaged files, linear colors, several prims of Gaussians, numbers that change in
+/// of its parents and an upAxis of "Z" are applied. Throws Error, with the file, the line of a
+/// text and a remedy, for damaged files, linear colors, several prims of Gaussians, numbers that change in
 /// time, other transforms, and stages without Gaussians.
 GaussianModel read_usd(const std::filesystem::path& path);
 
 /// Write a model that finite_model() made, with at least one Gaussian, and views. Throw as the sink
 /// does, and a package of more than 4 GiB is an Error.
 void write_usda(ByteSink& sink, const GaussianModel& model, const std::vector<NamedView>& views);
+void write_usdc(ByteSink& sink, const GaussianModel& model, const std::vector<NamedView>& views);
 void write_usdz(ByteSink& sink, const GaussianModel& model, const std::vector<NamedView>& views);
 
 }  // namespace gs

@@ -59,4 +59,8 @@ std::size_t usd_width(std::string_view type);
 void write_usda(ByteSink& sink, const UsdLayer& layer);
 UsdLayer parse_usda(const std::filesystem::path& path, std::string_view text);
 
+/// The same as a crate file, and back.
+void write_usdc(ByteSink& sink, const UsdLayer& layer);
+UsdLayer parse_usdc(const std::filesystem::path& path, std::string_view bytes);
+
 }  // namespace gs

@@ -14,6 +14,7 @@
 #include "gs_model/formats/coding/frame.h"
 #include "gs_model/formats/coding/quantize.h"
 #include "gs_model/formats/coding/zip_file.h"
+#include "gs_model/formats/usd/crate.h"
 #include "gs_model/formats/usd/usd.h"
 #include "gs_model/formats/usd/usd_layer.h"
 
@@ -145,11 +146,15 @@ GaussianModel model_of(const Path& path, const UsdPrim& prim) {
 
 /// The layers of a package, or the one of a file. Their names point into the bytes.
 std::vector<UsdLayer> layers_of(const Path& path, std::string_view bytes) {
-  if (!bytes.starts_with("PK")) return {parse_usda(path, bytes)};
+  const auto layer_of = [&](std::string_view one) {
+    return one.starts_with(kCrateMagic) ? parse_usdc(path, one) : parse_usda(path, one);
+  };
+  if (!bytes.starts_with("PK")) return {layer_of(bytes)};
   std::vector<UsdLayer> layers;
   for (const auto& [name, content] : zip_entries(path, bytes))
-    if (const std::string end = lowercase(name); end.ends_with(".usda") || end.ends_with(".usd"))
-      layers.push_back(parse_usda(path, content));
+    if (const std::string end = lowercase(name);
+        end.ends_with(".usda") || end.ends_with(".usdc") || end.ends_with(".usd"))
+      layers.push_back(layer_of(content));
   return layers;
 }
 

@@ -149,10 +149,14 @@ void write_usda(ByteSink& sink, const GaussianModel& model, const std::vector<Na
   write_usda(sink, layer_of(model, views));
 }
 
+void write_usdc(ByteSink& sink, const GaussianModel& model, const std::vector<NamedView>& views) {
+  write_usdc(sink, layer_of(model, views));
+}
+
 void write_usdz(ByteSink& sink, const GaussianModel& model, const std::vector<NamedView>& views) {
   MemorySink layer(sink.name());
-  write_usda(layer, layer_of(model, views));
-  sink.write(zip_of({{"model.usda", std::move(layer.text)}}, false, kPackageAlignment));
+  write_usdc(layer, layer_of(model, views));
+  sink.write(zip_of({{"model.usdc", std::move(layer.text)}}, false, kPackageAlignment));
 }
 
 }  // namespace gs

@@ -56,7 +56,12 @@ class UsdaParser {
   }
   void skip_blank(std::string_view blanks = " \t\r\n;") {
     for (; at_ < text_.size(); ++at_) {
-      if (text_[at_] == '#') {
+      if (text_.substr(at_).starts_with("/*")) {
+        skip_until("*/");
+        --at_;  // the loop goes on behind it
+        continue;
+      }
+      if (text_[at_] == '#' || text_.substr(at_).starts_with("//")) {
         at_ = std::min(text_.find('\n', at_), text_.size());
         if (blanks.find('\n') == blanks.npos || at_ == text_.size()) return;
       }
