@@ -208,8 +208,8 @@ TEST_F(Usd, BytesAndTextHoldTheSamePrims) {
   EXPECT_EQ(read_bytes(file("b.usd")), read_bytes(file("a.usdc")));
 }
 
-// tests/fuzz/corpus/usd/compressed is of another writer, which uses all of what OpenUSD does: tables
-// with differences of 0, 1 and 2 bytes, LZ4 blocks that repeat what they had, numbers of a table,
+// tests/fuzz/corpus/usd/compressed was made by a script apart from our writer, with all that OpenUSD
+// does: tables with differences of 0, 1 and 2 bytes, LZ4 blocks that repeat what they had, numbers of a table,
 // and values in 48 bits.
 TEST_F(Usd, CompressedBytesOfOtherWritersAreRead) {
   write_bytes(file("a.usdc"), read_bytes(std::filesystem::path(GS_SOURCE_DIR) /
