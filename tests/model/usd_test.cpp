@@ -208,21 +208,24 @@ TEST_F(Usd, BytesAndTextHoldTheSamePrims) {
   EXPECT_EQ(read_bytes(file("b.usd")), read_bytes(file("a.usdc")));
 }
 
-// tests/fuzz/corpus/usd/compressed was made by a script apart from our writer, with all that OpenUSD
-// does: tables with differences of 0, 1 and 2 bytes, LZ4 blocks that repeat what they had, numbers of a table,
-// and values in 48 bits.
+// Files of tests/fuzz/corpus/usd: `compressed` was made by a script apart from our writer, with all
+// that OpenUSD does: tables with differences of 0, 1 and 2 bytes, LZ4 blocks that repeat what they
+// had, numbers of a table, and values in 48 bits. OpenUSD made `crate_of_openusd` of it.
 TEST_F(Usd, CompressedBytesOfOtherWritersAreRead) {
-  write_bytes(file("a.usdc"), read_bytes(std::filesystem::path(GS_SOURCE_DIR) /
-                                         "tests/fuzz/corpus/usd/compressed"));
-  const GaussianModel model = read_model(file("a.usdc"));
-  const Gaussians& g = model.gaussians;
-  ASSERT_EQ(g.count(), 20u);
-  for (std::size_t i = 0; i < 20; ++i) {
-    EXPECT_EQ(g.mean[i], Vec3f(-float(i) - 1, -2, 3)) << i;  // shifted by 1 2 3
-    EXPECT_NEAR(sigmoid(g.logit_opacity[i]), i % 2 ? 0.25f : 0.75f, 1e-6f) << i;
-    EXPECT_NEAR(g.log_scale[i].x, std::log(0.5f), 1e-6f);
-    EXPECT_EQ(std::abs(g.rotation[i].w), 1);  // half a turn about z, and back
-    EXPECT_EQ(g.sh0[i], Vec3f(float(i % 3), 1, 0));
+  const std::filesystem::path corpus = std::filesystem::path(GS_SOURCE_DIR) / "tests/fuzz/corpus";
+  for (const char* name : {"usd/compressed", "usd/crate_of_openusd"}) {
+    SCOPED_TRACE(name);
+    write_bytes(file("a.usdc"), read_bytes(corpus / name));
+    const GaussianModel model = read_model(file("a.usdc"));
+    const Gaussians& g = model.gaussians;
+    ASSERT_EQ(g.count(), 20u);
+    for (std::size_t i = 0; i < 20; ++i) {
+      EXPECT_EQ(g.mean[i], Vec3f(-float(i) - 1, -2, 3)) << i;  // shifted by 1 2 3
+      EXPECT_NEAR(sigmoid(g.logit_opacity[i]), i % 2 ? 0.25f : 0.75f, 1e-6f) << i;
+      EXPECT_NEAR(g.log_scale[i].x, std::log(0.5f), 1e-6f);
+      EXPECT_EQ(std::abs(g.rotation[i].w), 1);  // half a turn about z, and back
+      EXPECT_EQ(g.sh0[i], Vec3f(float(i % 3), 1, 0));
+    }
   }
 }
 
