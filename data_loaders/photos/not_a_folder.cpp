@@ -15,7 +15,8 @@ namespace fs = std::filesystem;
 
 using Endings = std::set<std::string>;
 const Endings kArchives = {".zip", ".7z", ".rar", ".tar", ".gz", ".tgz", ".xz", ".zst"};
-const Endings kModels = {".ply", ".spz", ".sog", ".splat", ".ksplat", ".rad", ".gs4d", ".glb"};
+const Endings kModels = {".ply",  ".spz", ".sog",  ".splat", ".ksplat", ".rad",
+                         ".gs4d", ".glb", ".usda", ".usdc",  ".usdz"};
 const Endings kCameras = {".xml", ".json", ".bin", ".txt", ".csv", ".out", ".db", ".psx"};
 
 }  // namespace

@@ -23,22 +23,27 @@ bool is_any_lossy(const std::vector<ExportRequest>& requests, int sh_degree) {
                      [&](const ExportRequest& request) { return is_lossy(request, sh_degree); });
 }
 
-// The views of a split of --data or of the run, or all views where that has none.
-std::vector<Camera> cameras_of(const ExportJob& job, const OpenedModel& opened,
-                               const Config& config, const std::string& wanted, bool& is_all) {
+// The views of a split of --data or of the run; none where that has no such split.
+std::vector<NamedCamera> views_of(const ExportJob& job, const OpenedModel& opened,
+                                  const Config& config, const std::string& split) {
   const Vec3d& offset = opened.model.world_offset;
   const bool has_scene = job.has("dataset.source");
   const bool has_cameras = opened.run && std::filesystem::exists(opened.run->cameras());
   const bool has_split = opened.run && std::filesystem::exists(opened.run->split());
+  if (has_scene) return cameras_of_scene(config.dataset, split, offset);
+  if (has_cameras && (has_split || split == "all"))
+    return cameras_of_run(*opened.run, 1, split, offset);
+  return {};
+}
+
+// The cameras of a split, or all where there is none.
+std::vector<Camera> cameras_of(const ExportJob& job, const OpenedModel& opened,
+                               const Config& config, const std::string& wanted, bool& is_all) {
   std::vector<Camera> cameras;
   for (const std::string& split : {wanted, std::string("all")}) {
     is_all = split == "all";
-    std::vector<NamedCamera> named;
-    if (has_scene)
-      named = cameras_of_scene(config.dataset, split, offset);
-    else if (has_cameras && (has_split || is_all))
-      named = cameras_of_run(*opened.run, 1, split, offset);
-    for (const NamedCamera& one : named) cameras.push_back(one.camera);
+    for (const NamedCamera& one : views_of(job, opened, config, split))
+      cameras.push_back(one.camera);
     if (!cameras.empty()) break;
   }
   return cameras;
@@ -142,7 +147,11 @@ Outcome run(ExportJob job, JobEvents& events) {
   OpenedModel opened = open_model(job.model, job.choice.step);
   if (job.time) take_moment(opened, *job.time);
   const Config config = resolve_to_work(job, opened.config);
-  const ExportOutputs outputs = outputs_of(job, opened, config);
+  ExportOutputs outputs = outputs_of(job, opened, config);
+  for (ExportRequest& request : outputs.files)
+    if (format_to_write(request.file).takes_views && !opened.input_from_model)
+      for (const NamedCamera& view : views_of(job, opened, config, "all"))
+        request.options.views.push_back({view.name, moved(view.camera, request.transform)});
   Written written{events};
   write_tilesets(outputs.tilesets, opened.model, written);
   write_pages(job, outputs.pages, opened, config, written);

@@ -33,19 +33,6 @@ Vec3d transformed(const Mat4d& matrix, const Vec3d& p) {
   return {row(0), row(1), row(2)};
 }
 
-// The camera that sees a transformed model as `camera` sees the model:
-//   R' = R_c R^T,  t' = s (R_c c + t_c)     for x' = s R (x - c)
-Camera moved(Camera camera, const ModelTransform& transform) {
-  const Mat3<double> R = rotation_matrix(transform.turn);
-  const PinholeCamera<double> before = camera_as<double>(camera);
-  const Mat3<double>& C = before.cam_from_world_rotation;
-  const auto row = [&](const Vec3d& r) { return Vec3f(multiply(R, r)); };
-  camera.cam_from_world_rotation = {row(C.row0), row(C.row1), row(C.row2)};
-  camera.cam_from_world_translation =
-      Vec3f(transform.scale * (multiply(C, transform.center) + before.cam_from_world_translation));
-  return camera;
-}
-
 }  // namespace
 
 Mat4d input_from(const EditModel& model) {

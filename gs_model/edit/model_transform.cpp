@@ -7,6 +7,7 @@
 #include <numbers>
 
 #include "gs_core/error.h"
+#include "gs_core/geometry/vectors.h"
 #include "gs_core/math/render/quaternion.h"
 #include "gs_core/math/render/rotation.h"
 #include "gs_core/math/render/sh.h"
@@ -16,6 +17,7 @@
 namespace gs {
 namespace {
 
+constexpr double kSimilar = 1e-6;    // products of a matrix's rows may be off by so much
 constexpr double kRounding = 1e-12;  // a turn or scaling by less is none
 
 /// How a turn R mixes SH coefficients: f'(d) = f(R^T d) has, since the basis Y is orthonormal,
@@ -195,6 +197,23 @@ Mat4d diagonal(const Vec3f& signs) {
 
 Mat4d translation(const Vec3d& by) {
   return {{{1, 0, 0, by.x}, {0, 1, 0, by.y}, {0, 0, 1, by.z}, {0, 0, 0, 1}}};
+}
+
+bool is_similarity(const Mat4d& matrix) {
+  const auto row = [&](int i) { return Vec3d{matrix.m[i][0], matrix.m[i][1], matrix.m[i][2]}; };
+  const double scale = length(row(0));
+  return is_rotation(Mat3<double>{row(0) / scale, row(1) / scale, row(2) / scale}, kSimilar);
+}
+
+Camera moved(Camera camera, const ModelTransform& transform) {
+  const Mat3<double> R = rotation_matrix(transform.turn);
+  const PinholeCamera<double> before = camera_as<double>(camera);
+  const Mat3<double>& C = before.cam_from_world_rotation;
+  const auto row = [&](const Vec3d& r) { return Vec3f(multiply(R, r)); };
+  camera.cam_from_world_rotation = {row(C.row0), row(C.row1), row(C.row2)};
+  camera.cam_from_world_translation =
+      Vec3f(transform.scale * (multiply(C, transform.center) + before.cam_from_world_translation));
+  return camera;
 }
 
 Mat4d inverse_of(const Mat4d& a) {

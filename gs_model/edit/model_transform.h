@@ -3,6 +3,7 @@
 // coefficients, or cut to a lower SH degree.
 #pragma once
 
+#include "gs_core/camera.h"
 #include "gs_core/gaussians.h"
 #include "gs_core/geometry/similarity.h"
 
@@ -30,6 +31,10 @@ Vec3d median_mean(const GaussianModel& model);
 /// space and time would be scaled.
 void transform_model(GaussianModel& model, const ModelTransform& transform);
 
+/// The camera that sees a transformed model as `camera` sees the model:
+///   R' = R_c R^T,  t' = s (R_c c + t_c)     for x' = s R (x - c)
+Camera moved(Camera camera, const ModelTransform& transform);
+
 /// Sets the SH degree to `degree` if that is lower, and the coefficients beyond it to 0.
 void limit_sh_degree(GaussianModel& model, int degree);
 /// A copy with that limit.
@@ -54,6 +59,8 @@ Mat4d matrix_of(const Similarity& similarity);
 Mat4d multiply(const Mat4d& a, const Mat4d& b);
 Mat4d diagonal(const Vec3f& signs);
 Mat4d translation(const Vec3d& by);
+/// Whether the matrix turns, scales evenly and moves, and mirrors nothing.
+bool is_similarity(const Mat4d& matrix);
 /// The inverse of a matrix that turns, mirrors, scales evenly and moves.
 Mat4d inverse_of(const Mat4d& similarity);
 

@@ -32,8 +32,6 @@ constexpr Foreign kEndings[] = {
     {".pth", "a checkpoint of a PyTorch trainer", "let that trainer export a .ply"},
     {".pt", "a checkpoint of a PyTorch trainer", "let that trainer export a .ply"},
     {".ckpt", "a checkpoint of a PyTorch trainer", "let that trainer export a .ply"},
-    {".usdz", "a USD file", "export a .ply from the program that wrote it"},
-    {".usda", "a USD file", "export a .ply from the program that wrote it"},
     {".html", "a web page", "name the model that the page shows"}};
 
 constexpr Foreign kFirstBytes[] = {
@@ -41,6 +39,8 @@ constexpr Foreign kFirstBytes[] = {
     {"\x1f\x8b", "a gzip file, as .spz files are", "give it a name that ends in .spz"},
     {"PK\x03\x04", "a zip file, as .sog and .npz files are",
      "give it a name that ends in .sog or .npz"},
+    {"#usd", "a layer of OpenUSD", "give it a name that ends in .usda"},
+    {"PXR-", "a layer of OpenUSD", "give it a name that ends in .usdc"},
     {"RAD0", "a .rad file", "give it a name that ends in .rad"},
     {"glTF", "a .glb file", "give it a name that ends in .glb"}};
 

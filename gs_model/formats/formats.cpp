@@ -54,6 +54,11 @@ void with_importance(ByteSink& sink, const GaussianModel& model, const ExportOpt
   const bool is_measured = options.importance.color.size() == model.gaussians.count();
   writer(sink, model, is_measured ? options.importance : RowImportance{});
 }
+// Gives a writer of stages the signature of the table.
+template <auto writer>
+void with_views(ByteSink& sink, const GaussianModel& model, const ExportOptions& options) {
+  writer(sink, model, options.views);
+}
 void write_whole_ply(ByteSink& sink, const GaussianModel& model, const ExportOptions&) {
   write_gaussian_ply(sink, model);
 }
@@ -107,6 +112,12 @@ const std::vector<ModelFormat>& model_formats() {
        Holds::still, read_vectree, with_importance<write_vectree>, require_for_zlib, false, true},
       {"splat", ".splat", "bytes, no SH beyond degree 0", kLossy, kPlyAxes, Holds::still,
        read_splat, without_options<write_splat>, require_nothing},
+      {"usda", ".usda", "everything, as text after activation", kLossy, kHalfTurnZ, Holds::still,
+       read_usd, with_views<write_usda>, require_nothing, false, false, true},
+      {"usdc", ".usdc", "the same as bytes", kLossy, kHalfTurnZ, Holds::still, read_usd,
+       with_views<write_usdc>, require_nothing, false, false, true},
+      {"usdz", ".usdz", "a .usdc in a package", kLossy, kHalfTurnZ, Holds::still, read_usd,
+       with_views<write_usdz>, require_nothing, false, false, true},
       {"gs4d", ".gs4d", "motion in chunks in the order of time, for the web", kLossy, kPlyAxes,
        Holds::moving, read_gs4d, write_gs4d_with, require_nothing, true},
   };
@@ -130,7 +141,8 @@ const ModelFormat& format_named(std::string_view name) {
 const ModelFormat* find_format(const Path& path) {
   const std::string name = lowercase(path.filename().string());
   if (name == kSogFolder.ending) return &kSogFolder;
-  if (name == kVectree) return &format_named("vectree");  // as LightGaussian calls it
+  if (name == kVectree) return &format_named("vectree");     // as LightGaussian calls it
+  if (name.ends_with(".usd")) return &format_named("usdc");  // a name for both kinds of layer
   const ModelFormat* longest = nullptr;
   for (const ModelFormat& format : model_formats())
     if (name.ends_with(format.ending) &&

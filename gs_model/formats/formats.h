@@ -21,6 +21,7 @@
 #include "gs_core/system/files/byte_sink.h"
 #include "gs_model/formats/coding/frame.h"
 #include "gs_model/formats/npz/npz.h"
+#include "gs_model/formats/usd/usd.h"
 
 namespace gs {
 
@@ -30,6 +31,7 @@ struct ExportOptions {
   int spz_sh_bits = 0;            // SpzOptions::sh_bits
   double duration = 0;            // of a scene that moves, in seconds, for .gs4d; 0: not known
   RowImportance importance = {};  // of the Gaussians, in their order, for .npz; empty: not measured
+  std::vector<NamedView> views = {};  // for .usda and .usdz; in the frame of the model
 };
 
 /// Which Gaussians a format can hold: 3D ones, ones in space and time, or either.
@@ -48,6 +50,7 @@ struct ModelFormat {
   void (*require)(const ExportOptions&);  // throws Error where this build lacks a library for it
   bool may_be_empty = false;      // whether a file without Gaussians can be told from damage
   bool takes_importance = false;  // ExportOptions::importance
+  bool takes_views = false;       // ExportOptions::views
 };
 
 /// All formats that gemsplat writes, in the order in which people see them.

@@ -19,7 +19,6 @@ namespace {
 namespace fs = std::filesystem;
 
 constexpr double kSameAxis = 1e-9;  // entries of a matrix that differ by less are the same
-constexpr double kSimilar = 1e-6;   // products of a matrix's rows may be off by so much
 
 Json rows_of(const Mat4d& matrix) {
   Json rows = Json::array();
@@ -75,13 +74,6 @@ struct Sidecar {
   Mat4d input_from_file{};
   bool antialiased = false, was_moved = false;
 };
-
-/// Whether the matrix turns, scales evenly and moves, as all that gemsplat writes do.
-bool is_similarity(const Mat4d& matrix) {
-  const auto row = [&](int i) { return Vec3d{matrix.m[i][0], matrix.m[i][1], matrix.m[i][2]}; };
-  const double scale = length(row(0));
-  return is_rotation(Mat3<double>{row(0) / scale, row(1) / scale, row(2) / scale}, kSimilar);
-}
 
 Sidecar read_sidecar(const fs::path& path) {
   const Json json = read_json(path);

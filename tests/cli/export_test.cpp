@@ -159,7 +159,7 @@ TEST_F(Export, NamesWithoutAFormatAreUsageErrorsThatListThem) {
   EXPECT_THAT(
       outcome.err,
       HasSubstr("gemsplat does not write .obj; it writes .ply, .glb, .compressed.ply, .spz, "
-                ".sog, .rad, .npz, .extreme_saving.zip, .splat"));
+                ".sog, .rad, .npz, .extreme_saving.zip, .splat, .usda, .usdc, .usdz"));
   EXPECT_THAT(outcome.err, HasSubstr("a page (.html)"));
   EXPECT_EQ(run("train " + text("scene") + " -o " + text("b") + kTrain + " --export obj").code, 2);
   EXPECT_FALSE(fs::exists(path("b")));
@@ -316,6 +316,20 @@ TEST_F(Export, OneFileNamedTwiceIsAnError) {
   EXPECT_EQ(outcome.code, 2);
   EXPECT_THAT(outcome.err, HasSubstr("named twice"));
   EXPECT_FALSE(fs::exists(path("a.spz")));
+}
+
+TEST_F(Export, AStageOfUsdHasTheCamerasOfTheRunAndIsRead) {
+  train("run");
+  for (const char* name : {"a.usda", "a.usdc", "a.usdz"}) {
+    const Outcome outcome = export_run(text(name) + " --recenter");
+    ASSERT_EQ(outcome.code, 0) << outcome.err;
+    EXPECT_THAT(outcome.out, HasSubstr("100.00 dB PSNR"));
+    const std::string stage = read_bytes(path(name));
+    for (int view = 0; view < kViews; ++view)
+      EXPECT_THAT(stage,
+                  HasSubstr("view_" + std::to_string(view) + "_view_" + std::to_string(view)));
+    EXPECT_EQ(run("eval " + text(name) + " --data " + text("scene") + " --device cpu").code, 0);
+  }
 }
 
 // Runs of the reference trainer are like this.

@@ -50,6 +50,9 @@ struct Kind {
 const Kind kKinds[] = {
     {".compressed.ply", {}, 3, {0.008f, 0.008f, 0.003f, 0.03f, 0.032f, 0.008f}},
     {".glb", {}, 3, {0, 1e-5f, 1e-6f, 0, 0, 2e-3f}},
+    {".usda", {}, 3, {0, 1e-5f, 1e-6f, 0, 0, 2e-3f}},
+    {".usdc", {}, 3, {0, 1e-5f, 1e-6f, 0, 0, 2e-3f}},
+    {".usdz", {}, 3, {0, 1e-5f, 1e-6f, 0, 0, 2e-3f}},
     {".splat", {}, 0, {0, 1e-6f, 0.003f, 0.015f, 0, 0.02f}},
     {".spz", {3}, 3, {0.00025f, 0.064f, 0.003f, 0.03f, 0.135f, 0.006f}},
     {".spz", {2}, 3, {0.00025f, 0.064f, 0.003f, 0.03f, 0.135f, 0.25f}},
@@ -165,7 +168,8 @@ TEST_F(Formats, NoGaussiansAreHeldOrRefusedWithAdvice) {
     SCOPED_TRACE(ending);
     EXPECT_EQ(there_and_back(random_model(0, 2), ending).gaussians.count(), 0u);
   }
-  for (const char* ending : {".glb", ".sog", ".npz", ".splat", ".rad", ".extreme_saving.zip"})
+  for (const char* ending :
+       {".glb", ".sog", ".npz", ".splat", ".rad", ".usda", ".usdc", ".usdz", ".extreme_saving.zip"})
     EXPECT_THAT(
         error_of([&] { write_model(file(std::string("none") + ending), random_model(0, 2)); }),
         AllOf(HasSubstr("no Gaussians"), HasSubstr("choose .ply")));
@@ -267,7 +271,8 @@ TEST_F(Formats, ColorsBeyondAByteAreClampedNeverWrapped) {
 
 TEST_F(Formats, AntialiasedModelsAreTaggedWhereThereIsATag) {
   for (const bool antialiased : {false, true})
-    for (const char* ending : {".ply", ".compressed.ply", ".spz", ".sog", ".npz", ".glb"}) {
+    for (const char* ending :
+         {".ply", ".compressed.ply", ".spz", ".sog", ".npz", ".glb", ".usda", ".usdc"}) {
       GaussianModel model = moderate_model(4, 0);
       model.antialiased = antialiased;
       EXPECT_EQ(there_and_back(model, ending).antialiased, antialiased) << ending;

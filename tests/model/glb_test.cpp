@@ -5,6 +5,9 @@
 
 #include <gmock/gmock.h>
 
+#include <cmath>
+
+#include "gs_core/math/render/activations.h"
 #include "gs_core/system/log.h"
 #include "gs_core/system/text/json.h"
 #include "gs_model/formats/formats.h"
@@ -90,7 +93,7 @@ TEST_F(Glb, AttributesThatAreNoFloatsOfItsSizeAreRefused) {
     parts.json[Json::json_pointer(pointer)] = value;
     return error_with(parts);
   };
-  EXPECT_THAT(error_at("/accessors/0/componentType", 5121), HasSubstr("not floats"));
+  EXPECT_THAT(error_at("/accessors/0/componentType", 5125), HasSubstr("not floats, bytes"));
   EXPECT_THAT(error_at("/accessors/0/type", "VEC4"), HasSubstr("not a VEC3"));
   EXPECT_THAT(error_at("/accessors/0/sparse", Json::object()), HasSubstr("sparse"));
   EXPECT_THAT(error_at("/accessors/0/count", 21), HasSubstr("beyond the end of its view"));
@@ -98,9 +101,45 @@ TEST_F(Glb, AttributesThatAreNoFloatsOfItsSizeAreRefused) {
   EXPECT_THAT(error_at("/accessors/0/byteOffset", 4), HasSubstr("beyond the end of its view"));
   EXPECT_THAT(error_at("/accessors/0/bufferView", 99), HasSubstr("entry of \"bufferViews\""));
   EXPECT_THAT(error_at("/accessors/0/count", -1), HasSubstr("no valid number \"count\""));
-  EXPECT_THAT(error_at("/bufferViews/0/byteStride", 16), HasSubstr("gaps"));
+  EXPECT_THAT(error_at("/bufferViews/0/byteStride", 8), HasSubstr("lie over each other"));
+  EXPECT_THAT(error_at("/bufferViews/0/byteStride", 16), HasSubstr("beyond the end of its view"));
   EXPECT_THAT(error_at("/bufferViews/0/byteLength", 1 << 20), HasSubstr("a view beyond its end"));
   EXPECT_THAT(error_at("/buffers/0/uri", "other.bin"), HasSubstr("in another file"));
+}
+
+// KHR_gaussian_splatting, as it was ratified in June 2026, permits these types.
+TEST_F(Glb, WholeNumbersAndGapsAreReadAsTheExtensionPermitsThem) {
+  GlbParts parts = parts_of(random_model(2, 0));
+  parts.binary.resize((parts.binary.size() + 3) / 4 * 4);
+  const auto put = [&](const char* name, int type, bool is_normalized, int stride,
+                       const std::string& bytes) {
+    Json& json = parts.json;
+    json["accessors"].push_back({{"bufferView", json["bufferViews"].size()},
+                                 {"componentType", type},
+                                 {"normalized", is_normalized},
+                                 {"count", 2},
+                                 {"type", *name == 'O'   ? "SCALAR"
+                                          : *name == 'S' ? "VEC3"
+                                                         : "VEC4"}});
+    json["bufferViews"].push_back({{"buffer", 0},
+                                   {"byteOffset", parts.binary.size()},
+                                   {"byteLength", bytes.size()},
+                                   {"byteStride", stride}});
+    json["meshes"][0]["primitives"][0]["attributes"]
+        [std::string("KHR_gaussian_splatting:") + name] = json["accessors"].size() - 1;
+    parts.binary += bytes;
+  };
+  put("SCALE", 5121, false, 4, {"\1\2\3\0\4\5\6\0", 8});                             // u8, padded
+  put("ROTATION", 5122, true, 8, {"\0\0\0\0\xff\x7f\0\0\0\0\0\0\x01\x80\0\0", 16});  // z, then -z
+  put("OPACITY", 5123, true, 4, {"\xff\x7f\0\0\0\x40\0\0", 8});
+  parts.json["buffers"][0]["byteLength"] = parts.binary.size();
+  const Gaussians g = read(parts).gaussians;
+  EXPECT_EQ(g.log_scale[1].z, std::log(6.0f));
+  EXPECT_EQ(g.log_scale[0].x, 0);
+  EXPECT_EQ(std::abs(g.rotation[0].w), 1);  // half a turn about z, and that of the file
+  EXPECT_EQ(std::abs(g.rotation[1].w), 1);
+  EXPECT_NEAR(sigmoid(g.logit_opacity[0]), 0.5f, 1e-4f);
+  EXPECT_NEAR(sigmoid(g.logit_opacity[1]), 0.25f, 1e-4f);
 }
 
 TEST_F(Glb, TheWorldOffsetOfItsNodeIsTaken) {

@@ -139,5 +139,64 @@ TEST_F(Golden, GlbHasTheseBytes) {
               testing::HasSubstr(R"("extras":{"world_offset":[500000.0,5400000.0,300.5]})"));
 }
 
+// Half a turn about z, as in a .glb; the quaternion begins with its real part, and each Gaussian
+// has its SH coefficients behind each other.
+TEST_F(Golden, UsdaHasThisText) {
+  GaussianModel model = one_gaussian();
+  model.gaussians.log_scale[0] = Vec3f(0);
+  Camera camera{288, 100, 400, 400, 144, 60};
+  camera.cam_from_world_translation = {1, 2, 3};
+  ExportOptions options;
+  options.views = {{"a/b c.jpg", camera}};
+  write_model(file("a.usda"), model, options);
+  EXPECT_EQ(read_bytes(file("a.usda")), std::string(R"(#usda 1.0
+(
+    defaultPrim = "Scene"
+    doc = "gemsplat )") + kVersion + R"("
+    metersPerUnit = 1
+    upAxis = "Y"
+)
+
+def Xform "Scene"
+{
+
+    def ParticleField3DGaussianSplat "Gaussians" (
+        prepend apiSchemas = ["ColorSpaceAPI"]
+    )
+    {
+        uniform token colorSpace:name = "srgb_rec709_display"
+        float3[] extent = [(-4.5, -0.75, -2.5), (1.5, 5.25, 3.5)]
+        point3f[] positions = [(-1.5, 2.25, 0.5)]
+        quatf[] orientations = [(-0, -0.6, 0, 0.8)]
+        float3[] scales = [(1, 1, 1)]
+        float[] opacities = [0.5]
+        uniform int radiance:sphericalHarmonicsDegree = 1
+        float3[] radiance:sphericalHarmonicsCoefficients = [(0, 1, -1), (-0.5, 0.5, -0), (0.25, 0, 0), (-0, -0, 0.25)] (
+            elementSize = 4
+        )
+        uniform token projectionModeHint = "perspective"
+        uniform token sortingModeHint = "zDepth"
+        custom bool gemsplat:antialiased = 1
+    }
+
+    def Scope "Cameras"
+    {
+
+        def Camera "view_0_a_b_c_jpg"
+        {
+            float2 clippingRange = (0.01, 100000)
+            float focalLength = 50
+            float horizontalAperture = 36
+            float horizontalApertureOffset = 0
+            float verticalAperture = 12.5
+            float verticalApertureOffset = 1.25
+            matrix4d xformOp:transform = ((-1, -0, 0, 0), (0, 1, -0, 0), (0, 0, -1, 0), (1, 2, -3, 1))
+            uniform token[] xformOpOrder = ["xformOp:transform"]
+        }
+    }
+}
+)");
+}
+
 }  // namespace
 }  // namespace gs

@@ -12,8 +12,9 @@ namespace gs {
 
 /// What verbs that read any model say of their argument.
 inline constexpr const char* kModelHelp =
-    "a model of any trainer (.ply, .spz, .sog, .glb, .rad, .npz, .splat or .gs4d, or a folder "
-    "with meta.json), or a run's folder";
+    "a model of any trainer (.ply, .spz, .sog, .glb, .rad, .npz, .splat, .usda, .usdc, .usdz or "
+    ".gs4d, "
+    "or a folder with meta.json), or a run's folder";
 
 /// -c, --set, --device, --threads, -q, -v: what every verb that computes takes.
 void general_options(OptionList& option);

@@ -45,6 +45,13 @@ inline float logit_of_byte(std::uint32_t byte) {
   return float(logit(byte == 0 ? 0.25 / 255 : byte == 255 ? 254.75 / 255 : byte / 255.0));
 }
 
+/// A logit between those of opacities that a float tells from 0 and from 1; NaN stays.
+inline float finite_logit(float opacity) {
+  constexpr double kLeast = 1e-7f;
+  return std::isfinite(opacity) ? float(logit(std::clamp(double(opacity), kLeast, 1 - kLeast)))
+                                : opacity;
+}
+
 /// Logarithms of scales, world units. That of 0, which was too small for a float, is that of the
 /// smallest float.
 inline Vec3f log_of_scale(const Vec3f& scale) {

@@ -42,6 +42,7 @@ struct EndRecord {
 static_assert(sizeof(LocalHeader) == 30 && sizeof(CentralHeader) == 46 && sizeof(EndRecord) == 22);
 
 constexpr std::uint16_t kEncrypted = 1, kStored = 0, kDeflated = 8;
+constexpr std::uint16_t kPaddingField = 0x1986;  // as OpenUSD numbers it in .usdz
 constexpr std::size_t kLongestComment = 0xffff;
 constexpr std::uint64_t kLargestArchive = 0xffffffff;
 
@@ -82,6 +83,17 @@ class ArchiveReader {
   std::string_view bytes_;
 };
 
+/// A field of a header that makes what begins behind `at` bytes begin at a multiple of `alignment`.
+std::string padding_for(std::size_t at, std::size_t alignment) {
+  std::size_t bytes = (alignment - at % alignment) % alignment;
+  if (bytes == 0) return {};
+  if (bytes < 4) bytes += alignment;  // a field has a number and a size of 16 bits each
+  std::string field;
+  append_little(field, kPaddingField);
+  append_little(field, std::uint16_t(bytes - 4));
+  return field + std::string(bytes - 4, '\0');
+}
+
 void check_crc(const std::filesystem::path& path, const std::string& name, std::string_view bytes,
                std::uint32_t crc) {
   if (crc32_of(bytes) != crc)
@@ -92,7 +104,7 @@ void check_crc(const std::filesystem::path& path, const std::string& name, std::
 
 }  // namespace
 
-std::string zip_of(const std::vector<ZipEntry>& entries, bool deflated) {
+std::string zip_of(const std::vector<ZipEntry>& entries, bool deflated, std::size_t alignment) {
   std::string archive, directory, packed;
   for (const ZipEntry& entry : entries) {
     if (deflated) packed = deflate_raw(entry.bytes);
@@ -106,8 +118,13 @@ std::string zip_of(const std::vector<ZipEntry>& entries, bool deflated) {
     CentralHeader central;
     central.fields = local.fields;
     central.local_offset = std::uint32_t(archive.size());
+    const std::string padding =
+        padding_for(archive.size() + sizeof local + entry.name.size(), alignment);
+    local.fields.extra_bytes = std::uint16_t(padding.size());
     append_little(archive, local);
-    archive += entry.name + content;
+    archive += entry.name;
+    archive += padding;
+    archive += content;
     append_little(directory, central);
     directory += entry.name;
   }
@@ -118,7 +135,8 @@ std::string zip_of(const std::vector<ZipEntry>& entries, bool deflated) {
   archive += directory;
   append_little(archive, end);
   if (archive.size() > kLargestArchive)
-    throw Error("a zip archive, which .sog and .npz are, cannot have more than 4 GiB; choose .ply");
+    throw Error(
+        "a zip archive, which .sog, .npz and .usdz are, cannot have more than 4 GiB; choose .ply");
   return archive;
 }
 

@@ -16,9 +16,11 @@ struct ZipEntry {
   std::string name, bytes;
 };
 
-/// The archive of these entries, in that order, which may be deflated. The same entries give the
-/// same bytes. Throws Error beyond 4 GiB.
-std::string zip_of(const std::vector<ZipEntry>& entries, bool deflated = false);
+/// The archive of these entries, in that order, which may be deflated. What each holds begins at a
+/// multiple of `alignment` bytes, 64 at most. The same entries give the same bytes. Throws Error
+/// beyond 4 GiB.
+std::string zip_of(const std::vector<ZipEntry>& entries, bool deflated = false,
+                   std::size_t alignment = 1);
 
 /// An entry as it lies in an archive.
 struct PackedEntry {

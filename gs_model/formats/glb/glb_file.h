@@ -4,6 +4,7 @@
 
 #include <spdlog/fmt/fmt.h>
 
+#include <algorithm>
 #include <filesystem>
 #include <optional>
 #include <string_view>
@@ -91,11 +92,12 @@ class GlbFile {
 /// Rows of numbers in the binary chunk: an accessor.
 class GlbRows {
  public:
-  static constexpr std::uint64_t kUint8 = 5121, kUint16 = 5123, kUint32 = 5125, kFloat = 5126;
+  static constexpr std::uint64_t kInt8 = 5120, kUint8 = 5121, kInt16 = 5122, kUint16 = 5123,
+                                 kUint32 = 5125, kFloat = 5126;
 
-  /// `width` numbers a row, of one type; floats, unless they are `whole`.
-  GlbRows(const GlbFile& glb, std::uint64_t index, std::size_t width, bool whole = false)
-      : width_(width) {
+  /// `width` numbers a row, of one type. Those of 1 and 2 bytes are read as they are, or as shares of
+  /// the largest one where they are normalized. `whole` ones are of no other type but u32.
+  GlbRows(const GlbFile& glb, std::uint64_t index, std::size_t width, bool whole = false) {
     constexpr const char* kTypes[] = {"", "SCALAR", "VEC2", "VEC3", "VEC4"};
     const SortedJson& accessor = glb.item("accessors", index);
     const SortedJson* type = GlbFile::find(accessor, "type");
@@ -103,37 +105,51 @@ class GlbRows {
       glb.fail(fmt::format("has an attribute that is not a {}", kTypes[width]));
     if (GlbFile::find(accessor, "sparse")) glb.fail("has sparse attributes, which are not read");
     component_ = glb.number(accessor, "componentType");
-    const bool is_whole = component_ == kUint8 || component_ == kUint16 || component_ == kUint32;
-    if (whole && !is_whole) glb.fail("has indices that are not whole numbers");
-    if (!whole && component_ != kFloat)
-      glb.fail("has attributes that are not floats, which are not read");
+    const SortedJson* normalized = GlbFile::find(accessor, "normalized");
+    is_normalized_ = normalized && *normalized == true;
+    if (whole && component_ != kUint8 && component_ != kUint16 && component_ != kUint32)
+      glb.fail("has indices that are not whole numbers");
+    if (!whole && component_ != kFloat && (component_ < kInt8 || component_ > kUint16))
+      glb.fail("has attributes that are not floats, bytes or numbers of 16 bits");
+    bytes_ = component_ <= kUint8 ? 1 : component_ <= kUint16 ? 2 : 4;
     count_ = glb.number(accessor, "count");
     const std::uint64_t view = glb.number(accessor, "bufferView");
-    const std::uint64_t row = width * (component_ == kUint8 ? 1 : component_ == kUint16 ? 2 : 4);
-    const std::uint64_t at = glb.number(accessor, "byteOffset", 0);
-    if (glb.number(glb.item("bufferViews", view), "byteStride", row) != row)
-      glb.fail("has rows with gaps between them, which are not read");
+    const std::uint64_t row = width * bytes_, at = glb.number(accessor, "byteOffset", 0);
+    stride_ = glb.number(glb.item("bufferViews", view), "byteStride", row);
+    if (stride_ < row) glb.fail("has rows that lie over each other");
     const std::string_view all = glb.view(view);
-    if (at > all.size() || count_ > (all.size() - at) / row)
+    if (at > all.size() ||
+        (count_ > 0 && (row > all.size() - at || count_ - 1 > (all.size() - at - row) / stride_)))
       glb.fail("has an attribute beyond the end of its view");
     rows_ = all.substr(at);
   }
 
   std::size_t count() const { return count_; }
   float operator()(std::size_t row, std::size_t column) const {
-    return load_little<float>(rows_.data() + sizeof(float) * (row * width_ + column));
+    const char* number = rows_.data() + row * stride_ + column * bytes_;
+    const auto share_of = [&](auto most, float value) {
+      return is_normalized_ ? std::max(value / float(most), -1.0f) : value;
+    };
+    switch (component_) {
+      case kInt8: return share_of(127, load_little<std::int8_t>(number));
+      case kUint8: return share_of(255, load_little<std::uint8_t>(number));
+      case kInt16: return share_of(32767, load_little<std::int16_t>(number));
+      case kUint16: return share_of(65535, load_little<std::uint16_t>(number));
+      default: return load_little<float>(number);
+    }
   }
   Vec3f vec3(std::size_t row) const { return {(*this)(row, 0), (*this)(row, 1), (*this)(row, 2)}; }
   /// The number of a row of whole ones.
   std::uint32_t whole(std::size_t row) const {
-    if (component_ == kUint8) return std::uint8_t(rows_[row]);
-    return component_ == kUint16 ? load_little<std::uint16_t>(rows_.data() + 2 * row)
-                                 : load_little<std::uint32_t>(rows_.data() + 4 * row);
+    const char* number = rows_.data() + row * stride_;
+    if (component_ == kUint8) return load_little<std::uint8_t>(number);
+    return component_ == kUint16 ? load_little<std::uint16_t>(number)
+                                 : load_little<std::uint32_t>(number);
   }
 
  private:
-  std::size_t width_;
-  std::uint64_t component_ = 0, count_ = 0;
+  std::uint64_t component_ = 0, count_ = 0, bytes_ = 0, stride_ = 0;
+  bool is_normalized_ = false;
   std::string_view rows_;
 };
 

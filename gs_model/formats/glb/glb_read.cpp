@@ -48,13 +48,6 @@ void check_extension(const GlbFile& glb, const SortedJson& splatting) {
                 "was made of, or export it without compression");
 }
 
-/// A logit between those of opacities that a float tells from 0 and from 1.
-float finite_logit(float opacity) {
-  constexpr float kLeast = 1e-7f;
-  const double inside = clamp_to(double(opacity), double(kLeast), 1 - double(kLeast));
-  return std::isfinite(opacity) ? float(logit(inside)) : opacity;
-}
-
 GaussianModel model_of(const GlbFile& glb, const SortedJson& primitive, std::uint64_t bytes) {
   const SortedJson* attributes = GlbFile::find(primitive, "attributes");
   if (!attributes) glb.fail("lacks attributes");
