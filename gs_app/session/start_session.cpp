@@ -27,6 +27,15 @@ std::string absolute_path(const std::string& path) {
   return path.empty() ? path : fs::absolute(path).lexically_normal().string();
 }
 
+void advise_on_panoramas(const Config& config, const Scene& scene) {
+  const bool has_panorama =
+      std::ranges::any_of(scene.train_views, [](const View& view) { return bool(view.panorama); });
+  if (has_panorama && !config.model.filter_3d && !config.model.dynamic)
+    log_info(
+        "viewers show more pixels a degree than panoramas have; --filter-3d --antialiased keep the "
+        "model from looking thin and dark there");
+}
+
 }  // namespace
 
 void TrainSession::choose_run(CheckpointPart part) {
@@ -127,6 +136,7 @@ void TrainSession::get_scene() {
   describe_scene();
   if (!scene_) scene_ = &loaded_scene_.emplace(load_run_scene(config_, hooks_));
   take_backend();
+  advise_on_panoramas(config_, *scene_);
   choose_photometric_model(config_, *scene_);
   if (lpips_)
     lpips_->check_sizes(scene_->test_views.empty() ? scene_->train_views : scene_->test_views);

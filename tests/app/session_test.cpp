@@ -126,6 +126,26 @@ class Session : public ::testing::Test {
   TempFolder folder_;
 };
 
+TEST_F(Session, PanoramasGetTheAdviceOfAFilterThatTheyDoNotHave) {
+  scene_.train_views.front().panorama = [] { return View(); };
+  TestHooks hooks;
+  hooks.at_start = [](Trainer&) { throw Error("enough"); };
+  const auto log_of = [&](const TrainRequest& request) {
+    CapturedLog logged;
+    EXPECT_THROW(TrainSession(request, hooks).run(), Error);
+    return logged.text();
+  };
+  TrainRequest plain = request("plain"), filtered = request("filtered");
+  filtered.settings = [settings = plain.settings, this](const Config& start) {
+    Config config = settings(start);
+    config.model.filter_3d = true;
+    config.model.output = path("filtered").string();
+    return config;
+  };
+  EXPECT_THAT(log_of(plain), HasSubstr("--filter-3d --antialiased"));
+  EXPECT_THAT(log_of(filtered), Not(HasSubstr("--filter-3d")));
+}
+
 TEST_F(Session, AFinishedRunHasItsFilesAndResults) {
   TestHooks hooks;
   TrainSession session(request("out"), hooks);
