@@ -103,18 +103,25 @@ class Resume : public ::testing::Test {
     return "train " + text("scene") + " -o " + text(out) + kResumable + " --iterations " +
            std::to_string(kSteps) + " " + more;
   }
-  // Runs until a file exists, then sends a signal. The code is 0 if the run was over before.
-  Outcome run_and_signal(const std::string& arguments, const fs::path& awaited, int signal) {
+  // Runs until `out` has a checkpoint of this step or a later one, then sends a signal. The code is
+  // 0 if the run was over before.
+  Outcome run_and_signal(const std::string& arguments, const fs::path& out, int step, int signal) {
     const pid_t child = start(arguments);
-    while (!fs::exists(awaited)) {
+    while (newest_step(out) < step) {
       if (::waitpid(child, nullptr, WNOHANG) == child) return {0, {}, {}};
       std::this_thread::sleep_for(std::chrono::milliseconds(1));
     }
     ::kill(child, signal);
     return wait_for(child);
   }
-  static fs::path checkpoint(const fs::path& out, int step) {
-    return out / "checkpoints" / ("step_" + std::to_string(step) + ".ckpt");
+  static int newest_step(const fs::path& out) {
+    int newest = 0;
+    std::error_code none;  // a folder that is not there yet, or changes, is looked at again
+    for (fs::directory_iterator file(out / "checkpoints", none), end; !none && file != end;
+         file.increment(none))
+      if (file->path().extension() == ".ckpt")
+        newest = std::max(newest, std::stoi(file->path().stem().string().substr(5)));
+    return newest;
   }
 
  private:
@@ -177,7 +184,7 @@ TEST_F(Resume, AFolderThatIsBeingTrainedIntoIsRefused) {
   const std::string endless =
       "train " + text("scene") + " -o " + text("busy") + kResumable + " --iterations 1000000 ";
   const pid_t first = start(endless);
-  while (!fs::exists(checkpoint(path("busy"), 8)) && ::waitpid(first, nullptr, WNOHANG) == 0)
+  while (!fs::exists(path("busy"), 8) && ::waitpid(first, nullptr, WNOHANG) == 0)
     std::this_thread::sleep_for(std::chrono::milliseconds(1));
   ASSERT_EQ(::waitpid(first, nullptr, WNOHANG), 0) << read_bytes(path("stderr.txt"));
   const std::string busy = text("busy");
@@ -201,8 +208,8 @@ TEST_F(Resume, ASignalSavesModelAndCheckpointAndTheRunGoesOnFromThere) {
   ASSERT_EQ(run(command("whole")).code, 0);
   for (const int signal : {SIGINT, SIGTERM}) {
     const std::string out = "stopped_" + std::to_string(signal);
-    const Outcome stopped = run_and_signal(command(out, "--set train.iterations=60"),
-                                           checkpoint(path(out), 12), signal);
+    const Outcome stopped =
+        run_and_signal(command(out, "--set train.iterations=60"), path(out), 12, signal);
     if (stopped.code == 0) GTEST_SKIP() << "the run was over before the signal came";
     EXPECT_EQ(stopped.code, 5) << stopped.err;
     EXPECT_THAT(stopped.err, AllOf(HasSubstr("stopped after step"), HasSubstr("--resume"),
@@ -220,7 +227,7 @@ TEST_F(Resume, ASignalSavesModelAndCheckpointAndTheRunGoesOnFromThere) {
 
 TEST_F(Resume, ADamagedCheckpointIsNamedAndTheOlderOneTaken) {
   ASSERT_EQ(run(command("whole")).code, 0);
-  const Outcome killed = run_and_signal(command("out"), checkpoint(path("out"), 12), SIGKILL);
+  const Outcome killed = run_and_signal(command("out"), path("out"), 12, SIGKILL);
   if (killed.code == 0) GTEST_SKIP() << "the run was over before the kill";
   std::vector<fs::path> files;
   for (const auto& entry : fs::directory_iterator(path("out/checkpoints")))
@@ -279,7 +286,7 @@ TEST_F(Resume, APresetOfAnotherLengthDoesNotChangeHowManyStepsAreAdded) {
 
 TEST_F(Resume, ACheckpointGoesOnInAnotherFolderToo) {
   ASSERT_EQ(run(command("whole")).code, 0);
-  const Outcome killed = run_and_signal(command("out"), checkpoint(path("out"), 12), SIGKILL);
+  const Outcome killed = run_and_signal(command("out"), path("out"), 12, SIGKILL);
   if (killed.code == 0) GTEST_SKIP() << "the run was over before the kill";
   const auto before = contents_of(path("out"));
   const Outcome other =
@@ -290,7 +297,7 @@ TEST_F(Resume, ACheckpointGoesOnInAnotherFolderToo) {
 }
 
 TEST_F(Resume, SettingsThatARunKeepsAreNamedWhereTheyDiffer) {
-  ASSERT_EQ(run_and_signal(command("out"), checkpoint(path("out"), 8), SIGKILL).code, -SIGKILL);
+  ASSERT_EQ(run_and_signal(command("out"), path("out"), 8, SIGKILL).code, -SIGKILL);
   const Outcome outcome =
       run(command("out", "--resume auto --seed 7 --set optimizer.sh0_lr=0.01 --threads 2"));
   EXPECT_EQ(outcome.code, 2);
@@ -306,8 +313,7 @@ TEST_F(Resume, HalfMomentsGoOnAsTheyAre) {
   const std::string setting = "--set optimizer.moments=half ", out = "out_half";
   ASSERT_EQ(run(command("whole_half", setting)).code, 0);
   const auto expected = contents_of(path("whole_half"));
-  ASSERT_EQ(run_and_signal(command(out, setting), checkpoint(path(out), 12), SIGKILL).code,
-            -SIGKILL);
+  ASSERT_EQ(run_and_signal(command(out, setting), path(out), 12, SIGKILL).code, -SIGKILL);
   const Outcome floats = run(command(out, "--resume auto --set optimizer.moments=float"));
   EXPECT_EQ(floats.code, 2);
   EXPECT_THAT(floats.err, AllOf(HasSubstr("optimizer.moments = \"half\" (now \"float\")"),
@@ -343,7 +349,7 @@ TEST_F(Resume, ARunFromAModelIsNamedByARelativePathAndResumed) {
   const Outcome whole = run(command("whole", "--from " + text(model)));
   ASSERT_EQ(whole.code, 0) << whole.err;
   EXPECT_THAT(whole.err, HasSubstr("training starts from the"));
-  const Outcome killed = run_and_signal(from, checkpoint(path("out"), 12), SIGKILL);
+  const Outcome killed = run_and_signal(from, path("out"), 12, SIGKILL);
   if (killed.code == 0) GTEST_SKIP() << "the run was over before the kill";
   const Outcome resumed = run(from);
   ASSERT_EQ(resumed.code, 0) << resumed.err;
@@ -354,7 +360,7 @@ TEST_F(Resume, ARunFromAModelIsNamedByARelativePathAndResumed) {
 }
 
 TEST_F(Resume, AnotherSceneIsRefused) {
-  ASSERT_EQ(run_and_signal(command("out"), checkpoint(path("out"), 8), SIGKILL).code, -SIGKILL);
+  ASSERT_EQ(run_and_signal(command("out"), path("out"), 8, SIGKILL).code, -SIGKILL);
   fs::copy(path("scene"), path("other"), fs::copy_options::recursive);
   std::string images = read_bytes(path("other/sparse/0/images.txt"));
   images.replace(images.find("-0.1 "), 5, "-0.2 ");
