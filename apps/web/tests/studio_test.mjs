@@ -21,7 +21,9 @@ const [modules, program, scene, out] = process.argv.slice(2, 6).map(path => reso
   chromium = findChromium(process.argv[6]);
 const SEED = Number(process.env.SEED ?? Date.now() % 100_000);
 const STEPS = 400,
-  LONGEST = 90_000; // milliseconds for a job
+  KILLS = 10, // on the way from photos to files
+  LONGEST = 90_000, // milliseconds for a job
+  LONGEST_WAIT = 60_000; // and for what a page is to show
 
 let random = SEED;
 // 0 to 1: the same for the same SEED.
@@ -60,13 +62,24 @@ async function startStudio(folder, env = {}) {
 const projectOf = (folder, id) =>
   JSON.parse(readFileSync(join(folder, id, 'project.json'), 'utf8'));
 // What a page says whose studio was killed, or whose run has ended with its live view.
-const isAboutTheEnd = text => /status of (404|502)|net::ERR_|The server does not answer/.test(text);
+const isAboutTheEnd = text =>
+  /status of (404|502)|net::ERR_|The server does not answer|this run does not show itself/.test(
+    text,
+  );
+const isAboutRemoval = text => text.includes('status of 400'); // there is no such project
+
+// The step of the newest checkpoint of a run; 0: there is none.
+function newestCheckpoint(run) {
+  const folder = join(run, 'checkpoints'),
+    names = existsSync(folder) ? readdirSync(folder) : [];
+  return Math.max(0, ...names.map(name => Number(name.match(/^step_(\d+)\.ckpt$/)?.[1] ?? 0)));
+}
 
 // The studio and its page, which both can end and begin again at any time.
 class Desk {
   constructor(browser, name, env = {}) {
     Object.assign(this, {browser, env, folder: join(out, name)});
-    this.kills = 0;
+    this.kills = this.killsOfJobs = 0;
   }
   async open(hash = '', options = {}) {
     this.studio = await startStudio(this.folder, this.env);
@@ -103,23 +116,40 @@ class Desk {
     return projectOf(this.folder, this.id).jobs;
   }
 
-  // Waits until the newest job is done. Where the studio is killed meanwhile, its button goes on.
+  // Waits until the newest job is done. The studio is killed so many times on the way, or after it
+  // where the job was faster; the job's button goes on, and no step of a run is done twice.
   async finishJob(verb, {kills = 1, within = 1500} = {}) {
     const deadline = Date.now() + LONGEST,
       count = this.jobs.length;
+    let shownStep = 0;
     const isVerb = job => job?.words[0] === verb;
     for (;;) {
       const job = this.jobs.at(-1);
       assert.ok(isVerb(job), `the newest job is ${job?.words}`);
       assert.equal(this.jobs.length, count, 'no job is lost, and none is made twice');
-      if (job.state === 'done') return job;
+      if (job.state === 'done') {
+        for (; kills > 0; --kills) {
+          await pause(within * chance());
+          await this.killAndComeBack();
+        }
+        return job;
+      }
       assert.notEqual(job.state, 'failed', job.message);
       assert.ok(Date.now() < deadline, `${verb} is ${job.state} for too long`);
       if (kills > 0 && job.state === 'running') {
         --kills;
         await pause(within * chance());
+        const progress = await this.page.evaluate(
+          () => gemsplatStudio.project.jobs.at(-1)?.progress,
+        );
+        if (progress?.unit === 'step') shownStep = progress.done;
+        if (this.jobs.at(-1).state === 'running') ++this.killsOfJobs;
         await this.killAndComeBack();
       } else if (job.state === 'interrupted') {
+        if (verb === 'train') {
+          const saved = newestCheckpoint(join(this.folder, this.id, job.words[3]));
+          assert.ok(saved >= shownStep, `step ${shownStep} was shown, and step ${saved} was saved`);
+        }
         const goOn = this.page.getByRole('button', {name: 'Go on'}).first();
         await goOn.click();
         await this.page.waitForFunction(
@@ -142,6 +172,21 @@ const typeFolder = async (desk, folder) => {
   desk.id = decodeURIComponent(new URL(desk.page.url()).hash.match(/p=([^&]*)/)[1]);
 };
 
+// Fills in the form of the screen Train.
+async function chooseSmallRun({page}) {
+  await page.fill('#steps', String(STEPS));
+  await page.fill('#width', '96');
+  await page.getByRole('button', {name: 'Small'}).click();
+}
+const resultsOf = (desk, run) =>
+  JSON.parse(readFileSync(join(desk.folder, desk.id, run.words[3], 'results.json'), 'utf8'));
+
+const check = ({failures}) =>
+  assert.deepEqual(
+    failures.filter(text => !isAboutTheEnd(text)),
+    [],
+  );
+
 const tests = {
   async 'from photos with cameras to a film, while the studio is killed'(browser) {
     const desk = new Desk(browser, 'killed');
@@ -155,16 +200,11 @@ const tests = {
     await desk.step('Cameras');
     await desk.page.getByText('Cameras are known').waitFor();
     await desk.step('Train');
-    await desk.page.fill('#steps', String(STEPS));
-    await desk.page.fill('#width', '96');
-    await desk.page.getByRole('button', {name: 'Small'}).click();
+    await chooseSmallRun(desk);
     await desk.page.getByRole('button', {name: 'Start'}).click();
     await desk.page.waitForSelector('.job');
-    const run = await desk.finishJob('train', {kills: 3, within: 3000});
-    const results = JSON.parse(
-      readFileSync(join(desk.folder, desk.id, run.words[3], 'results.json'), 'utf8'),
-    );
-    assert.equal(results.iterations, STEPS);
+    const run = await desk.finishJob('train', {kills: 5, within: 2000});
+    assert.equal(resultsOf(desk, run).iterations, STEPS);
 
     await desk.openPage(`p=${desk.id}&s=clean`);
     await desk.page.waitForSelector('.viewer iframe:not([hidden])');
@@ -228,15 +268,83 @@ const tests = {
     await desk.step('Share');
     await desk.page.getByRole('button', {name: 'Write these'}).click();
     await desk.page.waitForSelector('.job');
-    const written = await desk.finishJob('export', {within: 400});
+    const written = await desk.finishJob('export', {kills: 2, within: 400});
     await desk.openPage(`p=${desk.id}&s=share`);
     await desk.page.waitForSelector('.job table');
     assert.match(await desk.page.locator('.job table').innerText(), /\.spz[\s\S]*dB/);
     await desk.shot('share');
     for (const file of written.words.filter(word => word.startsWith('share/')))
       assert.ok(existsSync(join(desk.folder, desk.id, file)), file);
-    assert.ok(desk.kills >= 4, `${desk.kills} kills`);
+    assert.equal(desk.kills, KILLS);
+    console.log(
+      `        ${KILLS} kills of the studio, ${desk.killsOfJobs} of them while a job ran`,
+    );
     await desk.close();
+  },
+
+  async 'two projects train at once from two browsers; one is renamed and removed'(browser) {
+    const second = await Browser.start(modules, chromium, {server: true});
+    second.context.setDefaultTimeout(LONGEST_WAIT);
+    const desks = [new Desk(browser, 'two'), new Desk(second, 'two')],
+      [desk, other] = desks;
+    await desk.open();
+    other.studio = desk.studio;
+    await other.openPage();
+    for (const each of desks) {
+      await typeFolder(each, scene);
+      await each.finishJob('doctor', {kills: 0});
+      await each.step('Train');
+      await chooseSmallRun(each);
+    }
+    assert.notEqual(desk.id, other.id);
+    for (const {page} of desks) await page.getByRole('button', {name: 'Start'}).click();
+    // Each page sees both runs take steps while both run.
+    const takeSteps = () => {
+      const steps = gemsplatStudio.state.projects.map(({jobs}) => {
+        const {state, progress} = jobs.at(-1);
+        return state === 'running' && progress?.unit === 'step' ? progress.done : NaN;
+      });
+      if (steps.some(Number.isNaN)) return false;
+      window.firstSteps ??= steps;
+      return steps.every((step, i) => step > window.firstSteps[i]);
+    };
+    await Promise.all(
+      desks.flatMap(({page}) => [
+        page.waitForFunction(takeSteps, null, {polling: 100}),
+        page.getByText(/it shares this machine with courtyard/).waitFor(),
+      ]),
+    );
+    await desk.shot('two');
+    for (const each of desks) await each.step('Photos'); // without a viewer, runs are faster
+    for (const each of desks) {
+      const run = await each.finishJob('train', {kills: 0});
+      assert.equal(resultsOf(each, run).iterations, STEPS);
+    }
+
+    const settings = desk.page.locator('.project-settings');
+    await settings.locator('summary').click();
+    await desk.page.fill('#project-name', 'At noon');
+    await settings.getByText('Rename', {exact: true}).click();
+    await desk.page.waitForFunction(() => document.title.startsWith('At noon'));
+    await other.openPage();
+    await other.page.getByText('At noon').waitFor();
+    await settings.locator('summary').click();
+    await settings.getByText('Remove the project').click();
+    await desk.shot('remove');
+    await settings.getByText('Keep it').click();
+    await settings.getByText('Remove the project').click();
+    await settings.getByText('Remove it').click();
+    await desk.page.getByText(/At noon was moved to .*removed/).waitFor();
+    await desk.shot('removed');
+    await other.page.waitForFunction(() => gemsplatStudio.state.projects.length === 1);
+    await other.page.getByText('At noon').waitFor({state: 'detached'});
+    assert.ok(existsSync(join(desk.folder, 'removed', desk.id, 'run-2', 'results.json')));
+    await other.page.close();
+    await desk.close();
+    for (const each of [browser, second])
+      each.failures = each.failures.filter(text => !isAboutRemoval(text));
+    check(second);
+    await second.close();
   },
 
   async 'photos are dropped, checked, left out, and placed'(browser) {
@@ -317,10 +425,8 @@ const tests = {
 rmSync(out, {recursive: true, force: true});
 mkdirSync(out, {recursive: true});
 const browser = await Browser.start(modules, chromium, {server: true});
-browser.context.setDefaultTimeout(60_000);
-const check = () =>
-  assert.deepEqual(
-    browser.failures.filter(text => !isAboutTheEnd(text)),
-    [],
-  );
-finish(await browser.runTests(tests, {check}), `SEED=${SEED}; screenshots: ${out}`);
+browser.context.setDefaultTimeout(LONGEST_WAIT);
+finish(
+  await browser.runTests(tests, {check: () => check(browser)}),
+  `SEED=${SEED}; screenshots: ${out}`,
+);
