@@ -65,6 +65,10 @@ export class JobCard {
     if (isRunning && progress?.total) this.bar.value = progress.done / progress.total;
     else this.bar.removeAttribute('value');
     this.text.textContent = isRunning ? this.progressText(job) : this.endText(job);
+    if (isRunning && progress?.unit !== this.unit) {
+      this.unit = progress?.unit;
+      this.showWhatItSaid(); // such as a forecast that memory is too small
+    }
     if (this.shown === job.state) return;
     this.shown = job.state;
     this.buttons.replaceChildren(
@@ -107,16 +111,17 @@ export class JobCard {
 
   async showWhatItSaid() {
     const {warnings, outcome} = await this.app.server.said(this.id).catch(() => ({}));
-    if (warnings?.length)
-      this.more.append(
-        el(
-          'ul.warnings',
-          {},
-          warnings.map(text => el('li', {}, text)),
-        ),
-      );
     const shown = outcome && this.show?.(outcome);
-    if (shown) this.more.append(shown);
+    this.more.replaceChildren(
+      warnings?.length
+        ? el(
+            'ul.warnings',
+            {},
+            warnings.map(text => el('li', {}, text)),
+          )
+        : '',
+      shown || '',
+    );
   }
 }
 
