@@ -1,191 +1,24 @@
 // SPDX-License-Identifier: Apache-2.0
 // The studio in a browser: from photos to a model, an edit, a film and files, while the studio is
 // killed on the way; uploads and a stand-in for COLMAP; phones, keyboards and dark screens.
-//   node studio_test.mjs MODULES PROGRAM SCENE OUT CHROMIUM
-// SEED=N in the environment repeats the moments at which it is killed.
+// studio_desk.mjs has the command line.
 import assert from 'node:assert/strict';
-import {spawn} from 'node:child_process';
+import {chmodSync, existsSync, mkdirSync, readdirSync, writeFileSync} from 'node:fs';
+import {join} from 'node:path';
 import {
-  chmodSync,
-  existsSync,
-  mkdirSync,
-  readFileSync,
-  readdirSync,
-  rmSync,
-  writeFileSync,
-} from 'node:fs';
-import {join, resolve} from 'node:path';
-import {Browser, findChromium, finish} from './browser.mjs';
+  Desk,
+  STEPS,
+  chooseSmallRun,
+  out,
+  pause,
+  projectOf,
+  resultsOf,
+  runAll,
+  scene,
+  typeFolder,
+} from './studio_desk.mjs';
 
-const [modules, program, scene, out] = process.argv.slice(2, 6).map(path => resolve(path)),
-  chromium = findChromium(process.argv[6]);
-const SEED = Number(process.env.SEED ?? Date.now() % 100_000);
-const STEPS = 400,
-  KILLS = 10, // on the way from photos to files
-  LONGEST = 90_000, // milliseconds for a job
-  LONGEST_WAIT = 60_000; // and for what a page is to show
-
-let random = SEED;
-// 0 to 1: the same for the same SEED.
-const chance = () => (random = (random * 48271 + 11) % 2147483647) / 2147483647;
-const pause = time => new Promise(done => setTimeout(done, time));
-
-const children = new Set();
-process.on('exit', () => children.forEach(child => child.kill('SIGKILL')));
-
-// A studio in the folder: {url, kill(), end()}.
-async function startStudio(folder, env = {}) {
-  const child = spawn(program, ['studio', folder, '--no-open', '--port', '0'], {
-    stdio: ['ignore', 'pipe', 'pipe'],
-    env: {...process.env, ...env},
-  });
-  const ended = new Promise(done => child.on('exit', done));
-  children.add(child);
-  let said = '';
-  const url = await new Promise((done, fail) => {
-    const hear = data => {
-      said += data;
-      const address = said.match(/http:\/\/127\.0\.0\.1:\d+\/[0-9a-f]{32}\/\n/);
-      if (address) done(address[0].trim());
-    };
-    child.stdout.on('data', hear);
-    child.stderr.on('data', hear);
-    ended.then(code => fail(new Error(`the studio ended with ${code}: ${said}`)));
-  });
-  const stop = signal => {
-    child.kill(signal);
-    return ended;
-  };
-  return {url, kill: () => stop('SIGKILL'), end: () => stop('SIGINT')};
-}
-
-const projectOf = (folder, id) =>
-  JSON.parse(readFileSync(join(folder, id, 'project.json'), 'utf8'));
-// What a page says whose studio was killed, or whose run has ended with its live view.
-const isAboutTheEnd = text =>
-  /status of (404|502)|net::ERR_|The server does not answer|this run does not show itself/.test(
-    text,
-  );
-const isAboutRemoval = text => text.includes('status of 400'); // there is no such project
-
-// The step of the newest checkpoint of a run; 0: there is none.
-function newestCheckpoint(run) {
-  const folder = join(run, 'checkpoints'),
-    names = existsSync(folder) ? readdirSync(folder) : [];
-  return Math.max(0, ...names.map(name => Number(name.match(/^step_(\d+)\.ckpt$/)?.[1] ?? 0)));
-}
-
-// The studio and its page, which both can end and begin again at any time.
-class Desk {
-  constructor(browser, name, env = {}) {
-    Object.assign(this, {browser, env, folder: join(out, name)});
-    this.kills = this.killsOfJobs = 0;
-  }
-  async open(hash = '', options = {}) {
-    this.studio = await startStudio(this.folder, this.env);
-    await this.openPage(hash, options);
-  }
-  async openPage(hash = '', options = {}) {
-    await this.page?.close();
-    this.page = await this.browser.openServer(this.studio.url, {
-      at: hash,
-      width: 1280,
-      height: 800,
-      own: `${new URL(this.studio.url).origin}/`,
-      ...options,
-    });
-    await this.page.waitForSelector('main');
-  }
-  async killAndComeBack() {
-    ++this.kills;
-    const hash = new URL(this.page.url()).hash.slice(1);
-    await this.studio.kill();
-    await this.open(hash);
-  }
-  async step(title) {
-    await this.page.locator('.step', {hasText: title}).click();
-    await this.page.waitForFunction(
-      name => document.title.endsWith(name) && document.querySelector('main'),
-      title,
-    );
-  }
-  async shot(name) {
-    await this.page.screenshot({path: join(out, `${name}.png`)});
-  }
-  get jobs() {
-    return projectOf(this.folder, this.id).jobs;
-  }
-
-  // Waits until the newest job is done. The studio is killed so many times on the way, or after it
-  // where the job was faster; the job's button goes on, and no step of a run is done twice.
-  async finishJob(verb, {kills = 1, within = 1500} = {}) {
-    const deadline = Date.now() + LONGEST,
-      count = this.jobs.length;
-    let shownStep = 0;
-    const isVerb = job => job?.words[0] === verb;
-    for (;;) {
-      const job = this.jobs.at(-1);
-      assert.ok(isVerb(job), `the newest job is ${job?.words}`);
-      assert.equal(this.jobs.length, count, 'no job is lost, and none is made twice');
-      if (job.state === 'done') {
-        for (; kills > 0; --kills) {
-          await pause(within * chance());
-          await this.killAndComeBack();
-        }
-        return job;
-      }
-      assert.notEqual(job.state, 'failed', job.message);
-      assert.ok(Date.now() < deadline, `${verb} is ${job.state} for too long`);
-      if (kills > 0 && job.state === 'running') {
-        --kills;
-        await pause(within * chance());
-        const progress = await this.page.evaluate(
-          () => gemsplatStudio.project.jobs.at(-1)?.progress,
-        );
-        if (progress?.unit === 'step') shownStep = progress.done;
-        if (this.jobs.at(-1).state === 'running') ++this.killsOfJobs;
-        await this.killAndComeBack();
-      } else if (job.state === 'interrupted') {
-        if (verb === 'train') {
-          const saved = newestCheckpoint(join(this.folder, this.id, job.words[3]));
-          assert.ok(saved >= shownStep, `step ${shownStep} was shown, and step ${saved} was saved`);
-        }
-        const goOn = this.page.getByRole('button', {name: 'Go on'}).first();
-        await goOn.click();
-        await this.page.waitForFunction(
-          () => !document.querySelector('.job[data-state="interrupted"]'),
-        );
-      }
-      await pause(100);
-    }
-  }
-  async close() {
-    await this.page.close();
-    assert.equal(await this.studio.end(), 0);
-  }
-}
-
-const typeFolder = async (desk, folder) => {
-  await desk.page.fill('#folder', folder);
-  await desk.page.keyboard.press('Enter');
-  await desk.page.waitForSelector('.step[aria-current]');
-  desk.id = decodeURIComponent(new URL(desk.page.url()).hash.match(/p=([^&]*)/)[1]);
-};
-
-// Fills in the form of the screen Train.
-async function chooseSmallRun({page}, steps) {
-  await page.fill('#steps', String(steps));
-  await page.fill('#width', '96');
-  await page.getByRole('button', {name: 'Small'}).click();
-}
-const resultsOf = (desk, run) =>
-  JSON.parse(readFileSync(join(desk.folder, desk.id, run.words[3], 'results.json'), 'utf8'));
-
-const check = ({failures}) =>
-  assert.deepEqual(
-    failures.filter(text => !isAboutTheEnd(text)),
-    [],
-  );
+const KILLS = 10; // on the way from photos to files
 
 const tests = {
   async 'from photos with cameras to a film, while the studio is killed'(browser) {
@@ -282,78 +115,6 @@ const tests = {
     await desk.close();
   },
 
-  async 'two projects train at once from two browsers; one is renamed and removed'(browser) {
-    const second = await Browser.start(modules, chromium, {server: true});
-    second.context.setDefaultTimeout(LONGEST_WAIT);
-    const desks = [new Desk(browser, 'two'), new Desk(second, 'two')],
-      [desk, other] = desks;
-    await desk.open();
-    other.studio = desk.studio;
-    await other.openPage();
-    for (const each of desks) {
-      await typeFolder(each, scene);
-      await each.finishJob('doctor', {kills: 0});
-      await each.step('Train');
-      await chooseSmallRun(each, 2 * STEPS);
-    }
-    assert.notEqual(desk.id, other.id);
-    // The forecast of the second run is some terabytes, which its card says; the run is small.
-    await other.page.locator('.settings summary').click();
-    await other.page.selectOption('[id="setting-density.strategy"]', 'mcmc');
-    await other.page.fill('[id="setting-density.max_gaussians"]', '2000000000');
-    for (const {page} of desks) await page.getByRole('button', {name: 'Start'}).click();
-    // Each page sees both runs take steps while both run.
-    const takeSteps = () => {
-      const steps = gemsplatStudio.state.projects.map(({jobs}) => {
-        const {state, progress} = jobs.at(-1);
-        return state === 'running' && progress?.unit === 'step' ? progress.done : NaN;
-      });
-      if (steps.some(Number.isNaN)) return false;
-      window.firstSteps ??= steps;
-      return steps.every((step, i) => step > window.firstSteps[i]);
-    };
-    for (const each of desks) await each.step('Photos'); // where no viewer slows the page down
-    await Promise.all(desks.map(({page}) => page.waitForFunction(takeSteps, null, {polling: 100})));
-    for (const each of desks) {
-      await each.step('Train');
-      await each.page.getByText(/it shares this machine with courtyard/).waitFor();
-    }
-    await other.page
-      .locator('.job[data-state="running"] .warnings', {hasText: 'may need'})
-      .waitFor();
-    await desk.shot('two');
-    for (const each of desks) await each.step('Photos');
-    for (const each of desks) {
-      const run = await each.finishJob('train', {kills: 0});
-      assert.equal(resultsOf(each, run).iterations, 2 * STEPS);
-    }
-
-    const settings = desk.page.locator('.project-settings');
-    await settings.locator('summary').click();
-    await desk.page.fill('#project-name', 'At noon');
-    await settings.getByText('Rename', {exact: true}).click();
-    await desk.page.waitForFunction(() => document.title.startsWith('At noon'));
-    await other.openPage();
-    await other.page.getByText('At noon').waitFor();
-    await settings.locator('summary').click();
-    await settings.getByText('Remove the project').click();
-    await desk.shot('remove');
-    await settings.getByText('Keep it').click();
-    await settings.getByText('Remove the project').click();
-    await settings.getByText('Remove it').click();
-    await desk.page.getByText(/At noon was moved to .*removed/).waitFor();
-    await desk.shot('removed');
-    await other.page.waitForFunction(() => gemsplatStudio.state.projects.length === 1);
-    await other.page.getByText('At noon').waitFor({state: 'detached'});
-    assert.ok(existsSync(join(desk.folder, 'removed', desk.id, 'run-2', 'results.json')));
-    await other.page.close();
-    await desk.close();
-    for (const each of [browser, second])
-      each.failures = each.failures.filter(text => !isAboutRemoval(text));
-    check(second);
-    await second.close();
-  },
-
   async 'photos are dropped, checked, left out, and placed'(browser) {
     const stand = join(out, 'colmap');
     mkdirSync(stand, {recursive: true});
@@ -429,11 +190,4 @@ const tests = {
   },
 };
 
-rmSync(out, {recursive: true, force: true});
-mkdirSync(out, {recursive: true});
-const browser = await Browser.start(modules, chromium, {server: true});
-browser.context.setDefaultTimeout(LONGEST_WAIT);
-finish(
-  await browser.runTests(tests, {check: () => check(browser)}),
-  `SEED=${SEED}; screenshots: ${out}`,
-);
+await runAll(tests);
