@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <array>
+#include <charconv>
 #include <set>
 
 #include "data_loaders/photos/photo_names.h"
@@ -13,6 +14,7 @@
 #include "data_loaders/scene/photo_list.h"
 #include "data_loaders/scene/scene_model.h"
 #include "gs_app/run/run_folder.h"
+#include "gs_core/config/config.h"
 #include "gs_core/error.h"
 #include "gs_core/system/files/access.h"
 #include "gs_core/system/files/move_aside.h"
@@ -120,6 +122,21 @@ std::vector<std::string> words_to_go_on(const StudioJob& job) {
                            job.verb() == "render" || job.verb() == "mesh";
   if (writes_file && !has("--force")) words.emplace_back("--force");
   return words;
+}
+
+void set_extra_steps(const fs::path& project, std::vector<std::string>& words) {
+  const auto steps = std::find(words.begin(), words.end(), "--iterations"),
+             run = std::find(words.begin(), words.end(), "--resume");
+  if (words.end() - steps < 2 || words.end() - run < 2 || !steps[1].starts_with('+')) return;
+  const RunFolder folder(project / run[1]);
+  int added = 0;
+  const char* const end = steps[1].data() + steps[1].size();
+  const auto [stop, error] = std::from_chars(steps[1].data() + 1, end, added);
+  if (error != std::errc() || stop != end || !is_file(folder.config())) return;  // train says so
+  Config config;
+  load_config(config, folder.config());
+  steps[0] = "--set";
+  steps[1] = fmt::format("train.extra_steps={}", config.train.extra_steps + std::int64_t(added));
 }
 
 std::string newest_scene_of(const Project& project) {

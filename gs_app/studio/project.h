@@ -67,6 +67,10 @@ std::filesystem::path safe_path(const std::string& name);
 /// checkpoint, `reconstruct` from its folder. Other verbs move a file aside that they had written.
 std::vector<std::string> words_to_go_on(const StudioJob& job);
 
+/// Turns "--iterations +N" of `train --resume RUN` into the number of extra steps that the run then has
+/// in all, so that another try of a job that was killed at its end does not add them again.
+void set_extra_steps(const std::filesystem::path& project, std::vector<std::string>& words);
+
 /// The newest folder in which COLMAP has placed the photos, relative to the project's; empty if there
 /// is none.
 std::string newest_scene_of(const Project& project);

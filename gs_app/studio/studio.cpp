@@ -18,6 +18,7 @@
 #include "gs_app/run/run_folder.h"
 #include "gs_core/error.h"
 #include "gs_core/system/files/access.h"
+#include "gs_core/system/files/move_aside.h"
 #include "gs_core/system/log.h"
 #include "gs_core/system/processes/process.h"
 #include "gs_core/system/text/foreign_text.h"
@@ -35,6 +36,7 @@ constexpr std::array kJobVerbs = {"doctor", "reconstruct", "train", "edit",
                                   "export", "render",      "eval",  "mesh"};
 constexpr std::array kQuestions = {"config", "doctor", "info", "edit"};
 constexpr std::size_t kMostWords = 400;
+constexpr const char* kRemoved = "removed";  // the folder of projects that were removed
 
 std::int64_t now() { return std::int64_t(std::time(nullptr)); }
 
@@ -65,6 +67,16 @@ std::string with_number(std::string word, int id) {
 
 bool is_active(const StudioJob& job) {
   return job.state == JobState::waiting || job.state == JobState::running;
+}
+
+// Neither a job nor a command of a terminal writes to the project's folders.
+void check_is_idle(const Project& project) {
+  if (std::any_of(project.jobs.begin(), project.jobs.end(), is_active))
+    throw UsageError("a job of this project runs; stop it first");
+  for (const fs::path& path : entries_of(project.folder))
+    if (is_job_alive(path / ".gemsplat.lock"))
+      throw UsageError("a command writes to " + path.filename().string() +
+                       "; wait until it has ended");
 }
 
 // Nothing has changed where the disk is full.
@@ -223,6 +235,7 @@ int Studio::start(const std::string& project, JobWords words) {
   StudioJob job{.id = known.jobs.empty() ? 1 : known.jobs.back().id + 1, .words = std::move(words)};
   for (std::string& word : job.words) word = with_number(word, job.id);
   if (job.verb() == "reconstruct") choose_photos(known);
+  if (job.verb() == "train") set_extra_steps(known.folder, job.words);
   const bool has_scene =
       job.verb() == "train" && job.words.size() > 1 && !job.words[1].starts_with('-');
   if (has_scene && !known.left_out.empty() && write_chosen_list(known, job.words[1]))
@@ -291,11 +304,11 @@ Project Studio::project(const std::string& id) {
   return entry(id).project;
 }
 
-Uploads& Studio::uploads(const std::string& project) {
+std::shared_ptr<Uploads> Studio::uploads(const std::string& project) {
   const std::lock_guard lock(mutex_);
   Entry& known = entry(project);
-  if (!known.uploads) known.uploads = std::make_unique<Uploads>(known.project.folder, limits_);
-  return *known.uploads;
+  if (!known.uploads) known.uploads = std::make_shared<Uploads>(known.project.folder, limits_);
+  return known.uploads;
 }
 
 std::string Studio::live_view(const std::string& project, int id) {
@@ -314,7 +327,8 @@ std::string Studio::create(const std::string& name, const std::string& typed) {
   const std::string stem = safe_path(name).filename().string();
   const std::lock_guard lock(mutex_);
   fs::path folder = folder_ / stem;
-  for (int i = 2; is_there(folder); ++i) folder = folder_ / fmt::format("{}-{}", stem, i);
+  for (int i = 2; is_there(folder) || folder.filename() == kRemoved; ++i)
+    folder = folder_ / fmt::format("{}-{}", stem, i);
   fs::create_directories(photos.empty() ? folder / "input" : folder);
   write_project({.folder = folder, .name = folder.filename().string(), .photos = photos});
   add(folder);
@@ -325,9 +339,30 @@ void Studio::change(const std::string& project, const Json& changes) {
   const std::lock_guard lock(mutex_);
   Project& known = entry(project).project;
   save(known, [&](Project& changed) {
+    if (changes.contains("name")) changed.name = safe_path(changes["name"]).filename();
     if (changes.contains("model")) changed.model = changes["model"];
     if (changes.contains("left_out")) changed.left_out = changes["left_out"];
   });
+}
+
+fs::path Studio::remove(const std::string& project) {
+  const std::lock_guard lock(mutex_);
+  Entry& known = entry(project);
+  const fs::path from = known.project.folder, removed = folder_ / kRemoved;
+  check_is_idle(known.project);
+  std::unique_lock<std::mutex> no_uploads;
+  if (known.uploads && !(no_uploads = known.uploads->pause()))
+    throw UsageError("files arrive in this project; wait until they are there");
+  fs::create_directories(removed);
+  fs::path to = removed / project;
+  for (int i = 2; is_there(to); ++i) to = removed / fmt::format("{}-{}", project, i);
+  if (const std::error_code error = rename_to_new(from, to))
+    throw Error(fmt::format("cannot move {} to {}: {}; move it yourself", from.string(),
+                            to.string(), error.message()));
+  const std::shared_ptr<Uploads> paused = known.uploads;  // outlives its lock
+  entries_.erase(project);
+  no_uploads = {};
+  return to;
 }
 
 Json Studio::state() {

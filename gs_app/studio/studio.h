@@ -45,8 +45,11 @@ class Studio {
   /// Makes a project, with the photos in a folder of this machine where one is named. Returns its
   /// identity, the name of its folder.
   std::string create(const std::string& name, const std::string& typed);
-  /// Changes "left_out" or "model".
+  /// Changes "name", "left_out" or "model". The folder keeps its name, which runs have written down.
   void change(const std::string& project, const Json& changes);
+  /// Moves the project's folder to removed/, and returns where it is now. It is a project again where
+  /// it is moved back. Throws UsageError while a job of it, or a command in it, runs.
+  std::filesystem::path remove(const std::string& project);
   /// Puts a job at the end of the project's; {id} in its words stands for its number. Returns it.
   int start(const std::string& project, std::vector<std::string> words);
   int go_on(const std::string& project, int job);
@@ -59,7 +62,7 @@ class Studio {
 
   /// A copy.
   Project project(const std::string& id);
-  Uploads& uploads(const std::string& project);
+  std::shared_ptr<Uploads> uploads(const std::string& project);
   /// The address at which a run of this project shows itself; empty where it does not.
   std::string live_view(const std::string& project, int job);
 
@@ -68,7 +71,7 @@ class Studio {
     Project project;
     std::map<int, JobLog> logs;
     pid_t child = 0;  // of the job that runs, where this studio has started it
-    std::unique_ptr<Uploads> uploads;
+    std::shared_ptr<Uploads> uploads;
   };
 
   Entry& entry(const std::string& id);

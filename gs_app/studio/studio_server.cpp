@@ -153,7 +153,7 @@ HttpAnswer StudioServer::of_project(const HttpRequest& request, const std::strin
   if (what == "job") return json_said(studio_.said(id, int(number_in(request, "id"))));
   if (what == "upload")
     return json_said(
-        json_of(studio_.uploads(id).state(word_in(request, "name"), number_in(request, "of"))));
+        json_of(studio_.uploads(id)->state(word_in(request, "name"), number_in(request, "of"))));
   if (what == "thumb") return thumbnail_answer(studio_.project(id), word_in(request, "name"));
   if (what.starts_with("file/"))
     return file_answer(studio_.project(id).folder, what.substr(std::string_view("file/").size()));
@@ -173,11 +173,12 @@ HttpAnswer StudioServer::post_to_project(const HttpRequest& request, const std::
                                          const std::string& what) {
   if (what == "upload")
     return json_said(
-        json_of(studio_.uploads(id).take(word_in(request, "name"), number_in(request, "at"),
-                                         number_in(request, "of"), request.body)));
+        json_of(studio_.uploads(id)->take(word_in(request, "name"), number_in(request, "at"),
+                                          number_in(request, "of"), request.body)));
   const auto job = [&] { return int(number_in(request, "id")); };
   if (what == "run") return json_said({{"id", studio_.start(id, words_of(body_of(request)))}});
   if (what == "go_on") return json_said({{"id", studio_.go_on(id, job())}});
+  if (what == "remove") return json_said({{"folder", studio_.remove(id).string()}});
   if (what == "stop") return studio_.stop(id, job()), json_said(Json::object());
   if (what == "ask") return json_said(studio_.ask(id, words_of(body_of(request))));
   if (what == "view") {

@@ -100,7 +100,8 @@ std::string top_folder_of(const std::map<std::string, PackedEntry>& entries) {
 }  // namespace
 
 Uploads::Uploads(fs::path project, UploadLimits limits)
-    : input_(project / "input"), parts_(project / ".upload"), limits_(limits) {}
+    : project_(std::move(project)), input_(project_ / "input"), parts_(project_ / ".upload"),
+      limits_(limits) {}
 
 // A file of another size is another file.
 fs::path Uploads::part_of(const fs::path& path, std::uint64_t of) const {
@@ -126,6 +127,7 @@ UploadState Uploads::take(const std::string& name, std::uint64_t at, std::uint64
                           const std::string& bytes) {
   const fs::path path = safe_path(name), part = part_of(path, of), file = input_ / path;
   const std::lock_guard lock(mutex_);
+  if (!is_there(project_)) throw UsageError("this project was removed");
   const UploadState there = state_of(path, of);
   if (there.is_whole || there.bytes != at) return there;
   if (at > of || bytes.size() > of - at)

@@ -37,6 +37,9 @@ class Uploads {
   UploadState take(const std::string& name, std::uint64_t at, std::uint64_t of,
                    const std::string& bytes);
 
+  /// While the result lives nothing is taken. It holds nothing where a piece is being taken.
+  std::unique_lock<std::mutex> pause() { return std::unique_lock(mutex_, std::try_to_lock); }
+
  private:
   struct Use {
     std::uint64_t bytes = 0;
@@ -48,7 +51,7 @@ class Uploads {
   void check_room(std::uint64_t more_bytes, std::size_t more_files) const;
   void unpack(const std::filesystem::path& archive);
 
-  const std::filesystem::path input_, parts_;
+  const std::filesystem::path project_, input_, parts_;
   const UploadLimits limits_;
   std::mutex mutex_;
   std::optional<Use> use_;

@@ -1,20 +1,24 @@
 // SPDX-License-Identifier: Apache-2.0
-// The studio: project.json, uploads of strangers, what its server answers to whom, and jobs of a
-// studio that was killed. apps/web/tests/studio_test.mjs drives its page in a browser.
+// The studio: project.json, what its server answers to whom, and jobs of a studio that was killed.
+// studio_uploads_test.cpp has uploads. apps/web/tests/studio_test.mjs drives its page in a browser.
 #include "gs_app/studio/studio.h"
 
 #include <gmock/gmock.h>
 #include <sys/resource.h>
 
+#include <array>
 #include <chrono>
 #include <csignal>
+#include <set>
 #include <thread>
 
 #include "gs_app/studio/studio_server.h"
 #include "gs_core/error.h"
+#include "gs_core/system/files/access.h"
+#include "gs_core/system/files/output_lock.h"
 #include "gs_core/system/processes/process.h"
 #include "gs_core/system/processes/signals.h"
-#include "gs_model/formats/coding/zip_file.h"
+#include "gs_core/system/text/read_json.h"
 #include "tests/support/error_of.h"
 #include "tests/support/http_client.h"
 #include "tests/support/temp_folder.h"
@@ -26,6 +30,7 @@ namespace fs = std::filesystem;
 using ::testing::ElementsAre;
 using ::testing::HasSubstr;
 using ::testing::IsEmpty;
+using ::testing::Not;
 
 const std::string kSecret = "0123456789abcdef0123456789abcdef";
 
@@ -97,91 +102,20 @@ TEST(StudioProject, AnotherTryUsesTheResumeOfTheVerb) {
   EXPECT_THAT(go_on({"edit", "r", "-o", "e"}), ElementsAre("edit", "r", "-o", "e", "--force"));
 }
 
-// ---- uploads
-
-TEST(StudioUploads, GoOnWhereTheyWereInterrupted) {
+TEST(StudioProject, AddedStepsAreCountedOnce) {
   const TempFolder folder;
-  {
-    Uploads uploads(folder.path());
-    EXPECT_EQ(uploads.take("a/b.jpg", 0, 6, "abc").bytes, 3u);
+  const std::vector<std::string> more = {"train", "--resume", "run-1", "--iterations", "+1000"};
+  auto words = more;
+  set_extra_steps(folder.path(), words);
+  EXPECT_EQ(words, more);  // there is no such run, and train says so
+  write_bytes(folder.path() / "run-1/config.toml", "[train]\nextra_steps = 500\n");
+  set_extra_steps(folder.path(), words);
+  EXPECT_THAT(words, ElementsAre("train", "--resume", "run-1", "--set", "train.extra_steps=1500"));
+  for (const char* other : {"+many", "5000"}) {
+    words = {"train", "--resume", "run-1", "--iterations", other};
+    set_extra_steps(folder.path(), words);
+    EXPECT_EQ(words.back(), other);
   }
-  Uploads again(folder.path());
-  EXPECT_EQ(again.state("a/b.jpg", 6).bytes, 3u);
-  EXPECT_EQ(again.take("a/b.jpg", 0, 6, "abc").bytes, 3u);  // passed over: it is there
-  EXPECT_FALSE(fs::exists(folder.path() / "input/a/b.jpg"));
-  EXPECT_TRUE(again.take("a/b.jpg", 3, 6, "def").is_whole);
-  EXPECT_EQ(read_bytes(folder.path() / "input/a/b.jpg"), "abcdef");
-  EXPECT_TRUE(again.state("a/b.jpg", 6).is_whole);
-  EXPECT_THAT(error_of([&] { again.take("a/b.jpg", 0, 7, "1234567"); }),
-              HasSubstr("another content"));
-  EXPECT_EQ(read_bytes(folder.path() / "input/a/b.jpg"), "abcdef");
-}
-
-TEST(StudioUploads, HaveLimitsThatLoseNothing) {
-  const TempFolder folder;
-  Uploads uploads(folder.path(), {.bytes = 100, .free_bytes = 0, .files = 3});
-  uploads.take("1", 0, 4, "1234");
-  EXPECT_THROW(uploads.take("2", 0, 2, "123"), UsageError);  // longer than was said
-  EXPECT_THAT(error_of([&] { uploads.take("2", 0, 200, "12"); }), HasSubstr("at most"));
-  uploads.take("2", 0, 1, "1");
-  uploads.take("3", 0, 1, "1");
-  EXPECT_THAT(error_of([&] { uploads.take("4", 0, 1, "1"); }), HasSubstr("3 files at most"));
-  EXPECT_EQ(read_bytes(folder.path() / "input/1"), "1234");
-  Uploads full(folder.path(), {.bytes = 100, .free_bytes = std::uint64_t(1) << 60, .files = 10});
-  EXPECT_THAT(error_of([&] { full.take("4", 0, 1, "1"); }), HasSubstr("the disk is full"));
-}
-
-TEST(StudioUploads, KeepWhatHasArrivedWhereTheDiskIsFull) {
-  ignore_file_size_signal();
-  const TempFolder folder;
-  Uploads uploads(folder.path());
-  uploads.take("a", 0, 300'000, std::string(100'000, 'a'));
-  rlimit before{};
-  getrlimit(RLIMIT_FSIZE, &before);
-  const rlimit small{150'000, before.rlim_max};  // bytes of the largest file
-  setrlimit(RLIMIT_FSIZE, &small);
-  const std::string error =
-      error_of([&] { uploads.take("a", 100'000, 300'000, std::string(100'000, 'b')); });
-  setrlimit(RLIMIT_FSIZE, &before);
-  EXPECT_THAT(error, HasSubstr("what has arrived stays"));
-  const std::uint64_t there = uploads.state("a", 300'000).bytes;
-  EXPECT_GE(there, 100'000u);
-  EXPECT_TRUE(uploads.take("a", there, 300'000, std::string(300'000 - there, 'b')).is_whole);
-}
-
-TEST(StudioUploads, UnpackArchivesWithoutLeavingTheirFolder) {
-  const TempFolder folder;
-  Uploads uploads(folder.path());
-  const auto drop = [&](const std::string& name, const std::string& zip) {
-    return uploads.take(name, 0, zip.size(), zip);
-  };
-  const std::string fox = zip_of({{"fox/images/a.jpg", "aaa"},
-                                  {"fox/sparse/0/cameras.txt", "c"},
-                                  {"fox/images/", ""},
-                                  {"__MACOSX/fox/images/._a.jpg", "x"},
-                                  {"fox/images/.DS_Store", "x"}},
-                                 true);
-  EXPECT_TRUE(drop("fox.zip", fox).is_whole);
-  EXPECT_EQ(read_bytes(folder.path() / "input/images/a.jpg"), "aaa");
-  EXPECT_EQ(read_bytes(folder.path() / "input/sparse/0/cameras.txt"), "c");
-  EXPECT_FALSE(fs::exists(folder.path() / "input/fox.zip"));
-  EXPECT_TRUE(drop("two.zip", zip_of({{"a/1.jpg", "1"}, {"b/2.jpg", "2"}})).is_whole);
-  EXPECT_EQ(read_bytes(folder.path() / "input/a/1.jpg"), "1");
-  EXPECT_FALSE(fs::exists(folder.path() / "input/images/.DS_Store"));
-  EXPECT_THROW(drop("evil.zip", zip_of({{"../../evil", "x"}})), UsageError);
-  EXPECT_FALSE(fs::exists(folder.path().parent_path() / "evil"));
-  EXPECT_THROW(drop("bad.zip", "PK no zip"), Error);
-  EXPECT_EQ(uploads.state("bad.zip", 9).bytes, 0u);  // a better one can come
-}
-
-TEST(StudioUploads, CountTheFilesOfAnArchive) {
-  const TempFolder folder;
-  Uploads uploads(folder.path(), {.bytes = 1 << 20, .free_bytes = 0, .files = 4});
-  std::vector<ZipEntry> many;
-  for (int i = 0; i < 50; ++i) many.push_back({"p" + std::to_string(i), "x"});
-  const std::string zip = zip_of(many);
-  EXPECT_THAT(error_of([&] { uploads.take("many.zip", 0, zip.size(), zip); }),
-              HasSubstr("4 files at most"));
 }
 
 // ---- the server
@@ -232,6 +166,79 @@ TEST_F(StudioPages, AnswerNoOtherPageAndNoOtherName) {
         HttpHeaders{{"Sec-Fetch-Site", "same-site"}}, HttpHeaders{{"Sec-Fetch-Site", "none"}}})
     EXPECT_EQ(post(at("new?name=a"), "", foreign).status, 403);
   EXPECT_THAT(studio_.state()["projects"], IsEmpty());
+}
+
+TEST_F(StudioPages, GiveAStrangerNothingAtAnyAddress) {
+  studio_.create("fox", "");
+  write_bytes(folder_.path() / "fox/share/1/a.html", "fox");
+  const std::string other = "/1123456789abcdef0123456789abcdef/";
+  const HttpHeaders host = {{"Host", "evil.example"}}, origin = {{"Origin", "http://evil.example"}},
+                    null = {{"Origin", "null"}};
+  for (const char* path :
+       {"", "state", "p/fox/", "p/fox/job?id=1", "p/fox/upload?name=a&of=1", "p/fox/thumb?name=a",
+        "p/fox/file/share/1/a.html", "p/fox/live/1/", "view/1/"}) {
+    EXPECT_EQ(got(std::string("GET ") + "/" + path).status, 403) << path;
+    EXPECT_EQ(got("GET " + other + path).status, 403) << path;
+    for (const HttpHeaders& headers : {host, origin, null}) {
+      const HttpGot answer = got("GET " + at(path), headers);
+      EXPECT_EQ(answer.status, 403) << path;
+      EXPECT_THAT(answer.body, Not(HasSubstr("fox"))) << path;
+    }
+  }
+  for (const char* path :
+       {"new?name=a", "p/fox/upload?name=a&at=0&of=0", "p/fox/run", "p/fox/stop?id=1",
+        "p/fox/go_on?id=1", "p/fox/ask", "p/fox/view?time=1", "p/fox/live?id=1",
+        "p/fox/keep?name=path", "p/fox/change", "p/fox/remove"}) {
+    EXPECT_EQ(post(std::string("/") + path, "").status, 403) << path;
+    EXPECT_EQ(post(other + path, "").status, 403) << path;
+    for (const HttpHeaders& headers : {origin, null})
+      EXPECT_EQ(post(at(path), "", headers).status, 403) << path;
+  }
+  ASSERT_EQ(studio_.state()["projects"].size(), 1u);
+  EXPECT_EQ(studio_.state()["projects"][0]["jobs"].size(), 0u);
+  EXPECT_THAT(entries_of(folder_.path() / "fox/input"), IsEmpty());
+}
+
+TEST_F(StudioPages, RenameAndRemoveAProject) {
+  studio_.create("fox", "");
+  EXPECT_EQ(post(at("p/fox/change"), R"({"name": "red fox"})").status, 200);
+  for (const char* name : {R"({"name": ""})", R"({"name": "../a"})", R"({"name": 7})"})
+    EXPECT_EQ(post(at("p/fox/change"), name).status, 400) << name;
+  EXPECT_EQ(studio_.state()["projects"][0]["name"], "red fox");
+  EXPECT_EQ(read_project(folder_.path() / "fox").name, "red fox");
+  write_bytes(folder_.path() / "fox/edits/2.ply", "work");
+
+  const fs::path removed = folder_.path() / "removed/fox";
+  EXPECT_THAT(post(at("p/fox/remove"), "").body, HasSubstr(removed.string()));
+  EXPECT_THAT(studio_.state()["projects"], IsEmpty());
+  EXPECT_EQ(read_bytes(removed / "edits/2.ply"), "work");
+  EXPECT_EQ(post(at("p/fox/remove"), "").status, 400);
+  EXPECT_EQ(post(at("p/fox/upload?name=a&at=0&of=1"), "a").status, 400);
+
+  EXPECT_EQ(studio_.create("fox", ""), "fox");
+  EXPECT_EQ(studio_.remove("fox"), folder_.path() / "removed/fox-2");
+  EXPECT_EQ(read_bytes(removed / "edits/2.ply"), "work");
+  fs::rename(removed, folder_.path() / "fox");
+  EXPECT_EQ(studio_.state()["projects"][0]["name"], "red fox");
+  EXPECT_EQ(studio_.create("removed", ""), "removed-2");
+}
+
+TEST_F(StudioPages, RemoveNoProjectInWhichSomethingRuns) {
+  studio_.create("fox", "");
+  const fs::path run = folder_.path() / "fox/run-1";
+  {
+    const OutputLock lock = OutputLock::of_folder(run);
+    EXPECT_THAT(error_of([&] { studio_.remove("fox"); }), HasSubstr("writes to run-1"));
+  }
+  const std::shared_ptr<Uploads> uploads = studio_.uploads("fox");
+  {
+    const auto arriving = uploads->pause();
+    EXPECT_THAT(error_of([&] { studio_.remove("fox"); }), HasSubstr("files arrive"));
+  }
+  EXPECT_TRUE(fs::exists(folder_.path() / "fox/project.json"));
+  studio_.remove("fox");
+  EXPECT_THROW(uploads->take("a", 0, 1, "a"), UsageError);
+  EXPECT_FALSE(fs::exists(folder_.path() / "fox"));
 }
 
 TEST_F(StudioPages, ReadNoBodyWithoutEnd) {
@@ -289,6 +296,77 @@ TEST_F(StudioJobs, RunInTheirProjectOneAfterTheOther) {
   EXPECT_THAT(std::string(jobs[1]["message"]), HasSubstr("nothing.ply"));
   EXPECT_THROW(studio.start(id, {"selftest"}), UsageError);
   EXPECT_EQ(studio.ask(id, {"config"})["train"]["seed"]["value"], 42);
+}
+
+TEST_F(StudioJobs, OfTwoProjectsRunAtTheSameTime) {
+  Studio studio(folder_.path());
+  const std::string scene = std::string(GS_SOURCE_DIR) + "/examples/courtyard";
+  for (const std::string& name : {std::string("fox"), std::string("owl")}) {
+    studio.create(name, scene);
+    studio.start(name, {"train", scene, "-o", "run-{id}", "-c", "cpu_tiny", "-r", "48",
+                        "--iterations", "300"});
+    studio.start(name, {"doctor", scene, "--headers-only"});
+  }
+  EXPECT_THAT(error_of([&] { studio.remove("owl"); }), HasSubstr("stop it first"));
+  std::array<std::set<int>, 2> steps;  // that each run showed while the other one ran, too
+  for (int i = 0; i < 1200; ++i) {
+    const Json projects = studio.state()["projects"];
+    bool are_active = false, are_training = true;
+    for (const Json& project : projects) {
+      const Json &train = project["jobs"][0], &doctor = project["jobs"][1];
+      EXPECT_TRUE(doctor["state"] == "waiting" || train["state"] != "running");
+      are_active |= doctor["state"] == "waiting" || doctor["state"] == "running";
+      are_training &= train["state"] == "running" && train["progress"].is_object() &&
+                      train["progress"]["unit"] == "step";
+    }
+    if (!are_active) break;
+    for (std::size_t k = 0; are_training && k < steps.size(); ++k)
+      steps[k].insert(int(projects[k]["jobs"][0]["progress"]["done"]));
+    std::this_thread::sleep_for(std::chrono::milliseconds(50));
+  }
+  for (const Json& project : studio.state()["projects"])
+    for (const Json& job : project["jobs"]) EXPECT_EQ(job["state"], "done") << job["message"];
+  EXPECT_GE(steps[0].size(), 2u);
+  EXPECT_GE(steps[1].size(), 2u);
+}
+
+TEST_F(StudioJobs, AddStepsOnceAlsoWhereTheyAreRepeated) {
+  Studio studio(folder_.path());
+  const std::string scene = std::string(GS_SOURCE_DIR) + "/examples/courtyard";
+  studio.create("fox", scene);
+  studio.start("fox",
+               {"train", scene, "-o", "run-1", "-c", "cpu_tiny", "-r", "32", "--iterations", "20"});
+  settled(studio);
+  studio.start("fox", {"train", "--resume", "run-1", "--iterations", "+10"});
+  EXPECT_EQ(settled(studio)[1]["state"], "done");
+  studio.go_on("fox", 2);  // as where the studio was killed before it knew that the job was done
+  EXPECT_EQ(settled(studio)[1]["state"], "done");
+  EXPECT_EQ(read_json(folder_.path() / "fox/run-1/results.json")["iterations"], 30);
+  studio.start("fox", {"train", "--resume", "run-1", "--iterations", "+10"});
+  EXPECT_EQ(settled(studio)[2]["state"], "done");
+  EXPECT_EQ(read_json(folder_.path() / "fox/run-1/results.json")["iterations"], 40);
+}
+
+TEST_F(StudioJobs, ChangeNothingWhereTheDiskIsFull) {
+  ignore_file_size_signal();
+  Studio studio(folder_.path());
+  studio.create("fox", "");
+  rlimit before{};
+  getrlimit(RLIMIT_FSIZE, &before);
+  const rlimit none{0, before.rlim_max};
+  setrlimit(RLIMIT_FSIZE, &none);
+  const std::string changed = error_of([&] {
+    studio.change("fox", {{"name", "owl"}});
+  }),
+                    started = error_of([&] {
+                      studio.start("fox", {"doctor", "input"});
+                    });
+  setrlimit(RLIMIT_FSIZE, &before);
+  EXPECT_THAT(changed, HasSubstr("project.json"));
+  EXPECT_THAT(started, HasSubstr("project.json"));
+  EXPECT_EQ(studio.state()["projects"][0]["name"], "fox");
+  EXPECT_THAT(studio.state()["projects"][0]["jobs"], IsEmpty());
+  EXPECT_EQ(read_project(folder_.path() / "fox").name, "fox");
 }
 
 TEST_F(StudioJobs, OfAStudioThatWasKilledAreInterruptedOrDone) {

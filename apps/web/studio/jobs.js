@@ -65,6 +65,10 @@ export class JobCard {
     if (isRunning && progress?.total) this.bar.value = progress.done / progress.total;
     else this.bar.removeAttribute('value');
     this.text.textContent = isRunning ? this.progressText(job) : this.endText(job);
+    if (isRunning && progress?.unit !== this.unit) {
+      this.unit = progress?.unit;
+      this.showWhatItSaid(); // such as a forecast that memory is too small
+    }
     if (this.shown === job.state) return;
     this.shown = job.state;
     this.buttons.replaceChildren(
@@ -84,10 +88,18 @@ export class JobCard {
     if (!progress) return note || 'begins';
     const {part, unit, done, total, seconds_left: left} = progress;
     const rest = left > 0 ? `, ${duration(left)} left` : '';
-    return `${part ? `${part}: ` : ''}${whole(done)} of ${whole(total)} ${unit}s${rest} (${duration(Date.now() / 1000 - began)})`;
+    return `${part ? `${part}: ` : ''}${whole(done)} of ${whole(total)} ${unit}s${rest} (${duration(Date.now() / 1000 - began)})${this.sharingText()}`;
+  }
+  // Jobs of other projects run at the same time, on the same processors and in the same memory.
+  sharingText() {
+    const others = this.app.state.projects
+      .filter(({id, jobs}) => id !== this.app.id && jobs.some(({state}) => state === 'running'))
+      .map(({name}) => name);
+    return others.length ? `; it shares this machine with ${others.join(', ')}` : '';
   }
   endText(job) {
-    if (job.state === 'waiting') return 'It begins when the job before it has ended.';
+    if (job.state === 'waiting')
+      return 'It begins when the job before it in this project has ended.';
     if (job.state === 'done') return `It took ${duration(Math.max(0, secondsOf(job)))}.`;
     if (job.words[0] === 'doctor' && job.state === 'failed')
       return 'Training cannot start with these yet; what is marked red says why.';
@@ -99,16 +111,17 @@ export class JobCard {
 
   async showWhatItSaid() {
     const {warnings, outcome} = await this.app.server.said(this.id).catch(() => ({}));
-    if (warnings?.length)
-      this.more.append(
-        el(
-          'ul.warnings',
-          {},
-          warnings.map(text => el('li', {}, text)),
-        ),
-      );
     const shown = outcome && this.show?.(outcome);
-    if (shown) this.more.append(shown);
+    this.more.replaceChildren(
+      warnings?.length
+        ? el(
+            'ul.warnings',
+            {},
+            warnings.map(text => el('li', {}, text)),
+          )
+        : '',
+      shown || '',
+    );
   }
 }
 

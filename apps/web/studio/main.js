@@ -89,7 +89,9 @@ class App {
   async poll() {
     const state = await askForState();
     const marks = ({projects}) =>
-      projects.map(({id, jobs}) => id + jobs.map(({id, state}) => `${id}${state}`).join()).join();
+      projects
+        .map(({id, name, jobs}) => id + name + jobs.map(({id, state}) => `${id}${state}`).join())
+        .join();
     const hasChanged = this.state && marks(state) !== marks(this.state);
     this.state = state;
     return hasChanged;

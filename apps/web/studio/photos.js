@@ -3,6 +3,7 @@
 import {el} from '../shared/dom.js';
 import {whole} from '../shared/format.js';
 import {button, isActive, jobList} from './jobs.js';
+import {projectSettings} from './project.js';
 import {check, dropZone, upload} from './start.js';
 
 const MARKS = {good: '✓', note: 'i', warning: '!', fatal: '×'};
@@ -152,6 +153,7 @@ export function showPhotos(app) {
             await app.act(check);
           }),
         ),
+      projectSettings(app),
     ),
     update: list.update,
   };

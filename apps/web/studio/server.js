@@ -37,6 +37,8 @@ export class ProjectServer {
   details = () => ask(this.at);
   said = job => ask(`${this.at}job?id=${job}`);
   change = changes => post(`${this.at}change`, JSON.stringify(changes));
+  /// Moves the project's folder, and returns where it is: {folder}.
+  remove = () => post(`${this.at}remove`);
   run = words => post(`${this.at}run`, JSON.stringify({words}));
   goOn = job => post(`${this.at}go_on?id=${job}`);
   stop = job => post(`${this.at}stop?id=${job}`);

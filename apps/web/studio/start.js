@@ -7,7 +7,7 @@ import {filesOfDrop, filesOfInput, sendFiles} from './uploads.js';
 
 const LONGEST_NAME = 60;
 
-const cleanName = name =>
+export const cleanName = name =>
   name
     .replaceAll(/[\\/\x00-\x1f\x7f]/g, ' ')
     .replace(/^[.\s]+/, '')
@@ -167,6 +167,7 @@ export function showStart(app) {
         dropZone('Drop photos, a folder, a video, a zip, a scene or a model here', take),
         typedFolder(app),
       ),
+      app.removed && el('p.place', {role: 'status'}, app.removed),
       cards.length > 0 && el('h2', {}, 'Projects'),
       el(
         'div.projects',

@@ -1,146 +1,24 @@
 // SPDX-License-Identifier: Apache-2.0
 // The studio in a browser: from photos to a model, an edit, a film and files, while the studio is
 // killed on the way; uploads and a stand-in for COLMAP; phones, keyboards and dark screens.
-//   node studio_test.mjs MODULES PROGRAM SCENE OUT CHROMIUM
-// SEED=N in the environment repeats the moments at which it is killed.
+// studio_desk.mjs has the command line.
 import assert from 'node:assert/strict';
-import {spawn} from 'node:child_process';
+import {chmodSync, existsSync, mkdirSync, readdirSync, writeFileSync} from 'node:fs';
+import {join} from 'node:path';
 import {
-  chmodSync,
-  existsSync,
-  mkdirSync,
-  readFileSync,
-  readdirSync,
-  rmSync,
-  writeFileSync,
-} from 'node:fs';
-import {join, resolve} from 'node:path';
-import {Browser, findChromium, finish} from './browser.mjs';
+  Desk,
+  STEPS,
+  chooseSmallRun,
+  out,
+  pause,
+  projectOf,
+  resultsOf,
+  runAll,
+  scene,
+  typeFolder,
+} from './studio_desk.mjs';
 
-const [modules, program, scene, out] = process.argv.slice(2, 6).map(path => resolve(path)),
-  chromium = findChromium(process.argv[6]);
-const SEED = Number(process.env.SEED ?? Date.now() % 100_000);
-const STEPS = 400,
-  LONGEST = 90_000; // milliseconds for a job
-
-let random = SEED;
-// 0 to 1: the same for the same SEED.
-const chance = () => (random = (random * 48271 + 11) % 2147483647) / 2147483647;
-const pause = time => new Promise(done => setTimeout(done, time));
-
-const children = new Set();
-process.on('exit', () => children.forEach(child => child.kill('SIGKILL')));
-
-// A studio in the folder: {url, kill(), end()}.
-async function startStudio(folder, env = {}) {
-  const child = spawn(program, ['studio', folder, '--no-open', '--port', '0'], {
-    stdio: ['ignore', 'pipe', 'pipe'],
-    env: {...process.env, ...env},
-  });
-  const ended = new Promise(done => child.on('exit', done));
-  children.add(child);
-  let said = '';
-  const url = await new Promise((done, fail) => {
-    const hear = data => {
-      said += data;
-      const address = said.match(/http:\/\/127\.0\.0\.1:\d+\/[0-9a-f]{32}\/\n/);
-      if (address) done(address[0].trim());
-    };
-    child.stdout.on('data', hear);
-    child.stderr.on('data', hear);
-    ended.then(code => fail(new Error(`the studio ended with ${code}: ${said}`)));
-  });
-  const stop = signal => {
-    child.kill(signal);
-    return ended;
-  };
-  return {url, kill: () => stop('SIGKILL'), end: () => stop('SIGINT')};
-}
-
-const projectOf = (folder, id) =>
-  JSON.parse(readFileSync(join(folder, id, 'project.json'), 'utf8'));
-// What a page says whose studio was killed, or whose run has ended with its live view.
-const isAboutTheEnd = text => /status of (404|502)|net::ERR_|The server does not answer/.test(text);
-
-// The studio and its page, which both can end and begin again at any time.
-class Desk {
-  constructor(browser, name, env = {}) {
-    Object.assign(this, {browser, env, folder: join(out, name)});
-    this.kills = 0;
-  }
-  async open(hash = '', options = {}) {
-    this.studio = await startStudio(this.folder, this.env);
-    await this.openPage(hash, options);
-  }
-  async openPage(hash = '', options = {}) {
-    await this.page?.close();
-    this.page = await this.browser.openServer(this.studio.url, {
-      at: hash,
-      width: 1280,
-      height: 800,
-      own: `${new URL(this.studio.url).origin}/`,
-      ...options,
-    });
-    await this.page.waitForSelector('main');
-  }
-  async killAndComeBack() {
-    ++this.kills;
-    const hash = new URL(this.page.url()).hash.slice(1);
-    await this.studio.kill();
-    await this.open(hash);
-  }
-  async step(title) {
-    await this.page.locator('.step', {hasText: title}).click();
-    await this.page.waitForFunction(
-      name => document.title.endsWith(name) && document.querySelector('main'),
-      title,
-    );
-  }
-  async shot(name) {
-    await this.page.screenshot({path: join(out, `${name}.png`)});
-  }
-  get jobs() {
-    return projectOf(this.folder, this.id).jobs;
-  }
-
-  // Waits until the newest job is done. Where the studio is killed meanwhile, its button goes on.
-  async finishJob(verb, {kills = 1, within = 1500} = {}) {
-    const deadline = Date.now() + LONGEST,
-      count = this.jobs.length;
-    const isVerb = job => job?.words[0] === verb;
-    for (;;) {
-      const job = this.jobs.at(-1);
-      assert.ok(isVerb(job), `the newest job is ${job?.words}`);
-      assert.equal(this.jobs.length, count, 'no job is lost, and none is made twice');
-      if (job.state === 'done') return job;
-      assert.notEqual(job.state, 'failed', job.message);
-      assert.ok(Date.now() < deadline, `${verb} is ${job.state} for too long`);
-      if (kills > 0 && job.state === 'running') {
-        --kills;
-        await pause(within * chance());
-        await this.killAndComeBack();
-      } else if (job.state === 'interrupted') {
-        const goOn = this.page.getByRole('button', {name: 'Go on'}).first();
-        await goOn.click();
-        await this.page.waitForFunction(
-          () => !document.querySelector('.job[data-state="interrupted"]'),
-        );
-      }
-      await pause(100);
-    }
-  }
-  async close() {
-    await this.page.close();
-    assert.equal(await this.studio.end(), 0);
-  }
-}
-
-const typeFolder = async (desk, folder) => {
-  await desk.page.fill('#folder', folder);
-  await desk.page.keyboard.press('Enter');
-  await desk.page.waitForSelector('.step[aria-current]');
-  desk.id = decodeURIComponent(new URL(desk.page.url()).hash.match(/p=([^&]*)/)[1]);
-};
+const KILLS = 10; // on the way from photos to files
 
 const tests = {
   async 'from photos with cameras to a film, while the studio is killed'(browser) {
@@ -155,16 +33,11 @@ const tests = {
     await desk.step('Cameras');
     await desk.page.getByText('Cameras are known').waitFor();
     await desk.step('Train');
-    await desk.page.fill('#steps', String(STEPS));
-    await desk.page.fill('#width', '96');
-    await desk.page.getByRole('button', {name: 'Small'}).click();
+    await chooseSmallRun(desk, STEPS);
     await desk.page.getByRole('button', {name: 'Start'}).click();
     await desk.page.waitForSelector('.job');
-    const run = await desk.finishJob('train', {kills: 3, within: 3000});
-    const results = JSON.parse(
-      readFileSync(join(desk.folder, desk.id, run.words[3], 'results.json'), 'utf8'),
-    );
-    assert.equal(results.iterations, STEPS);
+    const run = await desk.finishJob('train', {kills: 5, within: 2000});
+    assert.equal(resultsOf(desk, run).iterations, STEPS);
 
     await desk.openPage(`p=${desk.id}&s=clean`);
     await desk.page.waitForSelector('.viewer iframe:not([hidden])');
@@ -228,14 +101,17 @@ const tests = {
     await desk.step('Share');
     await desk.page.getByRole('button', {name: 'Write these'}).click();
     await desk.page.waitForSelector('.job');
-    const written = await desk.finishJob('export', {within: 400});
+    const written = await desk.finishJob('export', {kills: 2, within: 400});
     await desk.openPage(`p=${desk.id}&s=share`);
     await desk.page.waitForSelector('.job table');
     assert.match(await desk.page.locator('.job table').innerText(), /\.spz[\s\S]*dB/);
     await desk.shot('share');
     for (const file of written.words.filter(word => word.startsWith('share/')))
       assert.ok(existsSync(join(desk.folder, desk.id, file)), file);
-    assert.ok(desk.kills >= 4, `${desk.kills} kills`);
+    assert.equal(desk.kills, KILLS);
+    console.log(
+      `        ${KILLS} kills of the studio, ${desk.killsOfJobs} of them while a job ran`,
+    );
     await desk.close();
   },
 
@@ -314,13 +190,4 @@ const tests = {
   },
 };
 
-rmSync(out, {recursive: true, force: true});
-mkdirSync(out, {recursive: true});
-const browser = await Browser.start(modules, chromium, {server: true});
-browser.context.setDefaultTimeout(60_000);
-const check = () =>
-  assert.deepEqual(
-    browser.failures.filter(text => !isAboutTheEnd(text)),
-    [],
-  );
-finish(await browser.runTests(tests, {check}), `SEED=${SEED}; screenshots: ${out}`);
+await runAll(tests);

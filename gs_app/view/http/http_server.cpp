@@ -40,17 +40,18 @@ constexpr milliseconds kPause{50};         // if none can be accepted, or none i
 // Whether the request comes from this server's own page or from a person who opens the page, and
 // not from another web page.
 bool is_wanted(const HttpHead& head, const std::string& host) {
-  const std::string from = head.value("sec-fetch-site");
+  const std::string from = head.value("sec-fetch-site"), origin = head.value("origin");
   const bool is_foreign = from == "cross-site" || from == "same-site";
   return head.count("host") == 1 && is_own_host(head.value("host"), host) &&
+         head.count("origin") <= 1 &&
+         (origin.empty() || origin == "http://" + head.value("host")) &&
          (!is_foreign || head.value("sec-fetch-dest") == "document");
 }
 
 // Whether a POST is of this server's own page, whose browser says so, or of no browser.
 bool is_own_post(const HttpHead& head) {
-  const std::string site = head.value("sec-fetch-site"), origin = head.value("origin");
-  return (site.empty() || site == "same-origin") && head.count("origin") <= 1 &&
-         (origin.empty() || origin == "http://" + head.value("host"));
+  const std::string site = head.value("sec-fetch-site");
+  return site.empty() || site == "same-origin";
 }
 
 // The bytes behind the head; nothing where it does not say how many, or says so twice.
