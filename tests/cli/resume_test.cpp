@@ -184,7 +184,7 @@ TEST_F(Resume, AFolderThatIsBeingTrainedIntoIsRefused) {
   const std::string endless =
       "train " + text("scene") + " -o " + text("busy") + kResumable + " --iterations 1000000 ";
   const pid_t first = start(endless);
-  while (!fs::exists(path("busy"), 8) && ::waitpid(first, nullptr, WNOHANG) == 0)
+  while (newest_step(path("busy")) < 8 && ::waitpid(first, nullptr, WNOHANG) == 0)
     std::this_thread::sleep_for(std::chrono::milliseconds(1));
   ASSERT_EQ(::waitpid(first, nullptr, WNOHANG), 0) << read_bytes(path("stderr.txt"));
   const std::string busy = text("busy");
@@ -250,7 +250,7 @@ TEST_F(Resume, ADamagedCheckpointIsNamedAndTheOlderOneTaken) {
 
 TEST_F(Resume, AFinishedRunIsLeftAloneAndKeepsOneCheckpoint) {
   ASSERT_EQ(run(command("out", "--resume auto")).code, 0);  // nothing to resume
-  EXPECT_TRUE(fs::exists(checkpoint(path("out"), kSteps)));
+  EXPECT_EQ(newest_step(path("out")), kSteps);
   EXPECT_EQ(std::distance(fs::directory_iterator(path("out/checkpoints")), {}), 1);
   const auto before = contents_of(path("out"));
   const Outcome again = run(command("out", "--resume auto"));
