@@ -54,20 +54,26 @@ Image8 panorama_of(int width, const Color& color) {
   return to_image8(image);
 }
 
+/// Adds level photos by camera 1 from a ring of this reach about the origin, which look in all
+/// directions of the horizon: a.png, b.png and so on.
+inline void add_ring(ColmapModel& model, std::size_t photos, const Vec3d& reach) {
+  for (std::size_t i = 0; i < photos; ++i) {
+    const double turn = 2.4 * double(i), place = 0.7 * double(i);
+    const Quat<double> q{std::cos(turn / 2), 0, std::sin(turn / 2), 0};
+    const Vec3d center(reach.x * std::cos(place), reach.y * std::sin(1.7 * double(i)),
+                       reach.z * std::sin(place));
+    model.images.push_back({std::uint32_t(i + 1), std::string(1, char('a' + i)) + ".png", 1, q,
+                            -multiply(rotation_matrix(q), center)});
+  }
+}
+
 /// A COLMAP model of panoramas around the room's center, held level and turned in all directions,
 /// with points on its walls.
 inline ColmapModel room_model(std::size_t photos, int width, std::uint64_t points = 400) {
   ColmapModel model;
   model.cameras[1] = {
       1, CameraModel::equirectangular, width, width / 2, {double(width), double(width / 2)}};
-  for (std::size_t i = 0; i < photos; ++i) {
-    const double turn = 2.4 * double(i), place = 0.7 * double(i);
-    const Quat<double> q{std::cos(turn / 2), 0, std::sin(turn / 2), 0};
-    const Vec3d center(0.8 * std::cos(place), 0.3 * std::sin(1.7 * double(i)),
-                       0.6 * std::sin(place));
-    model.images.push_back({std::uint32_t(i + 1), std::string(1, char('a' + i)) + ".png", 1, q,
-                            -multiply(rotation_matrix(q), center)});
-  }
+  add_ring(model, photos, {0.8, 0.3, 0.6});
   for (std::uint64_t i = 0; i < points; ++i) {  // a spiral around the center
     const double down = 1 - 2 * (double(i) + 0.5) / double(points), r = std::sqrt(1 - down * down);
     const Vec3d ray(r * std::cos(2.39996 * double(i)), down, r * std::sin(2.39996 * double(i)));

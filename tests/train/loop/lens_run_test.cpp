@@ -34,14 +34,7 @@ Gaussians truth_around(std::vector<ColmapPoint>& points) {
 ColmapModel fisheye_model() {
   ColmapModel model;
   model.cameras[1] = {1, CameraModel::simple_fisheye, kSide, kSide, {kFocal, 24, 24}};
-  for (std::size_t i = 0; i < kPhotos; ++i) {
-    const double turn = 2.4 * double(i), place = 0.7 * double(i);
-    const Quat<double> q{std::cos(turn / 2), 0, std::sin(turn / 2), 0};
-    const Vec3d center(0.5 * std::cos(place), 0.2 * std::sin(1.7 * double(i)),
-                       0.5 * std::sin(place));
-    model.images.push_back({std::uint32_t(i + 1), std::string(1, char('a' + i)) + ".png", 1, q,
-                            -multiply(rotation_matrix(q), center)});
-  }
+  add_ring(model, kPhotos, {0.5, 0.2, 0.5});
   return model;
 }
 

@@ -83,3 +83,20 @@ export function rowsOfPose({position, quaternion}) {
   const matrix = new Matrix4().compose(position, quaternion, new Vector3(1, 1, 1)).multiply(flip);
   return matrix.transpose().toArray();
 }
+
+/// A camera as cameras.json lists it.
+export function cameraEntry(id, name, pose, {width, height, fx, fy, cx, cy}) {
+  const m = rowsOfPose(pose);
+  return {
+    id,
+    img_name: name,
+    width: Math.round(width),
+    height: Math.round(height),
+    position: [m[3], m[7], m[11]],
+    rotation: [m.slice(0, 3), m.slice(4, 7), m.slice(8, 11)],
+    fy,
+    fx,
+    cx,
+    cy,
+  };
+}

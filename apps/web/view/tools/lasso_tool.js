@@ -3,7 +3,7 @@
 // and the file that `gemsplat edit --drop lasso=FILE` reads (docs/reference/edit.md).
 import {el, segmented, svg} from '../../shared/dom.js';
 import {row} from '../panels/parts.js';
-import {rowsOfPose} from '../picture/lens.js';
+import {cameraEntry} from '../picture/lens.js';
 import {quoted, save} from './clipboard.js';
 
 const FORMAT = 'gemsplat lasso',
@@ -91,20 +91,7 @@ export class LassoTool {
 
   /// What `gemsplat edit --drop lasso=FILE` reads.
   get file() {
-    const m = rowsOfPose(this.view.pose),
-      {width, height, fx, fy, cx, cy} = this.view.lens;
-    const camera = {
-      id: 0,
-      img_name: 'lasso',
-      width: Math.round(width),
-      height: Math.round(height),
-      position: [m[3], m[7], m[11]],
-      rotation: [m.slice(0, 3), m.slice(4, 7), m.slice(8, 11)],
-      fy,
-      fx,
-      cx,
-      cy,
-    };
+    const camera = cameraEntry(0, 'lasso', this.view.pose, this.view.lens);
     return {format: FORMAT, version: VERSION, camera, line: this.line};
   }
 

@@ -4,7 +4,7 @@
 import {Vector3} from 'three';
 import {el, segmented} from '../../shared/dom.js';
 import {fixed} from '../../shared/format.js';
-import {rowsOfPose} from '../picture/lens.js';
+import {cameraEntry} from '../picture/lens.js';
 import {iconButton, row, toggleSwitch} from '../panels/parts.js';
 import {Spline} from '../spline.js';
 import {quoted, save} from './clipboard.js';
@@ -207,23 +207,10 @@ export class PathTool {
 
   /// What `gemsplat render --path FILE` reads.
   get file() {
-    const keys = this.keys.map(({pose, lens, time}, i) => {
-      const m = rowsOfPose(pose),
-        {width, height, fx, fy, cx, cy} = lens;
-      return {
-        id: i,
-        img_name: `key ${i + 1}`,
-        width: Math.round(width),
-        height: Math.round(height),
-        position: [m[3], m[7], m[11]],
-        rotation: [m.slice(0, 3), m.slice(4, 7), m.slice(8, 11)],
-        fy,
-        fx,
-        cx,
-        cy,
-        ...(time === null ? {} : {time}),
-      };
-    });
+    const keys = this.keys.map(({pose, lens, time}, i) => ({
+      ...cameraEntry(i, `key ${i + 1}`, pose, lens),
+      ...(time === null ? {} : {time}),
+    }));
     return {
       format: FORMAT,
       version: VERSION,
