@@ -38,9 +38,10 @@ void write_cameras_json(const std::filesystem::path& path, const Scene& scene);
 void write_cameras_json(const std::filesystem::path& path, const std::vector<NamedCamera>& cameras);
 
 /// Reads such a list, in its order. Without cx or cy the center is that of the picture; other keys
-/// are ignored, and without lens the camera is a pinhole. `world_offset` is that of the model to be viewed (Scene). If most positions are
-/// nearer to it than to 0, they are in the photos' own coordinates, and it is taken off in double
-/// precision. Throws Error that names file, camera and key for anything that is not a camera.
+/// are ignored, and without lens the camera is a pinhole. `world_offset` is that of the model to be
+/// viewed (Scene). If most positions are nearer to it than to 0, they are in the photos' own
+/// coordinates, and it is taken off in double precision. Throws Error that names file, camera and
+/// key for anything that is not a camera.
 std::vector<NamedCamera> read_cameras_json(const std::filesystem::path& path,
                                            const Vec3d& world_offset = Vec3d(0.0));
 

@@ -18,8 +18,8 @@ namespace gs {
 ///   other folders      of a run with cameras.json, of a scene with transforms.json
 ///
 /// No photo is needed if the file has the pictures' size. A camera with a lens becomes the pinhole
-/// of its undistorted photos (undistort.h), and a panorama the cameras of its halves. Throws Error that names the file and the remedy, also
-/// if there is no camera.
+/// of its undistorted photos (undistort.h), and a panorama the cameras of its halves. Throws Error
+/// that names the file and the remedy, also if there is no camera.
 std::vector<NamedCamera> read_cameras(const std::filesystem::path& path, const Vec3d& world_offset);
 
 }  // namespace gs

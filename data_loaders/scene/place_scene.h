@@ -36,9 +36,9 @@ struct LostPhotos {
 };
 LostPhotos lost_photos(const SceneModel& scene);
 
-/// The files of photos, masks and depth maps; panoramas are split afterwards. A few photos that are missing or cut short are taken
-/// out of the scene, with a warning (LostPhotos). Throws Error for more of them, and for a name that
-/// leads out of the images folder.
+/// The files of photos, masks and depth maps; panoramas are split afterwards. A few photos that are
+/// missing or cut short are taken out of the scene, with a warning (LostPhotos). Throws Error for
+/// more of them, and for a name that leads out of the images folder.
 void find_scene_files(const DatasetConfig& dataset, SceneModel& scene);
 
 /// Moves the scene near the origin, gives its photos times by dataset.times and finds their files.
