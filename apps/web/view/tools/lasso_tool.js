@@ -3,7 +3,7 @@
 // and the file that `gemsplat edit --drop lasso=FILE` reads (docs/reference/edit.md).
 import {el, segmented, svg} from '../../shared/dom.js';
 import {row} from '../panels/parts.js';
-import {cameraEntry} from '../picture/lens.js';
+import {cameraEntry, rowsOfPose} from '../picture/lens.js';
 import {quoted, save} from './clipboard.js';
 
 const FORMAT = 'gemsplat lasso',
