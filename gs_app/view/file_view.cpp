@@ -192,9 +192,13 @@ HttpAnswer FileView::model() {
 HttpAnswer FileView::frame(const HttpRequest& request) {
   if (!renderer_) return ViewSource::frame(request);
   try {
-    const FrameRequest wanted = frame_request_of(request);
-    if (wanted.look && *wanted.look >= scene_.cameras.size())
-      throw UsageError("/frame cannot use look: there is no such camera");
+    FrameRequest wanted = frame_request_of(request);
+    for (const auto& [name, camera] : {std::pair("look", wanted.look), {"lens", wanted.lens}})
+      if (camera && *camera >= scene_.cameras.size())
+        throw UsageError(fmt::format("/frame cannot use {}: there is no such camera", name));
+    if (wanted.lens && wanted.quantity == Quantity::normal)
+      throw UsageError("/frame cannot use lens: normals are known of pinholes alone");
+    if (wanted.lens) wanted.camera.lens = scene_.cameras[*wanted.lens].camera.lens;
     const std::optional<RenderedFrame> frame = renderer_->frame(wanted);
     if (!frame) return http_error(409, "a newer request has replaced this one");
     HttpAnswer answer = http_text(frame->jpeg, "image/jpeg");

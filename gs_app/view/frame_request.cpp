@@ -110,6 +110,7 @@ FrameRequest frame_request_of(const HttpRequest& request) {
   if (given.has("t")) frame.camera.time = time_of(given.number("t"));
   if (given.has("mode")) frame.quantity = quantity_named(given.text("mode"));
   if (given.has("look")) frame.look = std::size_t(given.whole("look", kMostCameras, 0));
+  if (given.has("lens")) frame.lens = std::size_t(given.whole("lens", kMostCameras, 0));
   if (given.has("q")) frame.quality = given.whole("q", 100);
   frame.client = given.has("client") ? given.text("client") : request.client;
   return frame;

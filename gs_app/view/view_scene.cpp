@@ -32,6 +32,7 @@ Json camera_json(const ViewedCamera& viewed, std::size_t index) {
                                R.row0.y, R.row1.y, R.row2.y, p.y,  //
                                R.row0.z, R.row1.z, R.row2.z, p.z,  //
                                0,        0,        0,        1};
+  if (camera.has_lens()) json["has_lens"] = true;
   json["photo"] = viewed.view ? Json(fmt::format("photo/{}", index)) : Json();
   return json;
 }

@@ -442,6 +442,29 @@ TEST_F(Remote, AFrameCanHaveTheColorsOfAPhoto) {
     EXPECT_EQ(frame(bad)->status, 400) << bad;
 }
 
+TEST_F(Remote, AFrameIsSeenThroughTheLensOfACamera) {
+  ASSERT_EQ(train("out").code, 0);
+  opened_ = open_model(path("out"), std::nullopt);
+  ViewScene scene = view_scene_of(opened_, opened_.config, false, "");
+  Camera& camera = scene.cameras.at(0).camera;
+  camera.lens = endless_lens<float>(Lens::fisheye);
+  const RenderSettings settings = view_settings(opened_, opened_.config);
+  RenderPass pass;
+  make_scalar_renderer()->forward(opened_.model.gaussians.span(), camera, settings, pass);
+  const Image8 wanted = to_image8(image_of(pass));
+  const Served served(
+      std::make_unique<FileView>(scene, opened_.model.gaussians.count(),
+                                 std::make_unique<FrameRenderer>("cpu", opened_.model, settings)));
+  EXPECT_EQ(served.json("/scene.json").at("cameras").at(0).at("has_lens"), true);
+  EXPECT_FALSE(served.json("/scene.json").at("cameras").at(1).contains("has_lens"));
+  const auto frame = [&](const std::string& more) { return served.get(kFrame + more); };
+  const double through = mean_difference(decoded(frame("&lens=0")->body), wanted);
+  EXPECT_LT(through, 3);
+  EXPECT_GT(mean_difference(decoded(frame("&lens=1")->body), wanted), through + 3) << "a pinhole";
+  for (const char* bad : {"&lens=6", "&lens=x", "&lens=0&mode=normal"})
+    EXPECT_EQ(frame(bad)->status, 400) << bad;
+}
+
 TEST_F(Remote, DepthAndNormalsAreOfTheFramesSize) {
   ASSERT_EQ(train("out").code, 0);
   const Served served = serve_remote();

@@ -528,13 +528,21 @@ const tests = {
     };
     const page = await shown(
       browser,
-      {scene: sceneFor('remote', {device: 'cuda:0 (a test)', model: {gaussians: 7}}), frame},
+      {
+        scene: sceneFor('remote', {
+          device: 'cuda:0 (a test)',
+          model: {gaussians: 7},
+          cameras: CAMERAS.map((camera, i) => ({...camera, has_lens: i === 0})),
+        }),
+        frame,
+      },
       {at: 'camera=0'},
     );
     await ready(page);
     assert.ok(!page.server.asked.some(path => path.startsWith('/model')));
     const first = frames.at(-1);
     assert.deepEqual([Number(first.get('w')), Number(first.get('h'))], [1280, 900]);
+    assert.equal(first.get('lens'), '0');
     assert.deepEqual(first.get('m').split(',').map(Number), CAMERAS[0].world_from_camera);
     const {picture} = await page.evaluate(() => app.viewer.stage.lens());
     assert.ok(
@@ -556,6 +564,7 @@ const tests = {
     const moving = frames.slice(count, -1).map(query => Number(query.get('w')));
     assert.ok(moving.length > 1 && Math.min(...moving) < 700, String(moving));
     assert.equal(Number(frames.at(-1).get('w')), 1280);
+    assert.equal(frames.at(-1).get('lens'), null); // the view is no camera's any more
     const facts = await page.locator('.panel.model').innerText();
     assert.ok(Number(facts.match(/Latency\s+(\d+) ms/)[1]) >= 120, facts); // what the server waits, and more on a busy machine
     assert.match(facts, /On the server\s+12\.5 ms/);

@@ -64,7 +64,7 @@ export class Viewer {
       wake: () => this.stage.request(),
       focal: () => this.stage.lens().fx,
     });
-    this.compare = new Compare();
+    this.compare = new Compare(this.stage.isRemote);
     this.list = new CameraList(scene.cameras, {
       go: index => this.goTo(index),
       mark: index => this.mark(index),

@@ -11,7 +11,9 @@ export const COMPARISONS = [
 ];
 
 export class Compare {
-  constructor() {
+  // drawsLenses: whether pictures of cameras with a lens are seen through it
+  constructor(drawsLenses) {
+    this.drawsLenses = drawsLenses;
     this.mode = 'render';
     this.share = 0.5; // of the picture's width that shows the photo, from the left
     this.opacity = 0.5;
@@ -125,7 +127,12 @@ export class Compare {
     this.image.style.clipPath = splits ? `inset(0 ${100 * (1 - this.share)}% 0 0)` : 'none';
     this.divider.style.left = `${100 * this.share}%`;
     this.handle.value = Math.round(1000 * this.share);
-    this.note.hidden = !(shows && (this.isBroken || !this.image.complete));
-    this.note.textContent = this.isBroken ? 'the photo cannot be shown' : 'loading the photo';
+    const differs = this.camera?.has_lens && !this.drawsLenses;
+    this.note.hidden = !(shows && (this.isBroken || !this.image.complete || differs));
+    this.note.textContent = this.isBroken
+      ? 'the photo cannot be shown'
+      : this.image.complete
+        ? 'the photo has a lens, the picture none: gemsplat view --remote draws both alike'
+        : 'loading the photo';
   }
 }

@@ -64,7 +64,8 @@ export class FramePicture {
     ).picture;
   }
 
-  query({pose, mode, time}, {width, height, fx, fy, cx, cy}, quality, client) {
+  // through: the index of the camera through whose lens the picture is seen, or null
+  query({pose, mode, time, through = null}, {width, height, fx, fy, cx, cy}, quality, client) {
     return {
       w: width,
       h: height,
@@ -78,6 +79,7 @@ export class FramePicture {
       mode,
       ...(time === undefined ? {} : {t: Number(time.toFixed(6))}),
       ...(this.look === null ? {} : {look: this.look}),
+      ...(through === null || mode === 'normal' ? {} : {lens: through}),
       q: quality,
       client,
     };

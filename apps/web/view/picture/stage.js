@@ -170,12 +170,23 @@ export class Stage {
     else if (this.frameTime < QUICK) this.scale = Math.min(1, this.scale * 1.05);
   }
 
+  // The camera with a lens whose view this is, or null.
+  through() {
+    return this.scene.cameras[this.rig.at]?.has_lens ? this.rig.at : null;
+  }
+
   draw() {
     this.isStale = false;
     const view = {pose: this.pose, lens: this.lens(), at: this.rig.at};
     if (this.isRemote) {
       this.frames.want(
-        {...view, time: this.time, lens: this.lens(this.pixelRatio), window: view.lens},
+        {
+          ...view,
+          time: this.time,
+          lens: this.lens(this.pixelRatio),
+          window: view.lens,
+          through: this.through(),
+        },
         this.isMoving,
       );
       if (!this.frames.hasShown) this.overlay(view);

@@ -51,7 +51,7 @@ export async function screenshot(stage, times) {
   if (!stage.isRemote)
     return canvasOf(pixelsOf(stage, lens, width, height)).convertToBlob({type: 'image/png'});
   const frame = await stage.frames.frameOf(
-    {pose: stage.pose, time: stage.time},
+    {pose: stage.pose, time: stage.time, through: stage.through()},
     resized(lens, width, height),
   );
   const canvas = new OffscreenCanvas(width, height);
