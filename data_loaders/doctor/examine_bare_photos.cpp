@@ -47,8 +47,11 @@ void examine_sizes(Examination& examination, const std::vector<PhotoFile>& photo
   std::string text;
   for (const auto& [size, count] : counts)
     text += fmt::format("{}{} of {}x{}", text.empty() ? "" : ", ", count, size.first, size.second);
-  examination.add(Level::note, "lenses",
-                  text + (counts.size() == 1 ? ": one lens is assumed" : " pixels"));
+  examination.add(
+      Level::note, "lenses",
+      text + (photos[0].is_panorama ? ": panoramas of 360 degrees, placed by their views"
+              : counts.size() == 1  ? ": one lens is assumed"
+                                    : " pixels"));
   PhotoSize largest;
   for (const PhotoFile& photo : photos)
     if (std::int64_t(photo.size.width) * photo.size.height >
