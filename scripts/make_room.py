@@ -81,7 +81,7 @@ class Fisheye:
     """Equidistant, 100 degrees to each side; what lies beyond is black, and masked."""
 
     width = height = 800
-    focal_length = 400 / np.radians(100)
+    focal_length = float(400 / np.radians(100))
     model = f"SIMPLE_FISHEYE 800 800 {focal_length!r} 400 400"
 
     def angle(self, x, y):

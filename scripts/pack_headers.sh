@@ -25,13 +25,15 @@ if [[ -e $system/jpeglib.h && -e /usr/lib/$machine/libjpeg.a ]]; then
   cp "/usr/lib/$machine/libjpeg.a" "$dir/lib/"
 fi
 
-# The pages of reports and of the viewer, for a machine without npm, where a build here has made them.
+# The pages of reports, of the viewer and of the studio, for a machine without npm, where a build here has made them.
 builds=$(realpath -m "$(dirname "$0")/../build")
 page=$(find "$builds" -path '*/web/report.html' -size +1k -printf '%T@ %p\n' 2>/dev/null | sort -n | sed -n '$s/^[^ ]* //p') || page=
 if [[ -n $page ]]; then
   mkdir -p "$dir/web"
   cp "$page" "$dir/web/"
-  if [[ -s ${page%report.html}view.html ]]; then cp "${page%report.html}view.html" "$dir/web/"; fi
+  for other in view.html studio.html; do
+    if [[ -s ${page%report.html}$other ]]; then cp "${page%report.html}$other" "$dir/web/"; fi
+  done
 fi
 
 rm -rf "$dir/googletest"

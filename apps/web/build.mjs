@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Bundles each page into one self-contained HTML file with its script and style.
 //   node build.mjs MODULES OUT
-// MODULES holds node_modules (made by npm ci). Writes OUT/report.html and OUT/view.html. The report
+// MODULES holds node_modules (made by npm ci). Writes OUT/report.html, OUT/studio.html and OUT/view.html. The report
 // keeps a placeholder, which gemsplat replaces with the data (gs_app/report/report_page.cpp); the
 // viewer asks its server for data (docs/reference/viewer_http.md).
 import {mkdir, readFile, writeFile} from 'node:fs/promises';
@@ -12,7 +12,11 @@ import {sparkFix} from './spark_fix.mjs';
 
 // The packages bundled into each page, whose licenses the page carries. Spark's build contains
 // fflate.
-const PAGES = {report: ['uplot'], view: ['@sparkjsdev/spark', 'fflate', 'three', 'uplot']};
+const PAGES = {
+  report: ['uplot'],
+  studio: [],
+  view: ['@sparkjsdev/spark', 'fflate', 'three', 'uplot'],
+};
 
 const here = dirname(fileURLToPath(import.meta.url));
 const [modules, out] = process.argv.slice(2).map(path => resolve(path));

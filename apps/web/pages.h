@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The two pages of apps/web as strings that the program carries. apps/web/build.mjs bundles them.
+// The pages of apps/web as strings that the program carries. apps/web/build.mjs bundles them.
 #pragma once
 
 #include <string_view>
@@ -10,6 +10,9 @@ namespace gs {
 std::string_view report_template();
 
 inline constexpr std::string_view kDataPlace = "@GEMSPLAT_DATA@";
+
+/// The studio's page (gs_app/studio). Empty in a build without npm.
+std::string_view studio_page();
 
 /// The viewer's page, which asks its server for everything else. Empty in a build without npm.
 std::string_view view_page();

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Stage 6 of the order by pixel: the walk of the forward pass again, front to back, with the same
 // decisions (render/blend/pixel_order.cuh). In place of the alpha of a fragment its f and w are left
-// when it is blended. Once no pixel waits with a third of the places, the products of
+// when it is blended. Once no pixel waits with a quarter of the places, the products of
 // splat_shares.cuh sum these as in the order by z.
 #pragma once
 
@@ -35,33 +35,30 @@ __global__ void __launch_bounds__(kPixelOrderThreads)
     const int k = place % kProductSplats;
     return left + place / kProductSplats * kProductFloats + k / 2 * kPairStride + k % 2;
   };
-  const auto add_third = [&](Walk& walk, int third) {
-    for (int k = 0; k < walk.listed_in(third); k += kProductSplats) {
-      const int first = third * kWindow + k;
-      const int count = min(walk.listed_in(third) - k, kProductSplats);
-      const typename Walk::Listed* const list = shared.listed + first;
-      SplatOfLane of_lane;
-      for (int i = 0; (Sums::kAbsolute || kHasFragments) && i < count; ++i) {
-        const float* const f = f_of(first + i);
-        const unsigned kept = __ballot_sync(kAllLanes, f[place_of_w(0)] != 0.0f);
-        const Vec2f absolute =
-            absolute_gradient(list[i], float(subtile.x) + 0.5f - list[i].mean2d.x,
-                              float(subtile.y) + 0.5f - list[i].mean2d.y, *f);
-        if (lane == i) of_lane = {absolute, kept};
-      }
-      add_shares(fragments[first / kProductSplats], colors, list, count, of_lane, monomials, center,
-                 sums);
+  static_assert(kWindow == kProductSplats);
+  const auto add_quarter = [&](Walk& walk, int quarter) {
+    const int count = walk.listed_in(quarter);
+    if (count == 0) return;
+    const typename Walk::Listed* const list = shared.listed + quarter * kWindow;
+    SplatOfLane of_lane;
+    for (int i = 0; (Sums::kAbsolute || kHasFragments) && i < count; ++i) {
+      const float* const f = f_of(quarter * kWindow + i);
+      const unsigned kept = __ballot_sync(kAllLanes, f[place_of_w(0)] != 0.0f);
+      const Vec2f absolute = absolute_gradient(list[i], float(subtile.x) + 0.5f - list[i].mean2d.x,
+                                               float(subtile.y) + 0.5f - list[i].mean2d.y, *f);
+      if (lane == i) of_lane = {absolute, kept};
     }
+    add_shares(fragments[quarter], colors, list, count, of_lane, monomials, center, sums);
   };
   int blended = 0;
   Walk walk(shared, lists, rays, subtile);
   do {
-    add_third(walk, walk.next_third());
-    walk.template take<rule>(
+    add_quarter(walk, walk.next_quarter());
+    walk.take(
         blended <= pixel.last,
-        [&](int place, float alpha) {
+        [&](int place, const typename Walk::Listed& splat, float e, bool is_kept) {
           float* const f = f_of(place);
-          *f = alpha;
+          *f = is_kept ? fragment_alpha<rule>(splat.opacity, exp2_fragment(e)) : 0.0f;
           f[place_of_w(0)] = 0.0f;
         },
         [&](int place, const typename Walk::Listed& splat) {
@@ -78,7 +75,7 @@ __global__ void __launch_bounds__(kPixelOrderThreads)
           f[place_of_w(0)] = fragment.y;
         });
   } while (!walk.is_done());
-  for (int third = 0; third < 3; ++third) add_third(walk, third);
+  for (int quarter = 0; quarter < kQuarters; ++quarter) add_quarter(walk, quarter);
 }
 
 }  // namespace gs::cuda

@@ -60,10 +60,12 @@ Json json_of(const Config& config, const SettingOrigins& origins) {
     const std::string key(field.key);
     const std::size_t dot = key.find('.');
     const auto origin = origins.find(key);
-    json[key.substr(0, dot)][key.substr(dot + 1)] = {
+    Json& setting = json[key.substr(0, dot)][key.substr(dot + 1)] = {
         {"value", json_value(field.value)},
         {"meaning", field.meaning},
         {"from", origin == origins.end() ? "default" : origin->second}};
+    if (!field.unit.empty()) setting["unit"] = field.unit;
+    if (!field.limits.words.empty()) setting["words"] = field.limits.words;
   });
   return json;
 }

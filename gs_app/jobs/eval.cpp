@@ -4,7 +4,6 @@
 #include <iterator>
 
 #include "gs_app/export/export_model.h"
-#include "gs_app/export/film_path.h"
 #include "gs_app/export/view_pictures.h"
 #include "gs_app/jobs/parts/shared_options.h"
 #include "gs_app/jobs/verbs.h"
@@ -40,8 +39,8 @@ void visit_options(EvalJob& job, OptionList& option) {
   option("--color-corrected", job.corrects_colors,
          "also measure pictures whose colors are fitted to each photo");
   option("--popping", job.measures_popping,
-         "also measure what pops up in a film through the views: FLIP between frames and their "
-         "neighbors, moved to the same camera");
+         "also measure what pops up when a camera turns: FLIP between frames of a pan and their "
+         "neighbors, turned to the same camera");
   option("-o,--output", job.output, "also write the JSON to a file").takes("FILE");
   dataset_options(option, "-d,--data,-s,--source-path");
   render_options(option);
@@ -84,31 +83,17 @@ EvaluationOptions options_of(const EvalJob& job, const OpenedModel& opened, cons
   return options;
 }
 
-constexpr std::size_t kFilmFrames = 300;  // ten seconds
-constexpr int kFilmWidth = 800;           // pixels, at most
+constexpr int kPanWidth = 800;  // pixels, at most
 
-// Of a film through the views, by pinholes.
-Popping popping_of(ViewPictures& pictures, const OpenedModel& opened,
-                   const std::vector<View>& views) {
-  if (opened.model.gaussians.has_time)
-    throw UsageError("--popping is for scenes that do not move; leave it out");
-  std::vector<NamedCamera> cameras;
+// Of pans at the views' places, by pinholes.
+Popping popping_of(ViewPictures& pictures, const std::vector<View>& views) {
+  std::vector<Camera> cameras;
   for (const View& view : views) {
-    const Camera& camera = view.camera;
-    cameras.push_back({view.name, at_resolution(camera, std::min(camera.width, kFilmWidth))});
-    cameras.back().camera.lens = {};
+    cameras.push_back(at_resolution(view.camera, std::min(view.camera.width, kPanWidth)));
+    cameras.back().lens = {};
   }
-  PathRequest request;
-  request.kind = "spline";
-  request.frames = kFilmFrames;
-  std::vector<Camera> film;
-  for (const NamedCamera& frame :
-       film_path(request, cameras, opened.model.gaussians.mean.span(), opened.model.world_offset)
-           .cameras)
-    film.push_back(frame.camera);
-  return measure_popping(film, [&](const Camera& camera) {
-    std::vector<ImageF> drawn = pictures.values(camera, {Quantity::color, Quantity::depth});
-    return FilmFrame{camera, std::move(drawn[0]), std::move(drawn[1])};
+  return measure_popping(cameras, [&](const Camera& camera) {
+    return std::move(pictures.values(camera, {Quantity::color}).front());
   });
 }
 
@@ -141,7 +126,7 @@ Outcome run(const EvalJob& job, JobEvents& events) {
   std::string text = summary(evaluation);
   if (job.measures_popping) {
     ViewPictures pictures(*backend, gaussians, opened.model.gaussians, settings, false);
-    const Popping popping = popping_of(pictures, opened, views);
+    const Popping popping = popping_of(pictures, views);
     Json with_popping = Json::parse(json);
     with_popping["popping"] = {{"flip_next", popping.next}, {"flip_seventh", popping.seventh}};
     json = file_text(with_popping);

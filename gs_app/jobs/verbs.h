@@ -7,10 +7,10 @@
 #include "gs_app/jobs/parts/job.h"
 
 // A row for each verb, in the order of --help. `eval` is eval.cpp, which defines eval_verb().
-#define GS_VERBS(row)                                                                            \
-  row(train) row(reconstruct) row(partition) row(view) row(render) row(report) row(edit)         \
-      row(export) row(mesh) row(undistort) row(georef) row(eval) row(mesh_error) row(experiment) \
-          row(bench) row(doctor) row(info) row(config) row(selftest)
+#define GS_VERBS(row)                                                                      \
+  row(studio) row(train) row(reconstruct) row(partition) row(view) row(render) row(report) \
+      row(edit) row(export) row(mesh) row(undistort) row(georef) row(eval) row(mesh_error) \
+          row(experiment) row(bench) row(doctor) row(info) row(config) row(selftest)
 
 namespace gs {
 

@@ -1,12 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
 // gemsplat view: a trained model in the browser.
-#include <cstdlib>
-
+#include "gs_app/jobs/parts/open_browser.h"
 #include "gs_app/jobs/parts/shared_options.h"
 #include "gs_app/jobs/verbs.h"
 #include "gs_app/run/text.h"
 #include "gs_app/view/file_view.h"
-#include "gs_core/system/processes/process.h"
 #include "gs_core/system/processes/signals.h"
 
 namespace gs {
@@ -30,8 +28,7 @@ void visit_options(ViewJob& job, OptionList& option) {
   model_options(option, job.choice);
   http_options(option, job.place, "--", "Server");
   option.get("--host").is_rare = option.get("--port").is_rare = false;
-  option("--open,!--no-open", job.open, "open the browser [yes, if there is a desktop]")
-      .group("Server");
+  open_option(option, job.open);
   option("--remote", job.remote,
          "render on --device and send pictures to the browser, for models that are too large for "
          "it")
@@ -48,25 +45,6 @@ void visit_options(ViewJob& job, OptionList& option) {
   mask_options(option);
   render_options(option);
   general_options(option);
-}
-
-bool has_desktop() {
-  const auto is_set = [](const char* name) {
-    const char* const value = std::getenv(name);
-    return value && *value;
-  };
-  return is_set("DISPLAY") || is_set("WAYLAND_DISPLAY");
-}
-
-// Opens the browser if --open was given, or by default if there is a desktop. It is detached, so
-// that Ctrl-C ends only this program.
-void open_browser(const std::string& url, std::optional<bool> wish) {
-  if (!wish.value_or(has_desktop())) return;
-  try {
-    start_child({"xdg-open", url}, {.is_detached = true});
-  } catch (const Error& error) {
-    if (wish) log_warning("cannot open a browser: {}; open {} yourself", error.what(), url);
-  }
 }
 
 std::unique_ptr<FileView> view_of(const ViewJob& job, const OpenedModel& opened,

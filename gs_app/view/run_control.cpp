@@ -4,9 +4,9 @@
 #include <spdlog/fmt/fmt.h>
 
 #include <chrono>
-#include <random>
 
 #include "gs_app/observers/train_observers.h"
+#include "gs_app/view/http/secret.h"
 #include "gs_core/error.h"
 #include "gs_core/system/log.h"
 #include "gs_core/system/text/json.h"
@@ -17,28 +17,13 @@ namespace {
 // A signal that ends a paused run cannot wake it, so it looks for itself.
 constexpr std::chrono::milliseconds kLook{100};
 
-std::string new_token() {
-  std::random_device device;  // the system's, which is meant for secrets
-  std::string token;
-  for (int i = 0; i < 4; ++i) token += fmt::format("{:08x}", std::uint32_t(device()));
-  return token;
-}
-
-// Takes the same time wherever the texts differ.
-bool is_same(const std::string& a, const std::string& b) {
-  if (a.size() != b.size()) return false;
-  unsigned char difference = 0;
-  for (std::size_t i = 0; i < a.size(); ++i) difference |= static_cast<unsigned char>(a[i] ^ b[i]);
-  return difference == 0;
-}
-
 }  // namespace
 
 RunControl::RunControl(const RunFolder& folder, std::function<void(Trainer&)> paused)
-    : folder_(folder), paused_(std::move(paused)), token_(new_token()) {}
+    : folder_(folder), paused_(std::move(paused)), token_(new_secret()) {}
 
 HttpAnswer RunControl::answer(const HttpRequest& request) {
-  if (!is_same(request.token, token_))
+  if (!is_same_secret(request.token, token_))
     return http_error(403,
                       "only the page at the address that the program printed controls the run");
   const auto word = request.query.find("do");

@@ -381,6 +381,10 @@ TEST_F(Program, EvalOfARunFindsTheFiguresOfItsTraining) {
   EXPECT_EQ(of_ply.code, 0) << of_ply.err;
   EXPECT_THAT(of_ply.out, AllOf(HasSubstr("over 2 views"), HasSubstr(" FLIP")));
   EXPECT_EQ(run("eval " + text("out/point_cloud/iteration_20/point_cloud.ply")).code, 2);
+  const Outcome panned = run("eval " + text("out") + " --json -q --device cpu --popping");
+  const SortedJson popping = SortedJson::parse(panned.out).at("popping");
+  EXPECT_GT(popping.at("flip_seventh"), popping.at("flip_next"));
+  EXPECT_FALSE(SortedJson::parse(outcome.out).contains("popping"));
   EXPECT_EQ(run("eval " + text("out") + " --iteration 19").code, 3);
 }
 

@@ -52,7 +52,7 @@ TEST_F(VerbList, StandInFiveGroups) {
   EXPECT_THAT(run("--help").out,
               AllOf(HasSubstr("\nTrain:\n"), HasSubstr("\nLook:\n"), HasSubstr("\nChange:\n"),
                     HasSubstr("\nCompare:\n"), HasSubstr("\nCheck:\n")));
-  EXPECT_EQ(names().size(), 19u);
+  EXPECT_EQ(names().size(), 20u);
 }
 
 TEST_F(VerbList, HelpShowsWhatMostPeopleNeedWithExamplesAndHelpAllShowsTheRest) {
@@ -168,6 +168,7 @@ TEST_F(VerbList, WhatIsRelativeStaysSo) {
 std::vector<std::string> calls_of(const std::string& verb, const std::string& folder) {
   const std::string scene = folder + "/scene", run = folder + "/run";
   const std::map<std::string, std::vector<std::string>> calls = {
+      {"studio", {"studio " + folder + "/projects --no-open --port 0"}},
       {"train", {"train " + scene + kTrain, "train " + scene + " --print-config"}},
       {"reconstruct", {"reconstruct " + folder + "/photos --colmap " + folder + "/colmap"}},
       {"partition", {"partition " + scene}},  // a dry run says it in its text
@@ -212,8 +213,9 @@ TEST_F(VerbList, EachEndsWithTheCommandThatOneMayWantNext) {
     const std::vector<std::string> calls = calls_of(verb, text(""));
     EXPECT_FALSE(calls.empty()) << "add a call of " << verb << " here";
     for (const std::string& call : calls) {
-      if (verb == "view" && !can_view()) continue;
-      const Outcome outcome = run(call, verb == "view" ? "timeout -s INT 2 " : "");
+      const bool is_server = verb == "view" || verb == "studio";
+      if (is_server && !can_view()) continue;
+      const Outcome outcome = run(call, is_server ? "timeout -s INT 2 " : "");
       const std::vector<std::string> out = lines_of(outcome.out), err = lines_of(outcome.err);
       const bool is_behind_out = !out.empty() && std::regex_match(out.back(), command);
       const bool is_behind_err = !err.empty() && std::regex_match(err.back(), command);

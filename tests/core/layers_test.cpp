@@ -149,6 +149,7 @@ const std::map<std::string, std::set<std::string>> kRooms = {
     {"gs_app/view",
      {"gs_app/run", "gs_app/pictures", "gs_app/export", "gs_app/edit", "gs_app/observers",
       "gs_app/view/http"}},
+    {"gs_app/studio", {"gs_app/run", "gs_app/view", "gs_app/view/http"}},
     {"gs_app/experiment", {"gs_app/run"}},
     {"gs_app/experiment/tables", {"gs_app/experiment", "gs_app/report", "gs_app/run"}},
     {"gs_app/checks", {"gs_app/run"}},
@@ -156,15 +157,15 @@ const std::map<std::string, std::set<std::string>> kRooms = {
     {"gs_app/jobs",
      {"gs_app/jobs/parts", "gs_app/run", "gs_app/pictures", "gs_app/export", "gs_app/edit",
       "gs_app/blocks", "gs_app/checkpoints", "gs_app/observers", "gs_app/report", "gs_app/session",
-      "gs_app/view", "gs_app/view/http", "gs_app/experiment", "gs_app/experiment/tables",
-      "gs_app/checks"}},
+      "gs_app/view", "gs_app/view/http", "gs_app/studio", "gs_app/experiment",
+      "gs_app/experiment/tables", "gs_app/checks"}},
 };
 
 // Target -> its layer, where the target's name is not "gs_" and the folder.
 const std::map<std::string, std::string> kTargets = {
     {"gs_cli", "apps/cli"}, {"gs_python", "apps/python"}, {"gs_web", "apps/web"},
     {"gs_view", "gs_app"},  {"gs_experiment", "gs_app"},  {"gs_checks", "gs_app"},
-    {"gs_jobs", "gs_app"},
+    {"gs_jobs", "gs_app"},  {"gs_studio", "gs_app"},
 };
 
 /// A header or target that certain paths may use although they do not own the library: the

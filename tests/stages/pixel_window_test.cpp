@@ -3,6 +3,8 @@
 // fragments of a pixel as cuda/render/blend/pixel_order.cuh drives it.
 #include "cuda/render/blend/pixel_window.h"
 
+#include <optional>
+
 #include "gs_render/renderer.h"
 #include "gs_render/stages.h"
 #include "tests/support/scenes.h"
@@ -33,33 +35,34 @@ TEST(PixelWindow, MergeLeavesTheSmallerHalfAndHoldsTheLargerOne) {
   }
 }
 
-TEST(PixelWindow, CountsUpToTheLastKeyOfAThird) {
+TEST(PixelWindow, CountsUpToTheLastKeyOfAQuarter) {
   WindowKeys held{};
-  EXPECT_EQ(count_up_to_third(held, 0), 0);  // no fragment has the bits of a place
-  held.of[29] = window_key(1, kWindow + 3);
-  held.of[30] = window_key(2, 5);
-  held.of[31] = window_key(3, 2 * kWindow);
-  EXPECT_EQ(count_up_to_third(held, 0), 31);
-  EXPECT_EQ(count_up_to_third(held, 1), 30);
-  EXPECT_EQ(count_up_to_third(held, 2), 32);
+  EXPECT_EQ(count_up_to_quarter(held, 0), 0);  // no fragment has the bits of a place
+  held.of[13] = window_key(1, kWindow + 3);
+  held.of[14] = window_key(2, 5);
+  held.of[15] = window_key(3, 3 * kWindow);
+  EXPECT_EQ(count_up_to_quarter(held, 0), 15);
+  EXPECT_EQ(count_up_to_quarter(held, 1), 14);
+  EXPECT_EQ(count_up_to_quarter(held, 2), 0);
+  EXPECT_EQ(count_up_to_quarter(held, 3), 16);
 }
 
 /// The order in which a pixel blends the fragments of these depths; 0: it has none of that splat.
 std::vector<std::size_t> window_order(const std::vector<float>& depths) {
   std::vector<std::size_t> order, listed(kPlaces);
   WindowKeys held{};
-  int third = 0;
+  int quarter = 0;
   for (std::size_t first = 0; first < depths.size(); first += kWindow) {
     WindowKeys arriving{};
     for (std::size_t k = 0; k < kWindow && first + k < depths.size(); ++k) {
-      const int place = third * kWindow + int(k);
+      const int place = quarter * kWindow + int(k);
       listed[place] = first + k;
       if (depths[first + k] > 0) arriving.of[k] = window_key(depths[first + k], place);
     }
     merge(held, arriving);
-    third = (third + 1) % 3;
+    quarter = (quarter + 1) % kQuarters;
     const bool is_done = first + kWindow >= depths.size();
-    const int going = is_done ? kWindow : count_up_to_third(held, third);
+    const int going = is_done ? kWindow : count_up_to_quarter(held, quarter);
     for (const std::uint32_t key : arriving.of)
       if (key) order.push_back(listed[place_of_key(key)]);
     for (int i = 0; i < going; ++i) {
@@ -70,12 +73,12 @@ std::vector<std::size_t> window_order(const std::vector<float>& depths) {
   return order;
 }
 
-TEST(PixelWindow, FindsTheOrderWhereAtMost32FartherOnesCameBefore) {
+TEST(PixelWindow, FindsTheOrderWhereAtMost16FartherOnesCameBefore) {
   Draws draws(2);
   for (int k = 0; k < 50; ++k) {
     std::vector<float> depths;
-    for (int i = 0; i < 400; ++i)  // an exchange moves a splat by at most 30 places
-      depths.push_back(1 + 0.01f * (float(i) + draws.uniform(-15, 15)));
+    for (int i = 0; i < 400; ++i)  // an exchange moves a splat by at most 14 places
+      depths.push_back(1 + 0.01f * (float(i) + draws.uniform(-7, 7)));
     for (float& depth : depths)
       if (draws.chance(0.2f)) depth = 0;
     const std::vector<std::size_t> order = window_order(depths);
@@ -98,28 +101,46 @@ TEST(PixelWindow, BlendsEachFragmentOnceWhateverTheirOrder) {
   }
 }
 
-/// The Gaussians that hit an 8 x 8 part of the picture, in the order of the tile's keys.
-std::vector<std::uint32_t> list_of_part(const RenderPass& pass, int x0, int y0) {
+constexpr int kAcross = 8, kDown = 4;  // pixels of a warp
+
+/// A Gaussian, by a depth.
+using Keyed = std::pair<float, std::uint32_t>;
+bool is_nearer(const Keyed& a, const Keyed& b) { return a.first < b.first; }
+
+/// Where a splat is largest in a rectangle of pixels, and how deep it is there; behind the eye it is
+/// last. None if it does not hit them.
+std::optional<Keyed> at_best_point(const RenderPass& pass, std::uint32_t row, int x0, int y0,
+                                   int width, int height) {
+  const Splat& splat = pass.splats[row];
+  const LeastPoint best =
+      least_in_rectangle(splat.mean2d, splat.conic, float(x0) + 0.5f, float(x0 + width) - 0.5f,
+                         float(y0) + 0.5f, float(y0 + height) - 0.5f);
+  if (best.value > splat.cutoff) return {};
+  const float depth = pass.ray_depths[row].at(best.offset.x, best.offset.y);
+  return Keyed{depth > 0 ? depth : 1e37f, row};
+}
+
+/// The Gaussians that hit the pixels of a warp, in the order in which they pass its sort.
+std::vector<std::uint32_t> passed_by_warp(const RenderPass& pass, int x0, int y0) {
   const int tile = y0 / kTileHeight * pass.tiles_x + x0 / kTileWidth;
-  const float x = float(x0 / kTileWidth * kTileWidth) + 0.5f,
-              y = float(y0 / kTileHeight * kTileHeight) + 0.5f;
-  std::vector<std::pair<float, std::uint32_t>> keyed;
+  std::vector<Keyed> in_part, held;
   for (std::uint32_t k = pass.tile_ranges[tile]; k < pass.tile_ranges[tile + 1]; ++k) {
     const std::uint32_t row = pass.tile_splats[k];
-    const Splat& splat = pass.splats[row];
-    if (!rectangle_is_hit(splat.mean2d, splat.conic, splat.cutoff, float(x0) + 0.5f,
-                          float(x0 + kPart) - 0.5f, float(y0) + 0.5f, float(y0 + kPart) - 0.5f))
-      continue;
-    const Vec2f best =
-        least_in_rectangle(splat.mean2d, splat.conic, x, x + 15.0f, y, y + 15.0f).offset;
-    const float depth = pass.ray_depths[row].at(best.x, best.y);
-    keyed.emplace_back(depth > 0 ? depth : 1e4f, row);
+    if (!at_best_point(pass, row, x0, y0 / kPart * kPart, kPart, kPart)) continue;
+    in_part.push_back(*at_best_point(pass, row, x0 / kTileWidth * kTileWidth,
+                                     y0 / kTileHeight * kTileHeight, kTileWidth, kTileHeight));
   }
-  std::stable_sort(keyed.begin(), keyed.end(),
-                   [](const auto& a, const auto& b) { return a.first < b.first; });
-  std::vector<std::uint32_t> list;
-  for (const auto& [unused, row] : keyed) list.push_back(row);
-  return list;
+  std::stable_sort(in_part.begin(), in_part.end(), is_nearer);
+  std::vector<std::uint32_t> passed;
+  for (std::size_t first = 0; first < in_part.size(); first += 32) {
+    for (std::size_t k = first; k < std::min(first + 32, in_part.size()); ++k)
+      if (const auto keyed = at_best_point(pass, in_part[k].second, x0, y0, kAcross, kDown))
+        held.push_back(*keyed);
+    std::stable_sort(held.begin(), held.end(), is_nearer);
+    for (; held.size() > 32; held.erase(held.begin())) passed.push_back(held.front().second);
+  }
+  for (const Keyed& keyed : held) passed.push_back(keyed.second);
+  return passed;
 }
 
 /// The color of a pixel that goes through a list with a window.
@@ -151,11 +172,11 @@ TEST(PixelWindow, PicturesAreThoseOfAFullSortInAllButOneOfAThousandPixels) {
     make_scalar_renderer()->forward(random_gaussians(recipe, 2000, camera, 11).span(), camera,
                                     settings, pass);
     std::size_t wrong = 0;
-    for (int y0 = 0; y0 < 120; y0 += kPart)
-      for (int x0 = 0; x0 < 160; x0 += kPart) {
-        const std::vector<std::uint32_t> list = list_of_part(pass, x0, y0);
-        for (int k = 0; k < kPart * kPart; ++k) {
-          const int x = x0 + k % kPart, y = y0 + k / kPart;
+    for (int y0 = 0; y0 < 120; y0 += kDown)
+      for (int x0 = 0; x0 < 160; x0 += kAcross) {
+        const std::vector<std::uint32_t> list = passed_by_warp(pass, x0, y0);
+        for (int k = 0; k < kAcross * kDown; ++k) {
+          const int x = x0 + k % kAcross, y = y0 + k / kAcross;
           const Vec3f color = color_by_window(pass, list, x, y);
           float worst = 0;
           for (int c = 0; c < 3; ++c)

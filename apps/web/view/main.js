@@ -27,6 +27,17 @@ window.gemsplatViewer = {
   resize: async () => (await started).stage.resize(),
   settled: async () => (await started).stage.settled(),
   state: () => app.viewer?.state() ?? null,
+  // For the studio (apps/web/studio), which shows this page in a frame.
+  openTool: async title => {
+    const {panels, toolPanel} = await started;
+    panels.tools.toggle(true);
+    toolPanel.open(title);
+  },
+  crop: async () => (await started).tools.crop?.region.operation ?? null,
+  path: async () => {
+    const {path} = (await started).tools;
+    return path.spline ? path.file : null;
+  },
 };
 started.catch(error => {
   app.replaceChildren(el('p.card.failure', {role: 'alert'}, error.message));

@@ -10,14 +10,10 @@ namespace {
 
 constexpr int kBlocks = 10;  // per multiprocessor, as many as registers allow
 
-struct Output {
-  float* image;                            // (3, H, W)
-  float* transmittance;                    // (H, W)
-  std::uint32_t* last;                     // (H, W)
-  const std::uint32_t* first_checkpoints;  // (tiles)
-  Vec4f* checkpoints;                      // (.., pixels of a tile); null: none are wanted
-  float* depth;                            // (H, W)
-  float* depth_checkpoints;                // (.., pixels of a tile)
+struct Checkpoints {
+  const std::uint32_t* first;  // (tiles)
+  Vec4f* of;                   // (.., pixels of a tile); null: none are wanted
+  float* depths;               // (.., pixels of a tile)
 };
 
 template <bool with_depth>
@@ -29,7 +25,7 @@ struct WarpShared {
 template <BlendRule rule, bool with_depth>
 __global__ void __launch_bounds__(kBlendThreads, kBlocks)
     blend_kernel(TileLists lists, const std::uint32_t* tile_order, Background background,
-                 Output out) {
+                 Pictures pictures, Checkpoints checkpoints) {
   __shared__ WarpShared<with_depth> shared_of_warps[kBlendWarps];
   WarpShared<with_depth>& shared = shared_of_warps[threadIdx.x / kWarp];
   const WarpWork work;
@@ -43,14 +39,14 @@ __global__ void __launch_bounds__(kBlendThreads, kBlocks)
   const float x = float(subtile.x) + 0.5f, y = float(subtile.y) + 0.5f;
   const std::uint32_t length = lists.ranges[subtile.tile + 1] - lists.ranges[subtile.tile];
   for (ListWalk walk(shared.ahead, lists, subtile.tile, subtile.pixels(), 0, length,
-                     out.checkpoints != nullptr);
+                     checkpoints.of != nullptr);
        !walk.is_done();) {
     if (!__any_sync(kAllLanes, is_open)) break;
     if (walk.segment_is_done()) {
       const std::size_t at =
-          subtile.checkpoint(out.first_checkpoints[subtile.tile] + walk.next_segment() - 1);
-      out.checkpoints[at] = {pixel.color.x, pixel.color.y, pixel.color.z, pixel.transmittance};
-      if constexpr (with_depth) out.depth_checkpoints[at] = depth;
+          subtile.checkpoint(checkpoints.first[subtile.tile] + walk.next_segment() - 1);
+      checkpoints.of[at] = {pixel.color.x, pixel.color.y, pixel.color.z, pixel.transmittance};
+      if constexpr (with_depth) checkpoints.depths[at] = depth;
     }
     const int count = walk.list_next(shared.list);
     for (int i = 0; i < count; ++i) {
@@ -69,15 +65,7 @@ __global__ void __launch_bounds__(kBlendThreads, kBlocks)
     }
     __syncwarp();
   }
-  if (!subtile.is_inside) return;
-  const std::size_t to = subtile.pixel(lists), plane = std::size_t(lists.width) * lists.height;
-  const Vec3f color = pixel.color + pixel.transmittance * background();
-  out.image[to] = color.x;
-  out.image[plane + to] = color.y;
-  out.image[2 * plane + to] = color.z;
-  out.transmittance[to] = pixel.transmittance;
-  out.last[to] = last;
-  if constexpr (with_depth) out.depth[to] = depth;
+  pictures.write<with_depth>(lists, subtile, background(), pixel, last, depth);
 }
 
 }  // namespace
@@ -91,17 +79,14 @@ void blend(Context& context, const RenderSettings& settings, RenderPass& pass) {
   if (is_by_pixel(pass)) return blend_by_pixel(context, settings, pass);
   if (blends_on_tensor_cores(context, settings)) return blend_gemm(context, settings, pass);
   const CudaScratch& scratch = pass.scratch<CudaScratch>();
-  const Output out{pass.image.data(),
-                   pass.transmittance.data(),
-                   pass.last_instance.data(),
-                   scratch.first_checkpoints.data(),
-                   settings.for_backward ? scratch.checkpoints() : nullptr,
-                   pass.depth_image.data(),
-                   scratch.depth_checkpoints.data()};
+  const Checkpoints checkpoints{scratch.first_checkpoints.data(),
+                                settings.for_backward ? scratch.checkpoints() : nullptr,
+                                scratch.depth_checkpoints.data()};
   with_rule(settings.blend_rule, [&](auto rule) {
     with_constant(settings.blends_depth, [&](auto depth) {
       context.launch("blend", blend_kernel<rule(), depth()>, blend_blocks(pass.tile_count()),
-                     kBlendThreads, tile_lists(pass), scratch.order(), Background(settings), out);
+                     kBlendThreads, tile_lists(pass), scratch.order(), Background(settings),
+                     Pictures(pass), checkpoints);
     });
   });
 }

@@ -6,34 +6,29 @@
 namespace gs::cuda {
 namespace {
 
-struct Output {
-  float* image;            // (3, H, W)
-  float* transmittance;    // (H, W)
-  std::uint32_t* blended;  // (H, W)
-  float* depth;            // (H, W)
-};
-
 template <BlendRule rule, bool with_depth>
 __global__ void __launch_bounds__(kPixelOrderThreads)
     blend_by_pixel_kernel(TileLists lists, const RayDepth<float>* rays,
-                          const std::uint32_t* tile_order, Background background, Output out) {
+                          const std::uint32_t* tile_order, Background background,
+                          Pictures pictures) {
   using Walk = PixelOrderWalk<with_depth>;
   __shared__ typename Walk::Shared shared;
-  __shared__ float alphas[kPlaces][kWarp];
   const std::uint32_t item = blockIdx.x / kSubtilesPerTile;
   const Subtile subtile(lists, tile_of(tile_order, item), int(blockIdx.x % kSubtilesPerTile));
   if (subtile.x0 >= lists.width || subtile.y0 >= lists.height) return;  // the whole warp
-  const int lane = lane_of_thread();
+  const float x = float(subtile.x) + 0.5f, y = float(subtile.y) + 0.5f;
   PixelState<float> pixel;
   bool is_open = subtile.is_inside;  // takes further fragments
   std::uint32_t blended = 0;
   float depth = 0;
   Walk walk(shared, lists, rays, subtile);
   do {
-    walk.template take<rule>(
-        is_open, [&](int place, float alpha) { alphas[place][lane] = alpha; },
-        [&](int place, const typename Walk::Listed& splat) {
-          const float alpha = alphas[place][lane];
+    walk.take(
+        is_open, [](int, const typename Walk::Listed&, float, bool) {},
+        [&](int, const typename Walk::Listed& splat) {
+          // Again, since alphas in shared memory would leave room for half as many warps.
+          const float e = base2_exponent(splat, x - splat.mean2d.x, y - splat.mean2d.y);
+          const float alpha = fragment_alpha<rule>(splat.opacity, exp2_fragment(e));
           if (rule == BlendRule::classic && is_opaque(pixel.transmittance * (1.0f - alpha)))
             is_open = false;
           if (!is_open) return;
@@ -43,28 +38,18 @@ __global__ void __launch_bounds__(kPixelOrderThreads)
           if (rule == BlendRule::faster_gs && is_opaque(pixel.transmittance)) is_open = false;
         });
   } while (!walk.is_done() && __any_sync(kAllLanes, is_open));
-  if (!subtile.is_inside) return;
-  const std::size_t to = subtile.pixel(lists), plane = std::size_t(lists.width) * lists.height;
-  const Vec3f color = pixel.color + pixel.transmittance * background();
-  out.image[to] = color.x;
-  out.image[plane + to] = color.y;
-  out.image[2 * plane + to] = color.z;
-  out.transmittance[to] = pixel.transmittance;
-  out.blended[to] = blended;
-  if constexpr (with_depth) out.depth[to] = depth;
+  pictures.write<with_depth>(lists, subtile, background(), pixel, blended, depth);
 }
 
 }  // namespace
 
 void blend_by_pixel(Context& context, const RenderSettings& settings, RenderPass& pass) {
-  const Output out{pass.image.data(), pass.transmittance.data(), pass.last_instance.data(),
-                   pass.depth_image.data()};
   with_rule(settings.blend_rule, [&](auto rule) {
     with_constant(settings.blends_depth, [&](auto depth) {
       context.launch("blend", blend_by_pixel_kernel<rule(), depth()>,
                      pixel_order_blocks(pass.tile_count()), kPixelOrderThreads, tile_lists(pass),
                      pass.ray_depths.data(), pass.scratch<CudaScratch>().order(),
-                     Background(settings), out);
+                     Background(settings), Pictures(pass));
     });
   });
 }

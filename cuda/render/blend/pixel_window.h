@@ -1,11 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
-// The fragments that a pixel still waits with in the order by pixel, as sorted keys in registers. 32
-// new ones are sorted and merged with the 32 that are held; the nearest 32 of both go on, the others
-// are held. So a fragment finds its place unless more than 32 farther ones came before it. The
+// The fragments that a pixel still waits with in the order by pixel, as sorted keys in registers. 16
+// new ones are sorted and merged with the 16 that are held; the nearest 16 of both go on, the others
+// are held. So a fragment finds its place unless more than 16 farther ones came before it. The
 // header also compiles for the CPU: tests/stages/pixel_window_test.cpp.
 //
-// A key is the fragment's depth along the ray, whose last seven bits number the place of its splat
-// in shared memory. Positive floats are ordered as their bits are, so that a comparison and exchange
+// A key is the fragment's depth along the ray, whose last six bits number the place of its splat in
+// shared memory. Positive floats are ordered as their bits are, so that a comparison and exchange
 // takes two instructions and no branch. 0 is no fragment, and comes before all others.
 #pragma once
 
@@ -13,9 +13,11 @@
 
 namespace gs::cuda {
 
-inline constexpr int kWindow = 32;           // fragments that are held
-inline constexpr int kPlaces = 3 * kWindow;  // of splats in shared memory: a third for each batch
-inline constexpr std::uint32_t kPlaceBits = 127;
+inline constexpr int kWindow = 16;  // fragments that are held, and splats of a batch
+inline constexpr int kQuarters = 4;
+inline constexpr int kPlaces =
+    kQuarters * kWindow;  // of splats in shared memory: a quarter a batch
+inline constexpr std::uint32_t kPlaceBits = 63;
 static_assert(kPlaces <= int(kPlaceBits) + 1);
 
 /// The key of a fragment at a depth above 0.
@@ -70,12 +72,12 @@ GS_HD void merge(WindowKeys& held, WindowKeys& arriving) {
   held.sort_bitonic();
 }
 
-/// How many of the keys must go on so that none with a place of the third is left. They rise.
-GS_HD int count_up_to_third(const WindowKeys& held, int third) {
+/// How many of the keys must go on so that none with a place of the quarter is left. They rise.
+GS_HD int count_up_to_quarter(const WindowKeys& held, int quarter) {
   int count = 0;
 #pragma unroll
   for (int i = 0; i < kWindow; ++i)
-    if (held.of[i] != 0 && place_of_key(held.of[i]) / kWindow == third) count = i + 1;
+    if (held.of[i] != 0 && place_of_key(held.of[i]) / kWindow == quarter) count = i + 1;
   return count;
 }
 

@@ -146,6 +146,34 @@ struct Subtile {
   }
 };
 
+/// The pictures that stage 4 makes, pixel by pixel.
+struct Pictures {
+  float* image;          // (3, H, W)
+  float* transmittance;  // (H, W)
+  std::uint32_t* last;   // (H, W) RenderPass::last_instance
+  float* depth;          // (H, W)
+
+  explicit Pictures(RenderPass& pass)
+      : image(pass.image.data()), transmittance(pass.transmittance.data()),
+        last(pass.last_instance.data()), depth(pass.depth_image.data()) {}
+
+  /// Writes this lane's pixel, if it is inside the picture.
+  template <bool with_depth>
+  __device__ void write(const TileLists& lists, const Subtile& subtile, const Vec3f& background,
+                        const PixelState<float>& pixel, std::uint32_t last_instance,
+                        float blended_depth) const {
+    if (!subtile.is_inside) return;
+    const std::size_t to = subtile.pixel(lists), plane = std::size_t(lists.width) * lists.height;
+    const Vec3f color = pixel.color + pixel.transmittance * background;
+    image[to] = color.x;
+    image[plane + to] = color.y;
+    image[2 * plane + to] = color.z;
+    transmittance[to] = pixel.transmittance;
+    last[to] = last_instance;
+    if constexpr (with_depth) depth[to] = blended_depth;
+  }
+};
+
 /// A splat in the form that the pixels of a sub-tile read. Exponents have base 2: e = -|u|^2 with u
 /// = L^T d and d = pixel - mean.
 struct alignas(16) ListedSplat {

@@ -92,18 +92,27 @@ void render_options(OptionList& option, const std::string& sh_degree_meaning) {
   option.setting("--sh-degree", "model.sh_degree", "Rendering", sh_degree_meaning).rare();
 }
 
+void open_option(OptionList& option, std::optional<bool>& open) {
+  option("--open,!--no-open", open, "open the browser [yes, if there is a desktop]")
+      .group("Server");
+}
+
+Option& port_option(OptionList& option, HttpPlace& place, const std::string& prefix,
+                    const std::string& heading) {
+  return option(prefix + "port", place.port,
+                "port to listen at; 0: any free port [the first free one from 7070 on]")
+      .takes("N")
+      .between(0, kMostPort)
+      .group(heading);
+}
+
 void http_options(OptionList& option, HttpPlace& place, const std::string& prefix,
                   const std::string& heading) {
   option(prefix + "host", place.host, "address to listen at [127.0.0.1: this machine only]")
       .takes("ADDRESS")
       .group(heading)
       .rare();
-  option(prefix + "port", place.port,
-         "port to listen at; 0: any free port [the first free one from 7070 on]")
-      .takes("N")
-      .between(0, kMostPort)
-      .group(heading)
-      .rare();
+  port_option(option, place, prefix, heading).rare();
 }
 
 }  // namespace gs

@@ -42,6 +42,10 @@ void dataset_options(OptionList& option, const std::string& scene_names);
 /// to write, `sh_degree_meaning` says so.
 void render_options(OptionList& option, const std::string& sh_degree_meaning = {});
 
+/// Whether the browser is opened.
+void open_option(OptionList& option, std::optional<bool>& open);
+Option& port_option(OptionList& option, HttpPlace& place, const std::string& prefix,
+                    const std::string& heading);
 /// Where a server listens: HOST and PORT, behind `prefix` ("--viewer-").
 void http_options(OptionList& option, HttpPlace& place, const std::string& prefix,
                   const std::string& heading);

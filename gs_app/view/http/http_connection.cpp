@@ -55,9 +55,32 @@ std::string HttpConnection::read_head() {
     }
     if (length == 0) continue;
     yields_ = Time::max();
-    return received.substr(0, length);
+    behind_head_ = received.substr(length);
+    received.resize(length);
+    return received;
   }
   return {};
+}
+
+std::optional<std::string> HttpConnection::read_body(std::size_t bytes) {
+  std::string body = std::move(behind_head_);
+  std::vector<char> space(kPieceBytes);
+  for (std::size_t piece_begin = 0; body.size() < bytes;) {
+    if (body.size() >= piece_begin) {
+      ends_ = after(limits_.piece_seconds);
+      yields_ = after(limits_.piece_seconds / 6);
+      piece_begin = body.size() + kPieceBytes;
+    }
+    if (!wait_for(POLLIN)) return std::nullopt;
+    const std::size_t wanted = std::min(space.size(), bytes - body.size());
+    const ssize_t count = ::recv(socket_, space.data(), wanted, 0);
+    if (count < 0 && would_wait()) continue;
+    if (count <= 0) return std::nullopt;
+    body.append(space.data(), std::size_t(count));
+  }
+  yields_ = Time::max();
+  body.resize(bytes);
+  return body;
 }
 
 void HttpConnection::send(HttpReply& reply) {

@@ -5,6 +5,7 @@
 
 #include <atomic>
 #include <chrono>
+#include <optional>
 #include <string>
 #include <utility>
 
@@ -28,6 +29,8 @@ class HttpConnection {
   /// The head of the peer's request, with the empty line that ends it. "" if the peer is gone, is too
   /// slow, or says more than a head may have; this has been answered.
   std::string read_head();
+  /// So many bytes behind the head. Nothing if the peer is gone or too slow.
+  std::optional<std::string> read_body(std::size_t bytes);
   /// Sends an answer, and drops what the peer says after its request. Returns early if the peer takes
   /// its answer too slowly.
   void send(HttpReply& reply);
@@ -47,7 +50,8 @@ class HttpConnection {
   const std::string address_;
   const HttpLimits& limits_;
   Descriptor socket_;
-  Time ends_;  // if the peer does nothing more
+  std::string behind_head_;  // what read_head() has received of a body
+  Time ends_;                // if the peer does nothing more
   std::atomic<Time> yields_;
 };
 

@@ -14,11 +14,12 @@
 namespace gs {
 namespace {
 
-// Of every answer. The page must not be kept, and no other page may embed or read what is served.
+// Of every answer. The page must not be kept, and no page of another server may embed or read what
+// is served.
 constexpr const char* kHeaders =
     "Cache-Control: no-store\r\n"
     "X-Content-Type-Options: nosniff\r\n"
-    "X-Frame-Options: DENY\r\n"
+    "X-Frame-Options: SAMEORIGIN\r\n"
     "Cross-Origin-Resource-Policy: same-origin\r\n"
     "Connection: close\r\n";
 
@@ -30,8 +31,11 @@ const char* words_of(int status) {
     case 403: return "Forbidden";
     case 404: return "Not Found";
     case 409: return "Conflict";
+    case 413: return "Content Too Large";
     case 416: return "Range Not Satisfiable";
     case 431: return "Request Header Fields Too Large";
+    case 502: return "Bad Gateway";
+    case 507: return "Insufficient Storage";
     default: return "Internal Server Error";
   }
 }

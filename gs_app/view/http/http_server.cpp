@@ -9,6 +9,7 @@
 
 #include <atomic>
 #include <cerrno>
+#include <charconv>
 #include <chrono>
 #include <condition_variable>
 #include <list>
@@ -52,10 +53,15 @@ bool is_own_post(const HttpHead& head) {
          (origin.empty() || origin == "http://" + head.value("host"));
 }
 
-bool has_body(const HttpHead& head) {
+// The bytes behind the head; nothing where it does not say how many, or says so twice.
+std::optional<std::uint64_t> body_bytes(const HttpHead& head) {
+  if (head.count("transfer-encoding") > 0 || head.count("content-length") > 1) return std::nullopt;
   const std::string length = head.value("content-length");
-  return head.count("transfer-encoding") > 0 || head.count("content-length") > 1 ||
-         !(length.empty() || length == "0");
+  if (length.empty()) return 0;
+  std::uint64_t bytes = 0;
+  const char* const last = length.data() + length.size();
+  const auto [end, error] = std::from_chars(length.data(), last, bytes);
+  return error == std::errc() && end == last ? std::optional(bytes) : std::nullopt;
 }
 
 // The reason is for who started the program, not for who asks: it may name folders of this machine.
@@ -180,9 +186,18 @@ class HttpServer::Impl {
     const std::string bytes = connection.read_head();
     if (bytes.empty()) return;
     std::optional<HttpHead> head = parse_head(bytes);
-    if (head) head->request.client = connection.address();
+    std::optional<HttpAnswer> refusal = http_error(400, "this is no request of HTTP/1.1");
+    if (head) {
+      head->request.client = connection.address();
+      refusal = refusal_of(*head);
+      if (!refusal && head->method == "POST") {
+        std::optional<std::string> body = connection.read_body(*body_bytes(*head));
+        if (!body) return;
+        head->request.body = std::move(*body);
+      }
+    }
     HttpReply reply =
-        head ? reply_to(*head) : HttpReply(http_error(400, "this is no request of HTTP/1.1"));
+        refusal ? HttpReply(*refusal, !head || head->method != "HEAD") : reply_to(*head);
     connection.send(reply);
   }
 
@@ -195,17 +210,26 @@ class HttpServer::Impl {
     }
   }
 
-  HttpAnswer answer_to(const HttpHead& head) {
+  // Before the body of a POST is read.
+  std::optional<HttpAnswer> refusal_of(const HttpHead& head) const {
     if (!is_wanted(head, host_))
       return http_error(403, "this server accepts only requests to " + url() +
                                  ", not those of other names or web pages");
     if (head.method == "POST") {
       if (!is_own_post(head))
         return http_error(403, "only this server's own page may ask for this");
-      if (has_body(head)) return http_error(400, "this server takes no request with a body");
+      const std::optional<std::uint64_t> bytes = body_bytes(head);
+      if (bytes == 0) return std::nullopt;
+      if (!bytes || !limits_.may_send_body || !limits_.may_send_body(head.request))
+        return http_error(400, "this server takes no request with such a body");
+      if (*bytes > limits_.body_bytes) return http_error(413, "this body is too long");
     } else if (head.method != "GET" && head.method != "HEAD") {
       return http_error(404, "there is nothing at this address");
     }
+    return std::nullopt;
+  }
+
+  HttpAnswer answer_to(const HttpHead& head) {
     const Turn turn(answers_);
     return ends_ ? http_error(500, "the server ends") : handler_(head.request);
   }

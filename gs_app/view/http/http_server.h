@@ -3,7 +3,7 @@
 // look at their own files: unless told otherwise it listens only to this machine, and it refuses
 // requests that another web page makes a browser send (DNS rebinding). Connections are few, each
 // brings one request, and slow ones end in time. A POST is taken of this server's own page alone, or
-// of a program that is no browser, and only without a body.
+// of a program that is no browser, and without a body unless HttpLimits says who may send one.
 #pragma once
 
 #include <cstdint>
@@ -24,6 +24,7 @@ struct HttpRequest {
   std::string client;  // its address
   std::string token;   // of a POST: the secret in its header X-Control-Token
   std::string range;   // of the bytes that are wanted, as its header has it: "bytes=0-65535"
+  std::string body;    // of a POST
 };
 
 struct HttpAnswer {
@@ -56,8 +57,11 @@ struct HttpLimits {
   /// takes nothing makes way for a new one.
   int connections = 32;
   std::size_t head_bytes = std::size_t(1) << 15;  // of a request: cookies may have some kilobytes
-  double head_seconds = 5;    // from the start of a connection to the end of its request's head
-  double piece_seconds = 30;  // in which a reader has to take 64 KiB
+  double head_seconds = 5;     // from the start of a connection to the end of its request's head
+  double piece_seconds = 30;   // in which a reader has to take 64 KiB, or a writer to send them
+  std::size_t body_bytes = 0;  // of a POST, at most
+  /// Whether the body of a POST is read; it is not called for what another page has sent.
+  std::function<bool(const HttpRequest&)> may_send_body;
 };
 
 /// Whether a server that listens at `host` accepts a request whose Host header is `named`, with or

@@ -56,6 +56,7 @@ std::vector<std::string> environment_with(const std::vector<std::string>& variab
 // All that the child needs between fork and exec, where it may not allocate memory.
 struct Start {
   const char* program;
+  const char* folder;
   char* const* arguments;
   char* const* environment;
   int output, trouble;  // `trouble`: a pipe that exec closes, or that gets the number of its error
@@ -82,7 +83,8 @@ struct Start {
   ::dup2(output, STDOUT_FILENO);
   ::dup2(output, STDERR_FILENO);
   if (nothing > STDERR_FILENO) ::close(nothing);
-  ::execve(start.program, start.arguments, start.environment);
+  if (*start.folder == '\0' || ::chdir(start.folder) == 0)
+    ::execve(start.program, start.arguments, start.environment);
   const int error = errno;
   [[maybe_unused]] const auto written = ::write(start.trouble, &error, sizeof error);
   ::_exit(kCannotStart);
@@ -255,8 +257,13 @@ pid_t start_child(const std::vector<std::string>& arguments, const ChildOptions&
   Descriptor trouble_of_child(ends[1]);
   Descriptor guard =
       options.is_detached ? Descriptor(-1) : start_guard(name, options.saves_on_term);
-  const Start start{program.c_str(), argument_pointers.data(), environment_pointers.data(),
-                    options.output,  trouble_of_child,         guard,
+  const Start start{program.c_str(),
+                    options.folder.c_str(),
+                    argument_pointers.data(),
+                    environment_pointers.data(),
+                    options.output,
+                    trouble_of_child,
+                    guard,
                     ::getpid()};
   const pid_t child = ::fork();
   if (child == 0) become(start);

@@ -56,6 +56,7 @@ struct ProcessEnd {
 struct ChildOptions {
   int output = -1;                          // descriptor of its output and errors; -1: none
   std::vector<std::string> variables = {};  // "NAME=value", added to the environment
+  std::filesystem::path folder = {};        // that it works in; empty: that of this program
   bool is_detached = false;                 // has a session of its own and outlives this program
   bool saves_on_term = false;               // takes its time to save its work after SIGTERM
 };

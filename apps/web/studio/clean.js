@@ -1,0 +1,166 @@
+// SPDX-License-Identifier: Apache-2.0
+// The screen "Clean": operations of `gemsplat edit`. Each one writes a new version; undo and redo go
+// from one to another, and nothing is overwritten.
+import {el, segmented} from '../shared/dom.js';
+import {bytes, whole} from '../shared/format.js';
+import {currentModel, modelAt, modelWords, noModel, viewOfModel} from './frame.js';
+import {button, isActive, jobList} from './jobs.js';
+
+// A value that a slider sets: label, the option for a value, and what it means.
+const SLIDERS = [
+  [
+    'Faint ones',
+    v => ['--drop', `opacity=..${v}`],
+    'drop Gaussians with less opacity than',
+    0.01,
+    0.5,
+    0.01,
+    0.05,
+  ],
+  [
+    'Large ones',
+    v => ['--drop', `size=${v}..`],
+    'drop Gaussians larger than, in world units',
+    0.01,
+    3,
+    0.01,
+    1,
+  ],
+  [
+    'Floaters',
+    v => ['--drop', `floaters=${v}`],
+    'drop what stands nearer to a camera than this share of the depth behind it',
+    0.05,
+    0.8,
+    0.05,
+    0.35,
+  ],
+  [
+    'Fewer',
+    v => ['--decimate', `${Math.round(v * 100)}%`],
+    'leave this share, merged',
+    0.05,
+    0.95,
+    0.05,
+    0.5,
+  ],
+];
+
+// The words of a job without its places: "--drop opacity=..0.05".
+const operationOf = words =>
+  words
+    .slice(2)
+    .filter((word, i, all) => !['-o', '-d'].includes(word) && !['-o', '-d'].includes(all[i - 1]))
+    .join(' ');
+
+export function showClean(app) {
+  const {details} = app,
+    current = currentModel(details);
+  if (!current) return noModel(app);
+  const view = viewOfModel(app, current);
+  const said = el('p.said', {'aria-live': 'polite'});
+  const isBusy = () => app.project.jobs.some(isActive);
+
+  const words = operation => ['edit', ...modelWords(details, current), ...operation];
+  const preview = async operation => {
+    said.textContent = 'counting …';
+    try {
+      const {steps} = await app.server.question(words(operation));
+      const {before} = steps[0],
+        {after} = steps.at(-1);
+      said.textContent = `${whole(after)} of ${whole(before)} Gaussians remain.`;
+    } catch (error) {
+      said.textContent = error.message;
+    }
+  };
+  const apply = operation =>
+    app.act(async server => {
+      if (isBusy()) throw new Error('Another job runs in this project; wait until it has ended.');
+      const {id} = await server.run([...words(operation), '-o', 'edits/{id}.ply']);
+      app.showWhenDone(id, `edits/${id}.ply`);
+    });
+  const regionOf = async () => {
+    const viewer = await view.viewer();
+    const operation = await viewer.crop();
+    if (!operation) throw new Error('This model is too large to be cropped here.');
+    return operation.split(' ');
+  };
+
+  const slider = ([label, option, meaning, min, max, step, value]) => {
+    const number = el('output', {}, String(value)),
+      id = `slide-${label}`;
+    const field = el('input', {
+      type: 'range',
+      id,
+      min,
+      max,
+      step,
+      value,
+      oninput: () => (number.textContent = field.value),
+      onchange: () => preview(option(Number(field.value))),
+    });
+    return el(
+      'div.operation',
+      {},
+      el('label', {for: id}, el('b', {}, label), ' ', number, el('small', {}, meaning)),
+      field,
+      el(
+        'div.buttons',
+        {},
+        button('Count', () => preview(option(Number(field.value)))),
+        button('Apply', () => apply(option(Number(field.value)))),
+      ),
+    );
+  };
+
+  const show = path => path && app.act(server => server.change({model: path}));
+  const before = modelAt(details, current).from,
+    after = details.models.filter(({from}) => from === current).at(-1)?.path;
+  const undo = button('Undo', () => show(before)),
+    redo = button('Redo', () => show(after));
+  undo.disabled = !before;
+  redo.disabled = !after;
+  app.keys = event => {
+    if (!(event.ctrlKey || event.metaKey) || event.key.toLowerCase() !== 'z') return;
+    event.preventDefault();
+    show(event.shiftKey ? after : before);
+  };
+  const versions = segmented(
+    'versions',
+    details.models.map(({path}) => [path, path]),
+    current,
+    show,
+  );
+  const list = jobList(app, ['edit'], ({words}) => operationOf(words));
+  return {
+    view,
+    side: el(
+      'div.side',
+      {},
+      el(
+        'section.card',
+        {},
+        el('div.job-head', {}, el('h2', {}, 'Versions'), el('div.buttons', {}, undo, redo)),
+        versions,
+        el('p.muted', {}, bytes(modelAt(details, current).bytes || null)),
+      ),
+      el(
+        'section.card',
+        {},
+        el('h2', {}, 'Crop'),
+        el('p.muted', {}, 'Drag the handles of the box or the sphere in the picture.'),
+        el(
+          'div.buttons',
+          {},
+          button('Show the region', async () => (await view.viewer()).openTool('Crop')),
+          button('Count', async () => preview(await regionOf().catch(app.fail))),
+          button('Apply', async () => apply(await regionOf())),
+        ),
+      ),
+      el('section.card', {}, el('h2', {}, 'Filters'), SLIDERS.map(slider)),
+      said,
+      list.node,
+    ),
+    update: list.update,
+  };
+}

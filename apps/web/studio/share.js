@@ -1,0 +1,108 @@
+// SPDX-License-Identifier: Apache-2.0
+// The screen "Share": the model in other formats, with size and measured loss, and a page of its own.
+import {el, table} from '../shared/dom.js';
+import {bytes, fixed} from '../shared/format.js';
+import {currentModel, modelWords, noModel} from './frame.js';
+import {button, jobList} from './jobs.js';
+
+// Ending, for whom.
+const FORMATS = [
+  ['html', 'a page that needs no server', true],
+  ['spz', 'small; phones, Niantic, Babylon.js', true],
+  ['sog', 'small; SuperSplat, PlayCanvas', true],
+  ['ply', 'everything; Blender, Unity, Unreal', true],
+  ['compressed.ply', 'a quarter of it; SuperSplat', false],
+  ['glb', 'glTF with Gaussians', false],
+  ['splat', 'old web viewers', false],
+  ['rad', 'levels of detail for streaming', false],
+  ['npz', 'NumPy', false],
+];
+
+const nameOf = file => file.split('/').pop();
+
+function outcomeTable(app, {files = []}) {
+  return table(
+    ['File', {text: 'Size', align: 'number'}, {text: 'Loss', align: 'number'}, ''],
+    files.map(({file, bytes: size, psnr}) => [
+      nameOf(file),
+      {text: bytes(size), align: 'number'},
+      {
+        text: psnr ? `${fixed(psnr, 1)} dB` : '–',
+        align: 'number',
+        title: 'PSNR of its pictures against those of the model; more is better',
+      },
+      el('a', {href: app.server.file(file), download: nameOf(file)}, 'Save'),
+    ]),
+    {label: 'exported files'},
+  );
+}
+
+export function showShare(app) {
+  const {details} = app,
+    current = currentModel(details);
+  if (!current) return noModel(app);
+  const boxes = FORMATS.map(([ending, words, isOn]) => {
+    const box = el('input', {type: 'checkbox', id: `format-${ending}`, checked: isOn});
+    return {
+      ending,
+      box,
+      node: el(
+        'label.format',
+        {for: box.id},
+        box,
+        el('span', {}, el('b', {}, `.${ending}`), el('small', {}, words)),
+      ),
+    };
+  });
+  const name = app.id.replaceAll(/[^\w-]+/g, '_');
+  const level = el('input', {type: 'checkbox', id: 'level'});
+  const write = () => {
+    const files = boxes
+      .filter(({box}) => box.checked)
+      .map(({ending}) => `share/{id}/${name}.${ending}`);
+    if (!files.length) return app.fail(new Error('Choose a format.'));
+    return app.act(async server => {
+      const words = modelWords(details, current);
+      if (!level.checked) return server.run(['export', current, ...files, ...words.slice(1)]);
+      const {id} = await server.run([
+        'edit',
+        ...words,
+        '--straighten',
+        '-o',
+        'share/{id}/level.ply',
+      ]);
+      return server.run(['export', `share/${id}/level.ply`, ...files]);
+    });
+  };
+  const list = jobList(
+    app,
+    ['export'],
+    job => `Export ${job.id}: ${job.words[1]}`,
+    outcome => outcomeTable(app, outcome),
+  );
+  return {
+    node: el(
+      'main',
+      {},
+      el(
+        'section.card',
+        {},
+        el('h2', {}, `Take ${current} along`),
+        el(
+          'div.formats',
+          {},
+          boxes.map(({node}) => node),
+        ),
+        el(
+          'label.field.check',
+          {for: 'level'},
+          level,
+          el('span', {}, 'turn it so that its floor is level, with its middle at the origin'),
+        ),
+        el('div.buttons', {}, button('Write these', write, 'primary')),
+      ),
+      list.node,
+    ),
+    update: list.update,
+  };
+}
