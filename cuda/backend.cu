@@ -315,7 +315,8 @@ class CudaBackend final : private Gpus, private StepLauncher, private Device, pu
     const OnDevice here(gpu.device());
     prefetch_after(step, i, gpu);
     const TrainingPhoto& photo = step.batch[i];
-    const RenderSettings& settings = rows.settings;
+    RenderSettings settings = rows.settings;
+    settings.mask = mask_of_tiles(gpu, photo, settings);
     const std::uint32_t number = step.number_of(i);
     steps_.reports().clear(number);
     LossSettings loss_settings = step.loss_settings;
@@ -347,6 +348,16 @@ class CudaBackend final : private Gpus, private StepLauncher, private Device, pu
     }
     blend_backward(gpu.context, settings, gradient_of_picture(gpu, photo, loss_settings, settings),
                    gpu.renderer.workspace(), gpu.pass);
+  }
+
+  // As the scalar train_step() sets it, where the photo needs no copy of its own for that.
+  static const std::uint8_t* mask_of_tiles(Gpu& gpu, const TrainingPhoto& photo,
+                                           const RenderSettings& settings) {
+    const View& view = *photo.view;
+    if (view.over_background || gpu.loss->sees_masked_pixels() ||
+        settings.fragment_statistic != FragmentStatistic::none || !gpu.photos.is_resident(view))
+      return nullptr;
+    return gpu.photos.photo(view, photo.reduction).mask;
   }
 
   // Starts to copy the photo that a GPU draws after photo i of a step, so that it arrives meanwhile.

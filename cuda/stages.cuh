@@ -91,13 +91,15 @@ struct Workspace {
   Buffer<FixedFragmentSums> fixed_fragment_sums;  // (N)  the same if deterministic, and of a score pass
   Buffer<float> pixel_values;             // (H, W)  of a score pass
   Buffer<std::uint32_t> value_range;      // (2)  bits of the lowest and the highest value
+  Buffer<std::uint8_t> drawn_tiles;       // (tiles)  0: RenderSettings::mask leaves the tile out
   Buffer<std::uint32_t> halted;           // (1)  1: too many instances; no update until cleared
 
   explicit Workspace(Memory& memory)
       : depth_keys(memory), rows(memory), visible_count(memory), taken_depth_keys(memory),
         first_of_order(memory), instance_buffer(memory), length_classes(memory), sort_scratch(memory),
         splat_gradients(memory), fine_sums(memory), coarse_sums(memory), fragment_sums(memory),
-        fixed_fragment_sums(memory), pixel_values(memory), value_range(memory), halted(memory) {}
+        fixed_fragment_sums(memory), pixel_values(memory), value_range(memory), drawn_tiles(memory),
+        halted(memory) {}
 };
 // clang-format on
 

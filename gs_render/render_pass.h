@@ -26,6 +26,9 @@ struct RenderSettings : SplatSettings {
   // backward's dL_dmean2d sums absolute values over pixels (Ye et al. 2024, AbsGS)
   bool absolute_gradient = false;
   FragmentStatistic fragment_statistic = FragmentStatistic::none;
+  // (H, W) in the renderer's memory: tiles whose pixels are all 0 have no list, and show the
+  // background. For callers who use no such pixel. null: all tiles are drawn
+  const std::uint8_t* mask = nullptr;
   bool blends_depth = false;  // also sum the depths of splats, into RenderPass::depth_image
   // How the CUDA backend blends; the scalar one ignores these.
   // where the GPU has them: exponents as matrix products, blend_gemm.cu
@@ -97,7 +100,7 @@ struct RenderPass {
   // 2 depth order and instances        V visible Gaussians, I instances
   Buffer<std::uint32_t> depth_order;    // (V)   visible Gaussians, near to far, equal depths by index
 
-  // 3 tile order                       each tile's instances, front to back
+  // 3 tile order                       each tile's instances, front to back; not those of masked tiles
   Buffer<std::uint32_t> tile_splats;    // (I)   their Gaussians (gaussian_of), sorted by tile, stable
   Buffer<std::uint32_t> tile_ranges;    // (tiles+1) tile t owns tile_splats[ranges[t] .. ranges[t+1])
 

@@ -20,7 +20,8 @@ struct ScalarScratch final : BackendScratch {
   // 2 instances                        in depth order of their Gaussians
   // (N)  where a visible Gaussian's instances begin; it has tile_counts of them
   Buffer<std::uint32_t> first_instance;
-  Buffer<std::uint32_t> instance_tiles;   // (I)  tile of each instance
+  Buffer<std::uint32_t>
+      instance_tiles;  // (I)  tile of each instance; of masked ones, the number of tiles
   Buffer<std::uint32_t> instance_splats;  // (I)  its Gaussian
   Buffer<std::uint32_t> sort_scratch;     // (V)  of the depth sort
 

@@ -27,6 +27,7 @@ class FunctionLoss final : public Loss {
   }
   double value() override { return own_.value ? own_.value() : value_; }
   bool sees_depth() const override { return own_.sees_depth; }
+  bool sees_masked_pixels() const override { return true; }
   void set_depth_gradient(PictureGradient& dL) const override {
     dL.alpha = dL_dalpha_.span();
     dL.depth = dL_ddepth_.span();

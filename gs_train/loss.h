@@ -83,6 +83,8 @@ class Loss {
   /// loss rests, and set_depth_gradient() gives what the last call has left.
   virtual bool sees_depth() const { return false; }
   virtual void set_depth_gradient(PictureGradient&) const {}
+  /// Whether pixels of the picture that the view's mask leaves out may change what it gives.
+  virtual bool sees_masked_pixels() const { return false; }
 };
 
 /// The loss of a function, whose gradients lie in `memory`.

@@ -6,6 +6,16 @@
 #include "gs_train/stages/scalar_stages.h"
 
 namespace gs {
+namespace {
+
+// Tiles that the loss does not see need not be drawn. What is counted of fragments is counted
+// everywhere, and a loss of the program sees the whole picture.
+bool skips_masked_tiles(const StepStages& on, const StepPhoto& photo) {
+  return photo.view->has_untrained_pixels() && !on.loss->sees_masked_pixels() &&
+         photo.settings.fragment_statistic == FragmentStatistic::none;
+}
+
+}  // namespace
 
 // The algorithm.   Kerbl et al. 2023, Eq. 3-7; Faster-GS, Sec. "Optimization"
 void train_step(StepStages& on, TrainingModel& model, const TrainingStep& step) {
@@ -13,6 +23,7 @@ void train_step(StepStages& on, TrainingModel& model, const TrainingStep& step) 
   on.begin(model, step);
   for (const TrainingPhoto& given : step.photos) {
     StepPhoto photo = on.load(model, given, step.loss, step.density.fragment_statistic());
+    if (skips_masked_tiles(on, photo)) photo.settings.mask = photo.view->mask.pixels.data();
     on.renderer->forward(gaussians, photo.camera, photo.settings, on.pass);     // 1-4
     for (const auto& term : on.terms) term->show(model, photo, on.pass);        // depth, gains
     on.loss->forward_backward(on.pass, *photo.view, photo.loss, on.dL_dimage);  // 5

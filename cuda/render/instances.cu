@@ -148,6 +148,31 @@ __global__ void __launch_bounds__(kThreads) create_instances_kernel(In in, Outpu
   }
 }
 
+constexpr int kMaskThreads = 256;
+
+// One block for each tile: whether it has a pixel of the mask above 0.
+__global__ void __launch_bounds__(kMaskThreads)
+    drawn_tiles_kernel(const std::uint8_t* mask, int width, int height, int tiles_x, int edge,
+                       std::uint8_t* is_drawn) {
+  const int left = int(blockIdx.x) % tiles_x * edge, top = int(blockIdx.x) / tiles_x * edge;
+  bool has_pixel = false;
+  for (int i = threadIdx.x; i < edge * edge; i += kMaskThreads) {
+    const int x = left + i % edge, y = top + i / edge;
+    has_pixel |= x < width && y < height && mask[std::size_t(y) * width + x] > 0;
+  }
+  has_pixel = __syncthreads_or(has_pixel);
+  if (threadIdx.x == 0) is_drawn[blockIdx.x] = has_pixel;
+}
+
+// The instances of the other tiles belong to no tile.
+template <class Key>
+__global__ void __launch_bounds__(kThreads)
+    leave_out_kernel(Key* keys, std::uint32_t capacity, std::uint32_t tiles,
+                     const std::uint8_t* is_drawn) {
+  const std::uint32_t i = blockIdx.x * kThreads + threadIdx.x;
+  if (i < capacity && keys[i] < tiles && !is_drawn[keys[i]]) keys[i] = Key(tiles);
+}
+
 __global__ void report_instances_kernel(Input<Splat, kTileWidth> in, StepReport* report,
                                         std::uint32_t step) {
   write_report(report, in.instances(), 0, step);
@@ -188,6 +213,12 @@ void create_instances(Context& context, const RenderSettings& settings, Workspac
   check_gaussian_count(pass);
   Buffer<Vec4f>& buffer = instance_buffer(settings, workspace, pass);
   reserve_instances(settings, buffer, pass, limit.capacity);
+  if (settings.mask) {
+    workspace.drawn_tiles.resize_discard(pass.tile_count());
+    context.launch("masked tiles", drawn_tiles_kernel, pass.tile_count(), kMaskThreads,
+                   settings.mask, pass.width, pass.height, pass.tiles_x, pass.tile_edge,
+                   workspace.drawn_tiles.data());
+  }
   with_tiles(pass, [&](auto edge, const auto* splats) {
     const auto in = input_of<edge()>(settings, workspace, pass, splats);
     const auto launch = [&](auto key) {
@@ -197,6 +228,9 @@ void create_instances(Context& context, const RenderSettings& settings, Workspac
       context.launch("instances", create_instances_kernel<Key, std::remove_const_t<decltype(in)>>,
                      blocks_for(limit.capacity, kPlacesPerWarp * (kThreads / kWarp)), kThreads, in,
                      out);
+      if (settings.mask)
+        context.launch("masked tiles", leave_out_kernel<Key>, blocks_for(limit.capacity, kThreads),
+                       kThreads, to.keys, limit.capacity, in.tiles, workspace.drawn_tiles.data());
     };
     if (uses_short_keys(pass))
       launch(std::uint16_t());

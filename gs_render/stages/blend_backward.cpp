@@ -212,6 +212,11 @@ void blend_backward(const RenderSettings& settings, const PictureGradient& dL, R
   scratch.instance_gradients.resize_discard(instances);
   scratch.absolute_gradients.resize_discard(settings.absolute_gradient ? instances : 0);
   scratch.fragment_sums.resize_discard(has_sums ? instances : 0);
+  if (pass.tile_splats.size() < instances) {  // those of masked tiles
+    scratch.instance_gradients.fill_zero();
+    scratch.absolute_gradients.fill_zero();
+    scratch.fragment_sums.fill_zero();
+  }
   if (!pass.ray_depths.empty()) return blend_backward_by_pixel(settings, dL, pass);
   tiles_for_statistic(settings)(settings, dL, pass);
 }

@@ -1,7 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 // Stage 2: the visible Gaussians near to far, and one instance for each pair of a Gaussian and a
 // tile that it hits.
+#include <algorithm>
 #include <limits>
+#include <vector>
 
 #include "gs_core/error.h"
 #include "gs_core/math/render/depth_key.h"
@@ -27,6 +29,19 @@ void order_by_depth(const RenderSettings& settings, RenderPass& pass) {
                     [&](std::uint32_t i) { return depth_key(keys, pass.splats[i].depth); });
 }
 
+/// Of each tile, whether it has a pixel of the mask above 0.
+std::vector<std::uint8_t> drawn_tiles(const std::uint8_t* mask, const RenderPass& pass) {
+  std::vector<std::uint8_t> is_drawn(pass.tile_count());
+  parallel_for(is_drawn.size(), 64, [&](std::size_t tile) {
+    const int left = int(tile % pass.tiles_x) * kTileWidth;
+    const int top = int(tile / pass.tiles_x) * kTileHeight;
+    for (int y = top; y < std::min(top + kTileHeight, pass.height); ++y)
+      for (int x = left; x < std::min(left + kTileWidth, pass.width); ++x)
+        is_drawn[tile] |= mask[std::size_t(y) * pass.width + x];
+  });
+  return is_drawn;
+}
+
 }  // namespace
 
 void create_instances(const RenderSettings& settings, RenderPass& pass) {
@@ -47,13 +62,17 @@ void create_instances(const RenderSettings& settings, RenderPass& pass) {
   scratch.instance_tiles.resize_discard(total);
   scratch.instance_splats.resize_discard(total);
 
+  std::vector<std::uint8_t> is_drawn;
+  if (settings.mask) is_drawn = drawn_tiles(settings.mask, pass);
   parallel_for(pass.depth_order.size(), 512, [&](std::size_t k) {
     const std::uint32_t gaussian = pass.depth_order[k];
     const Splat& splat = pass.splats[gaussian];
     std::uint32_t instance = scratch.first_instance[gaussian];
     for_each_hit_tile(splat.mean2d, splat.conic, tile_cutoff(settings.bounds, splat.cutoff),
                       pass.pixel_rects[gaussian], [&](int x, int y) {
-                        scratch.instance_tiles[instance] = std::uint32_t(y * pass.tiles_x + x);
+                        const std::size_t tile = std::size_t(y) * pass.tiles_x + x;
+                        scratch.instance_tiles[instance] = std::uint32_t(
+                            is_drawn.empty() || is_drawn[tile] ? tile : pass.tile_count());
                         scratch.instance_splats[instance] = gaussian;
                         ++instance;
                       });

@@ -196,6 +196,34 @@ TEST_F(CudaRender, TileListsOfLargePicturesAgree) {
   }
 }
 
+// Only the left half of the picture counts.
+TEST_F(CudaRender, MaskedTilesHaveNoList) {
+  for (const Scene& scene : scenes()) {
+    SCOPED_TRACE(scene.name);
+    const int width = scene.camera.width, height = scene.camera.height;
+    Image8 mask(width, height, 1, 0);
+    for (int y = 0; y < height; ++y)
+      for (int x = 0; x < width / 2; ++x) mask.at(x, y, 0) = 255;
+    Buffer<std::uint8_t> on_gpu(gpu().memory());
+    on_gpu.resize_discard(mask.pixels.size());
+    gpu().memory().upload(on_gpu.data(), mask.pixels.data(), mask.pixels.size());
+    Rendered r = render(scene.gaussians, scene.camera, scene.settings);
+    const std::vector<float> whole = r.gpu.image.download();
+    RenderSettings settings = scene.settings;
+    settings.mask = mask.pixels.data();
+    cpu().renderer().forward(scene.gaussians.span(), scene.camera, settings, r.cpu);
+    settings.mask = on_gpu.data();
+    gpu().renderer().forward(r.on_gpu.span(), scene.camera, settings, r.gpu);
+    expect_same_lists(r);
+    const auto lists = tile_lists(r.gpu);
+    for (std::size_t tile = 0; tile < lists.size(); ++tile)
+      if (int(tile % r.gpu.tiles_x) * kTileWidth >= width / 2) EXPECT_TRUE(lists[tile].empty());
+    const std::vector<float> masked = r.gpu.image.download();
+    for (std::size_t i = 0; i < whole.size(); ++i)
+      if (int(i % std::size_t(width)) < width / 2) ASSERT_EQ(masked[i], whole[i]) << i;
+  }
+}
+
 TEST_F(CudaRender, PicturesAgree) {
   for (const Scene& scene : scenes()) {
     SCOPED_TRACE(scene.name);

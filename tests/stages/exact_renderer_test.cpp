@@ -14,7 +14,7 @@ namespace gs {
 namespace {
 
 using Jet = ceres::Jet<double, 1>;
-constexpr int kWidth = 12, kHeight = 9;
+constexpr int kExactWidth = 12, kExactHeight = 9;
 constexpr InputShape kShapes[] = {{3, 0, false, false}, {2, 5, false, true},
                                   {1, 1, true, false},  {0, 40, false, false},
                                   {-1, 3, true, true},  {-1, 0, false, false}};
@@ -123,9 +123,9 @@ TEST(ExactRenderer, EveryInputHasTheSlopeOfJetsAndOfDualNumbers) {
       settings.splat.antialias = shape.antialias;
       settings.splat.antialias_detach = false;
       settings.splat.blur = shape.channels > 0 ? 0.5f : 0;
-      const ExactInputs<double> in = draw_inputs(random, shape, 30, kWidth, kHeight);
+      const ExactInputs<double> in = draw_inputs(random, shape, 30, kExactWidth, kExactHeight);
       const ExactPicture<double> dL =
-          draw_picture_gradient(random, shape.channels, kWidth, kHeight);
+          draw_picture_gradient(random, shape.channels, kExactWidth, kExactHeight);
       const ExactInputs<double> gradient =
           as_inputs(exact_gradients(in.gaussians, in.view, settings, dL));
       for (const char* name : kNames) {
@@ -154,13 +154,14 @@ TEST(ExactRenderer, EveryInputHasTheSlopeOfJetsAndOfDualNumbers) {
 
 TEST(ExactRenderer, TheProjectedMeanHasTheSlopeOfThePrincipalPoint) {
   TestRandom random;
-  ExactInputs<double> in = draw_inputs(random, {-1, 0, false, false}, 20, kWidth, kHeight);
+  ExactInputs<double> in =
+      draw_inputs(random, {-1, 0, false, false}, 20, kExactWidth, kExactHeight);
   // So wide that all are inside the limits of the Jacobian, and the principal point moves means alone.
   in.view.camera.fx = in.view.camera.fy = 6;
   ExactSettings settings;
   settings.is_smooth = true;
   ExactPicture<double> dL;
-  for (int i = 0; i < kWidth * kHeight; ++i) dL.image.push_back(random.uniform3(-1, 1));
+  for (int i = 0; i < kExactWidth * kExactHeight; ++i) dL.image.push_back(random.uniform3(-1, 1));
   const ExactGradients gradients = exact_gradients(in.gaussians, in.view, settings, dL);
   Vec2<double> sum{0, 0};
   for (const Vec2<double>& of_row : gradients.screen) sum += of_row;
@@ -243,10 +244,11 @@ TEST(ExactRenderer, FootprintsAreThoseOfTheStages) {
 // Without clamps and ends, a finite step sees no jump.
 TEST(ExactRenderer, ASmoothPictureHasTheSlopeOfFiniteDifferences) {
   TestRandom random;
-  const ExactInputs<double> in = draw_inputs(random, {2, 2, false, false}, 8, kWidth, kHeight);
+  const ExactInputs<double> in =
+      draw_inputs(random, {2, 2, false, false}, 8, kExactWidth, kExactHeight);
   ExactSettings settings;
   settings.is_smooth = true;
-  const ExactPicture<double> dL = draw_picture_gradient(random, 2, kWidth, kHeight);
+  const ExactPicture<double> dL = draw_picture_gradient(random, 2, kExactWidth, kExactHeight);
   const ExactGradients gradients = exact_gradients(in.gaussians, in.view, settings, dL);
   constexpr double kStep = 1e-5;
   for (std::size_t i = 0; i < in.gaussians.count(); ++i) {
@@ -275,7 +277,7 @@ TEST(ExactRenderer, NothingVisibleShowsTheBackground) {
 
 TEST(ExactRenderer, ArraysThatDisagreeAreRefused) {
   TestRandom random;
-  ExactInputs<double> in = draw_inputs(random, {-1, 2, false, false}, 4, kWidth, kHeight);
+  ExactInputs<double> in = draw_inputs(random, {-1, 2, false, false}, 4, kExactWidth, kExactHeight);
   const ExactPicture<double> whole = exact_picture(in.gaussians, in.view, {});
   ExactPicture<double> dL;
   dL.alpha.assign(7, 1);
