@@ -76,7 +76,9 @@ Features features_of(std::size_t devices, const Process& process) {
   return {names_of(kLosses),
           {kNoPhotometricModel, kGainsModel},
           process.count > 1,
-          devices == 1 && process.count == 1};
+          devices == 1 && process.count == 1,
+          devices == 1 && process.count == 1,
+          false};
 }
 
 class CudaBackend final : private Gpus, private StepLauncher, private Device, public Backend {
@@ -297,6 +299,7 @@ class CudaBackend final : private Gpus, private StepLauncher, private Device, pu
       settings.fragment_statistic = step.density.fragment_statistic();
       settings.blends_depth = first().loss->sees_depth() ||
                               (step.loss_settings.depth_weight > 0 && photo.view->has_depth_map);
+      settings.blends_surface = step.loss_settings.surface.any();
       const DevicePose* const pose = row ? poses_.refine(*row, i) : nullptr;
       Gpu& gpu = drawer_of(i);
       const OnDevice here(gpu.device());
@@ -339,6 +342,8 @@ class CudaBackend final : private Gpus, private StepLauncher, private Device, pu
       gpu.renderer.finish_projected(settings, gpu.pass,
                                     steps_.forecast().capacity_for(photo, model_->count()), report,
                                     number);
+    if (settings.blends_surface)
+      blend_surface(gpu.context, model_->gaussians.span(), rows.camera, settings, gpu.pass);
     try {
       gpu.loss->forward_backward(gpu.pass, *photo.view, loss_settings, gpu.dL_dimage);
     } catch (...) {
@@ -348,6 +353,27 @@ class CudaBackend final : private Gpus, private StepLauncher, private Device, pu
     }
     blend_backward(gpu.context, settings, gradient_of_picture(gpu, photo, loss_settings, settings),
                    gpu.renderer.workspace(), gpu.pass);
+    if (settings.blends_surface) compare_surface(step, i, rows, settings, gpu);
+  }
+
+  // The surface terms of photo i, which the loss has asked for. One GPU trains with them.
+  void compare_surface(const PendingStep& step, std::size_t i, const PhotoRows& rows,
+                       const RenderSettings& settings, Gpu& gpu) {
+    const TrainingPhoto& photo = step.batch[i];
+    const SurfaceWeights& weights = step.loss_settings.surface;
+    std::optional<Camera> neighbor;
+    gpu.surface.take_photo(gpu.context, rows.camera, gpu.photos.last());
+    if (photo.neighbor && weights.photo > 0) {
+      neighbor = reduced(photo.neighbor->camera, photo.reduction);
+      gpu.surface.take_neighbor(gpu.context, *neighbor,
+                                gpu.photos.photo(*photo.neighbor, photo.reduction));
+    }
+    const Span<const SurfaceRow> dL =
+        gpu.surface.compare(gpu.context, rows.camera, neighbor ? &*neighbor : nullptr, weights,
+                            photo.patch_phase, gpu.pass);
+    surface_backward(gpu.context, model_->gaussians.span(), rows.camera, settings, dL,
+                     1.0f / float(step.batch.size()), i == 0, gpu.halted(),
+                     gpu.renderer.workspace(), gpu.pass);
   }
 
   // As the scalar train_step() sets it, where the photo needs no copy of its own for that.
@@ -428,7 +454,9 @@ class CudaBackend final : private Gpus, private StepLauncher, private Device, pu
       for (std::size_t i = 0; i < photos.size; ++i)
         add_camera_blocks(gpu.context, rows.gaussians.span(), photos[i], poses_.sums_of_blocks(i),
                           gpu.place);
-    update_by_photos(gpu.context, rows, photos, step, gpu.halted(), gpu.place);
+    const bool has_surface = photos[0].settings.blends_surface;
+    update_by_photos(gpu.context, rows, photos, step, gpu.halted(), gpu.place,
+                     has_surface ? gpu.renderer.workspace().shape_gradients.data() : nullptr);
     if (step.density.noise.scale > 0)
       add_position_noise(gpu.context, rows.gaussians.span(), step.density.noise, step.position_rate,
                          gpu.halted(), gpu.place);

@@ -89,6 +89,9 @@ struct Workspace {
   // For scores that sum over fragments; empty without one, and where they are among the gradients
   Buffer<Vec4f> fragment_sums;            // (N)  count, first, second; zero between steps
   Buffer<FixedFragmentSums> fixed_fragment_sums;  // (N)  the same if deterministic, and of a score pass
+  // Of steps with surface terms: dL/d(surface_rows), and what they make of the parameters.
+  Buffer<SurfaceRow> surface_gradients;           // (N)
+  Buffer<GaussianShape<float>> shape_gradients;   // (N)
   Buffer<float> pixel_values;             // (H, W)  of a score pass
   Buffer<std::uint32_t> value_range;      // (2)  bits of the lowest and the highest value
   Buffer<std::uint8_t> drawn_tiles;       // (tiles)  0: RenderSettings::mask leaves the tile out
@@ -98,7 +101,7 @@ struct Workspace {
       : depth_keys(memory), rows(memory), visible_count(memory), taken_depth_keys(memory),
         first_of_order(memory), instance_buffer(memory), length_classes(memory), sort_scratch(memory),
         splat_gradients(memory), fine_sums(memory), coarse_sums(memory), fragment_sums(memory),
-        fixed_fragment_sums(memory), pixel_values(memory), value_range(memory), drawn_tiles(memory),
+        fixed_fragment_sums(memory), surface_gradients(memory), shape_gradients(memory), pixel_values(memory), value_range(memory), drawn_tiles(memory),
         halted(memory) {}
 };
 // clang-format on
@@ -290,10 +293,11 @@ void blend_backward(Context& context, const RenderSettings& settings, const Pict
 
 /// True where the sums over fragments of the score "force" find room in
 /// Workspace::splat_gradients, and stage 7 adds them to the statistics. Photos with a depth map have
-/// sums of their own, so that there are fewer kernels.
+/// sums of their own, so that there are fewer kernels; and so have surfaces, whose gradients by the
+/// opacity are added to the same numbers.
 inline bool sums_among_gradients(const RenderSettings& settings) {
   return StepSums{settings.fragment_statistic == FragmentStatistic::force, settings.deterministic,
-                  settings.absolute_gradient, settings.blends_depth}
+                  settings.absolute_gradient, settings.blends_depth || settings.blends_surface}
       .forces_among_gradients();
 }
 /// From a photo's forces by the mean loss to those by its sum.
@@ -315,10 +319,35 @@ void gather_fragment_sums(Context& context, const PhotoRows& photo, Span<Fragmen
 void add_fragment_sums(Context& context, Span<FragmentSums> to, Span<FragmentSums> from,
                        const std::uint32_t* halted);
 
-/// 7  preprocess_backward.cu: from dL/d(splat) to the gradients of the parameters. Clears
-/// photo.gradients.
+/// After 4  operator/blend_features.cu: features of a picture whose colors have been blended for a
+/// backward pass, (H, W, channels).
+void blend_features(Context& context, const RenderSettings& settings, const RenderPass& pass,
+                    const OperatorInput& input, float* to);
+/// After 6  operator/blend_features.cu: adds to workspace.splat_gradients, and to the gradient by the
+/// features (N, channels), where it is not null.
+void blend_features_backward(Context& context, const RenderSettings& settings,
+                             const RenderPass& pass, const OperatorInput& input,
+                             const OperatorPictureGradient& dL, const std::uint32_t* overflowed,
+                             Workspace& workspace, float* to);
+
+/// After 4  gradients/surface.cu: finds the surfaces of visible Gaussians, and sums them over the
+/// fragments of each pixel, into pass.surface_image.
+void blend_surface(Context& context, const GaussiansSpan& gaussians, const Camera& camera,
+                   const RenderSettings& settings, RenderPass& pass);
+/// After 6  gradients/surface.cu: adds what dL/d(surface_image) makes of each splat to
+/// workspace.splat_gradients, and pulls the rest back to workspace.shape_gradients, times `weight`:
+/// to what is there or, for the first photo of a step, in its place. Nothing is defined while
+/// `halted`, which may be null, is raised.
+void surface_backward(Context& context, const GaussiansSpan& gaussians, const Camera& camera,
+                      const RenderSettings& settings, Span<const SurfaceRow> dL, float weight,
+                      bool is_first, const std::uint32_t* halted, Workspace& workspace,
+                      const RenderPass& pass);
+
+/// 7  preprocess_backward.cu: from dL/d(splat) to the gradients of the parameters, with
+/// `shape_gradients` (N), which may be null, beside them. Clears photo.gradients.
 void preprocess_backward(Context& context, const GaussiansSpan& gaussians, const PhotoRows& photo,
-                         const GaussiansSpan& gradients, Span<Vec2f> dL_dmean2d);
+                         const GaussiansSpan& gradients, Span<Vec2f> dL_dmean2d,
+                         const GaussianShape<float>* shape_gradients = nullptr);
 
 /// Before 7, for runs that refine poses  camera_gradient.cu: the gradient by the camera, added up over
 /// the Gaussians in an order that is always the same. First each GPU adds up blocks of its rows,
@@ -339,9 +368,12 @@ std::size_t camera_blocks(std::size_t rows);
 /// parameter is stored. Gradients of the photos are cleared. Invisible rows are updated, too; SH
 /// coefficients beyond the degree of the last photo stay. Nothing is updated while `halted` is
 /// raised. add_position_noise() adds the noise that update.density asks for.
+///
+/// shape_gradients  (N)  of surface terms, added to the mean of the photos' gradients; may be null
 void update_by_photos(Context& context, TrainingModel& model, Span<const PhotoRows> photos,
                       const ModelUpdate& update, const std::uint32_t* halted,
-                      const Shard& shard = {});
+                      const Shard& shard = {},
+                      const GaussianShape<float>* shape_gradients = nullptr);
 
 /// An addition of the MCMC strategy to 8  langevin.cu: noise on the means after Adam. None is added
 /// while `halted` is raised.

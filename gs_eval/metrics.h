@@ -91,6 +91,7 @@ struct Evaluation {
   std::optional<PictureMetrics> photometric, corrected;              // the same
   std::optional<PanoramaMetrics> panorama;                           // mean over the panoramas
   std::optional<double> depth_error;        // mean over the views that have one
+  std::optional<double> normal_angle;       // degrees (normal_angle.h)
   std::optional<LpipsSource> lpips_source;  // where LPIPS was measured
 };
 

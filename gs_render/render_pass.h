@@ -10,6 +10,7 @@
 #include "gs_core/math/render/blend.h"
 #include "gs_core/math/render/ray_depth.h"
 #include "gs_core/math/render/splat.h"
+#include "gs_core/math/render/surface.h"
 
 namespace gs {
 
@@ -30,6 +31,9 @@ struct RenderSettings : SplatSettings {
   // background. For callers who use no such pixel. null: all tiles are drawn
   const std::uint8_t* mask = nullptr;
   bool blends_depth = false;  // also sum the depths of splats, into RenderPass::depth_image
+  // Also sum the surfaces of splats, into RenderPass::surface_image. For Gaussians without time,
+  // cameras without a lens, and the order by depth.
+  bool blends_surface = false;
   // How the CUDA backend blends; the scalar one ignores these.
   // where the GPU has them: exponents as matrix products, blend_gemm.cu
   bool use_tensor_cores = true;
@@ -69,9 +73,10 @@ struct BackendScratch {
 
 /// dL by a picture. That by the image alone may be given as its Span.
 struct PictureGradient {
-  Span<const float> image;  // (3, H, W)
-  Span<const float> alpha;  // (H, W)  by 1 - transmittance; empty: zeros
-  Span<const float> depth;  // (H, W)  by RenderPass::depth_image; empty: zeros
+  Span<const float> image;         // (3, H, W)
+  Span<const float> alpha;         // (H, W)  by 1 - transmittance; empty: zeros
+  Span<const float> depth;         // (H, W)  by RenderPass::depth_image; empty: zeros
+  Span<const SurfaceRow> surface;  // (H, W)  by RenderPass::surface_image; empty: zeros
 
   PictureGradient() = default;
   PictureGradient(Span<float> image_) : image(image_) {}
@@ -110,11 +115,14 @@ struct RenderPass {
   Buffer<float> depth_image;            // (H, W)    sum of weights times Splat::depth; only if blends_depth
   Buffer<std::uint32_t> last_instance;  // (H, W)    1 + position in its tile's list of the last blended; 0 = none.
                                         //           In the order by pixel how many were blended
+  Buffer<SurfaceRow> surface_rows;      // (N)       of visible Gaussians; only if blends_surface
+  Buffer<SurfaceRow> surface_image;     // (H, W)    sum of weights times rows; only if blends_surface
 
   explicit RenderPass(Memory& memory = host_memory())
       : splats(memory), pixel_rects(memory), tile_counts(memory), ray_depths(memory),
         depth_order(memory), tile_splats(memory), tile_ranges(memory), image(memory),
-        transmittance(memory), depth_image(memory), last_instance(memory) {}
+        transmittance(memory), depth_image(memory), last_instance(memory), surface_rows(memory),
+        surface_image(memory) {}
 
   /// The scratch of one backend, made when it is first asked for.
   template <class Scratch>

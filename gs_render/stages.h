@@ -36,11 +36,12 @@ struct ScalarScratch final : BackendScratch {
   Buffer<Vec2f> absolute_gradients;
   // (I)  each instance's share; only with a fragment_statistic, and after blend_values()
   Buffer<FragmentSums> fragment_sums;
+  Buffer<SurfaceRow> surface_gradients;  // (I)  each instance's share; only of surfaces
 
   explicit ScalarScratch(Memory& memory)
       : first_instance(memory), instance_tiles(memory), instance_splats(memory),
         sort_scratch(memory), tile_instances(memory), instance_gradients(memory),
-        absolute_gradients(memory), fragment_sums(memory) {}
+        absolute_gradients(memory), fragment_sums(memory), surface_gradients(memory) {}
 };
 
 /// 1  Activate, cull, project, color: one splat per Gaussian, and how many tiles it hits.
@@ -62,6 +63,19 @@ void blend_backward(const RenderSettings& settings, const PictureGradient& dL, R
 /// After 4, in a score pass: sums values of the pixels, (H, W), over the fragments of each instance
 /// (FragmentSums); fragment_sums_of() has those of a Gaussian.
 void blend_values(const RenderSettings& settings, Span<const float> values, RenderPass& pass);
+
+/// After 4  blend_surface.cpp: finds the surfaces of visible Gaussians, and sums them over the
+/// fragments of each pixel. Does nothing unless settings.blends_surface.
+void blend_surface(const GaussiansSpan& gaussians, const Camera& camera,
+                   const RenderSettings& settings, RenderPass& pass);
+/// After 6  blend_surface.cpp: adds what dL/d(surface_image) makes of each instance to its gradient,
+/// and keeps dL/d(surface_rows) for surface_backward().
+void blend_surface_backward(const RenderSettings& settings, Span<const SurfaceRow> dL,
+                            RenderPass& pass);
+/// After 7  blend_surface.cpp: pulls dL/d(surface_rows) back, and adds it to the gradients.
+void surface_backward(const GaussiansSpan& gaussians, const Camera& camera,
+                      const RenderSettings& settings, const RenderPass& pass,
+                      const GaussiansSpan& gradients);
 
 /// 7  Sum each splat's instances and pull the gradient back to the stored parameters.
 void preprocess_backward(const GaussiansSpan& gaussians, const Camera& camera,

@@ -15,7 +15,9 @@ struct Features {
   // Other processes take the same steps of the same model. This one cannot go back or take other
   // steps than they do.
   bool is_shared = false;
-  bool draws_by_pixel = true;  // render.order = "pixel"
+  bool draws_by_pixel = true;    // render.order = "pixel"
+  bool trains_surfaces = true;   // settings of surface
+  bool repeats_surfaces = true;  // the same with train.deterministic
 };
 
 /// Throws UsageError where the config asks for what a backend does not have. `name` is that of its

@@ -18,6 +18,7 @@
 
 #include "gs_core/buffer.h"
 #include "gs_core/math/loss/area_filter.h"
+#include "gs_core/math/loss/surface_loss.h"
 #include "gs_core/scene.h"
 #include "gs_render/render_pass.h"
 #include "gs_train/photometric/appearance.h"
@@ -32,6 +33,8 @@ struct LossSettings {
   // Weight of the depth loss (stages/depth_loss.cpp), for photos with a depth map; a backend adds
   // it to any loss. 0: maps teach nothing.
   float depth_weight = 0;
+  // Of the surface terms (stages/surface_loss.cpp), which a backend adds to any loss as well.
+  SurfaceWeights surface = {};
   // For devices that keep photos of their own: the picture is compared with the view's photo reduced
   // so many times. On the CPU the view is reduced already.
   int photo_reduction = 1;

@@ -38,7 +38,9 @@ Schedule::Schedule(const Config& config, const GrowthMethod& method, float scene
       rates_(config.optimizer), batch_rates_(config.train.batch_rates),
       photometric_rate_(config.photometric.rate),
       pose_rate_(config.poses.refine ? config.poses.rate : 0),
-      depth_weight_(config.loss.depth_weight), extent_(scene_extent) {
+      depth_weight_(config.loss.depth_weight), surface_weights_{config.surface.normal_weight,
+                                                                config.surface.photo_weight},
+      extent_(scene_extent) {
   steps_ =
       std::max(1, int(std::lround(double(config.train.iterations) * config.train.steps_scaler)));
   extra_steps_ = config.train.extra_steps;
@@ -53,6 +55,7 @@ Schedule::Schedule(const Config& config, const GrowthMethod& method, float scene
   ramp_every_ = scaled(config.train.resolution_every);
   photometric_warmup_ = scaled(kPhotometricWarmup);
   pose_warmup_ = scaled(kPoseWarmup);
+  surface_from_ = scaled(config.surface.from_step);
   decay_from_ =
       std::min(method_.waits_for_whole_photos ? int(ramp_.size()) * ramp_every_ : 0, steps_ - 1);
   cooldown_from_ = std::min(scaled_or_none(rates_.cooldown_from), steps_ - 1);
@@ -126,6 +129,10 @@ float Schedule::depth_weight(int step) const {
   if (!(depth_weight_ > 0)) return 0;
   const double t = share_done(step, 0, steps_);
   return float(depth_weight_ * std::pow(kDepthWeightFinal, t));
+}
+
+SurfaceWeights Schedule::surface_weights(int step) const {
+  return step >= surface_from_ ? surface_weights_ : SurfaceWeights{};
 }
 
 bool Schedule::recovers_from_reset(int step) const {

@@ -7,6 +7,7 @@
 #include "gs_core/camera.h"
 #include "gs_core/config/config.h"
 #include "gs_core/density/growth_method.h"
+#include "gs_core/math/loss/surface_loss.h"
 #include "gs_train/update.h"
 
 namespace gs {
@@ -38,6 +39,7 @@ class Schedule {
   float pose_rate(int step) const;
   /// Weight of the depth loss.
   float depth_weight(int step) const;
+  SurfaceWeights surface_weights(int step) const;
   /// The factor by which the photo of this camera is reduced in the step; 1: it is not.
   int photo_reduction(int step, const Camera& camera) const;
   bool refine(int step) const;  // clone, split, prune; not where a share is pruned
@@ -97,6 +99,8 @@ class Schedule {
   float pose_rate_;
   double depth_weight_;
   int pose_warmup_;
+  SurfaceWeights surface_weights_;
+  int surface_from_;
   float extent_;
 };
 

@@ -33,6 +33,9 @@ struct TrainingPhoto {
   RenderSettings settings;
   int reduction = 1;          // camera and photo are reduced so many times (math/area_filter.h)
   std::size_t photo_row = 0;  // of TrainingModel::photometric and poses
+  // With a loss of photos (SurfaceWeights): a photo beside it, reduced as often; null: it has none.
+  const View* neighbor = nullptr;
+  int patch_phase = 0;  // which pixels have patches; below kPatchStride^2
 };
 
 /// One step. What the spans point to outlives the call that takes it.

@@ -8,6 +8,7 @@
 
 #include "cuda/gpus/shard.h"
 #include "cuda/photo_terms/depth.cuh"
+#include "cuda/photo_terms/surface.cuh"
 #include "cuda/render/renderer.cuh"
 #include "cuda/step/photo_rows.cuh"
 #include "gs_train/training_model.h"
@@ -94,6 +95,7 @@ struct Gpu {
   Buffer<float> dL_dimage;
   DepthMaps depth_maps;
   DepthStage depth;
+  SurfaceStage surface;
   // The shard of one of several GPUs. A GPU that is alone trains the model itself, and these are
   // empty.
   TrainingModel shard;

@@ -62,7 +62,7 @@ void copy_rows(Way way, const Gpu& gpu, const TrainingModel& model) {
 Gpu::Gpu(int device, Streams& streams)
     : context(device), memory(context, streams), photos(context, memory), renderer(context, memory),
       pass(memory), photo_buffers(memory), dL_dimage(memory), depth_maps(memory), depth(memory),
-      shard(memory) {
+      surface(memory), shard(memory) {
   streams.add(context);
   check(cudaEventCreateWithFlags(&launched, cudaEventDisableTiming), "making an event");
 }
@@ -89,6 +89,7 @@ void Gpu::release_caches() {
   photo_buffers.release();
   dL_dimage.release();
   depth.release();
+  surface.release();
 }
 
 Gpus::Gpus(const std::vector<int>& devices) {

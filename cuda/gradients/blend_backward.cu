@@ -179,7 +179,8 @@ void blend_backward(Context& context, const RenderSettings& settings, const Pict
   };
   const bool with_depth = !dL.depth.empty();
   // Forces that are not among the gradients are in sums of their own, beside absolute gradients.
-  with_constant(settings.absolute_gradient || (with_forces && settings.blends_depth),
+  with_constant(settings.absolute_gradient ||
+                    (with_forces && (settings.blends_depth || settings.blends_surface)),
                 [&](auto absolute) {
                   with_constant(with_depth, [&](auto depth) { launch_as_asked(absolute, depth); });
                 });

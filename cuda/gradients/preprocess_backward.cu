@@ -77,6 +77,7 @@ struct Input {
   SplatGradientSum* sums;            // (N)
   Shard shard;                       // the three arrays above have the rows of the whole model
   const float* filter_scale;         // (count)  null without a 3D filter
+  const GaussianShape<float>* shape_gradients;  // (count)  null without surface terms
 };
 
 // The least blocks of a multiprocessor, a quarter of them on each of its parts. Shared memory has
@@ -139,6 +140,7 @@ __global__ void __launch_bounds__(kWarp,
     gradient.set(Quantity::mean, gradient.vector(Quantity::mean) + by_color);
   }
   if (is_visible) gradient.set(Quantity::sh0, float(kSh0) * dL_dsplat.color);
+  if (in.shape_gradients && is_row) gradient.add(in.shape_gradients[i]);
   target.regularize(row, gradient);
   if (is_row) target.note(i, statistics, by_mean2d, is_visible);
   __syncwarp();
@@ -149,10 +151,11 @@ __global__ void __launch_bounds__(kWarp,
 
 template <class Target>
 void launch(Context& context, const GaussiansSpan& gaussians, const PhotoRows& photo,
-            const Target& target, const Shard& shard = {}) {
-  const Input in{gaussians.mean.size,        photo.camera, photo.pose,      photo.settings,
-                 photo.tile_counts,          photo.splats, photo.gradients, shard,
-                 gaussians.filter_scale.data};
+            const Target& target, const GaussianShape<float>* shape_gradients,
+            const Shard& shard = {}) {
+  const Input in{gaussians.mean.size,         photo.camera,   photo.pose,      photo.settings,
+                 photo.tile_counts,           photo.splats,   photo.gradients, shard,
+                 gaussians.filter_scale.data, shape_gradients};
   with_form(photo.settings.sh_degree, gaussians, photo.camera.has_lens(),
             [&](auto degree, auto time, auto lens) {
               context.launch("preprocess backward",
@@ -164,7 +167,8 @@ void launch(Context& context, const GaussiansSpan& gaussians, const PhotoRows& p
 }  // namespace
 
 void preprocess_backward(Context& context, const GaussiansSpan& gaussians, const PhotoRows& photo,
-                         const GaussiansSpan& gradients, Span<Vec2f> dL_dmean2d) {
+                         const GaussiansSpan& gradients, Span<Vec2f> dL_dmean2d,
+                         const GaussianShape<float>* shape_gradients) {
   const StageScope scope(context, "preprocess backward");
   if (photo.settings.sh_degree < kMaxShDegree && gradients.sh_rest.size)  // those not in use
     check(cudaMemsetAsync(gradients.sh_rest.data, 0, gradients.sh_rest.size * sizeof(ShRest),
@@ -177,14 +181,16 @@ void preprocess_backward(Context& context, const GaussiansSpan& gaussians, const
         target.of[quantity++] = {numbers_of(rows), numbers_of(to)};
       },
       gaussians, gradients);
-  launch(context, gaussians, photo, target);
+  launch(context, gaussians, photo, target, shape_gradients);
 }
 
 void update_by_photo(Context& context, TrainingModel& model, const PhotoRows& photo,
-                     const ModelUpdate& update, const std::uint32_t* halted, const Shard& shard) {
-  with_update(
-      model, update, photo, sums_among_gradients(photo.settings), halted, shard,
-      [&](const auto& target) { launch(context, model.gaussians.span(), photo, target, shard); });
+                     const ModelUpdate& update, const std::uint32_t* halted, const Shard& shard,
+                     const GaussianShape<float>* shape_gradients) {
+  with_update(model, update, photo, sums_among_gradients(photo.settings), halted, shard,
+              [&](const auto& target) {
+                launch(context, model.gaussians.span(), photo, target, shape_gradients, shard);
+              });
 }
 
 }  // namespace gs::cuda

@@ -123,6 +123,7 @@ void with_update(const TrainingModel& model, const ModelUpdate& update, const Ph
 
 /// update_by_photos() for one photo  preprocess_backward.cu.
 void update_by_photo(Context& context, TrainingModel& model, const PhotoRows& photo,
-                     const ModelUpdate& update, const std::uint32_t* halted, const Shard& shard);
+                     const ModelUpdate& update, const std::uint32_t* halted, const Shard& shard,
+                     const GaussianShape<float>* shape_gradients);
 
 }  // namespace gs::cuda

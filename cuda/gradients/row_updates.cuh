@@ -96,6 +96,12 @@ struct Row {
     set(Quantity::time_mean, shape.time_mean);
     set(Quantity::log_time_scale, shape.log_time_scale);
   }
+  __device__ void add(const GaussianShape<float>& shape) {
+    set(Quantity::mean, vector(Quantity::mean) + shape.mean);
+    set(Quantity::log_scale, vector(Quantity::log_scale) + shape.log_scale);
+    const Quatf q = quaternion(Quantity::rotation), r = shape.rotation;
+    set(Quantity::rotation, Quatf{q.w + r.w, q.x + r.x, q.y + r.y, q.z + r.z});
+  }
   __device__ void take(const GaussianGradient<float>& gradient) {
     set(Quantity::mean, gradient.mean);
     set(Quantity::log_scale, gradient.log_scale);

@@ -32,7 +32,8 @@ struct BatchInput {
   PhotoInput of[kMostBatch];
   float weight;  // of a photo's gradients
   Shard shard;
-  const float* filter_scale;  // (count)  null without a 3D filter
+  const float* filter_scale;                    // (count)  null without a 3D filter
+  const GaussianShape<float>* shape_gradients;  // (count)  null without surface terms
 };
 
 template <class Stored, bool has_time>
@@ -197,6 +198,7 @@ __global__ void __launch_bounds__(kWarp, kBlocks)
   }
   if (is_halted) return;
 
+  if (in.shape_gradients && is_row) sum.gradient.add(in.shape_gradients[i]);
   target.regularize(row, sum.gradient);
   if (is_row) target.note_all(i, before, sum.visits, sum.gradient_norm);
   for (int k = 0; k < kShNumbersInUse<degree>; ++k)
@@ -211,14 +213,21 @@ __global__ void __launch_bounds__(kWarp, kBlocks)
 }  // namespace
 
 void update_by_photos(Context& context, TrainingModel& model, Span<const PhotoRows> photos,
-                      const ModelUpdate& update, const std::uint32_t* halted, const Shard& shard) {
+                      const ModelUpdate& update, const std::uint32_t* halted, const Shard& shard,
+                      const GaussianShape<float>* shape_gradients) {
   const StageScope scope(context, "preprocess backward, Adam");
   GS_CHECK(photos.size >= 1 && photos.size <= std::size_t(kMostBatch));
-  if (photos.size == 1) return update_by_photo(context, model, photos[0], update, halted, shard);
+  if (photos.size == 1)
+    return update_by_photo(context, model, photos[0], update, halted, shard, shape_gradients);
   const PhotoRows& last = photos[photos.size - 1];
   const GaussiansSpan gaussians = model.gaussians.span();
-  BatchInput in{model.count(), int(photos.size),           {}, 1.0f / float(photos.size),
-                shard,         gaussians.filter_scale.data};
+  BatchInput in{model.count(),
+                int(photos.size),
+                {},
+                1.0f / float(photos.size),
+                shard,
+                gaussians.filter_scale.data,
+                shape_gradients};
   bool any_adds_forces = false;
   for (std::size_t p = 0; p < photos.size; ++p) {
     const PhotoRows& photo = photos[p];

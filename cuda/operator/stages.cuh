@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // What the operator has for itself: the first stage and the last one, between which are those of
-// cuda/stages.cuh; features beside colors; and footprints by the rules of others.
+// cuda/stages.cuh; and footprints by the rules of others.
 #pragma once
 
 #include <limits>
@@ -24,17 +24,6 @@ void project(Context& context, const OperatorInput& input, const RenderSettings&
 void project_backward(Context& context, const OperatorInput& input, const RenderSettings& settings,
                       Workspace& workspace, const RenderPass& pass, const std::uint32_t* overflowed,
                       const OperatorGradients& gradients);
-
-/// 4  blend_features.cu: features of a picture whose colors have been blended for a backward pass,
-/// (H, W, channels).
-void blend_features(Context& context, const RenderSettings& settings, const RenderPass& pass,
-                    const OperatorInput& input, float* to);
-/// 6  blend_features.cu: adds to workspace.splat_gradients, and to the gradient by the features (N,
-/// channels), where it is not null.
-void blend_features_backward(Context& context, const RenderSettings& settings,
-                             const RenderPass& pass, const OperatorInput& input,
-                             const OperatorPictureGradient& dL, const std::uint32_t* overflowed,
-                             Workspace& workspace, float* to);
 
 /// footprints.cu: where Gaussians are by the rules of another rasterizer.
 void footprints(Context& context, const OperatorInput& input, const SplatSettings& settings,

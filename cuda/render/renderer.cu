@@ -45,12 +45,15 @@ void CudaRenderer::finish_counted(const RenderSettings& settings, RenderPass& pa
 }
 
 void CudaRenderer::forward(const GaussiansSpan& gaussians, const Camera& camera,
-                           const RenderSettings& settings, RenderPass& pass) {
+                           const RenderSettings& given, RenderPass& pass) {
+  RenderSettings settings = given;
+  if (settings.blends_surface) settings.for_backward = true;  // needs each pixel's last fragment
   draw_frame(gaussians.mean.size, camera, settings, pass, [&] {
     preprocess(context_, gaussians, camera, settings, workspace_, pass);
     if (settings.order == RenderOrder::pixel)
       find_ray_depths(context_, gaussians, camera, nullptr, pass);
   });
+  if (settings.blends_surface) blend_surface(context_, gaussians, camera, settings, pass);
 }
 
 std::unique_ptr<PackedScene> CudaRenderer::pack(const GaussiansSpan& gaussians,
@@ -181,8 +184,11 @@ void CudaRenderer::backward(const GaussiansSpan& gaussians, const Camera& camera
   plain.fragment_statistic = FragmentStatistic::none;  // steps alone gather them: backend.cu
   reserve_gradients(gaussians.mean.size, plain);
   blend_backward(context_, plain, dL, workspace_, pass);
+  if (!dL.surface.empty())
+    surface_backward(context_, gaussians, camera, plain, dL.surface, 1, true, nullptr, workspace_,
+                     pass);
   preprocess_backward(context_, gaussians, {camera, settings, nullptr, workspace_, pass}, gradients,
-                      dL_dmean2d);
+                      dL_dmean2d, dL.surface.empty() ? nullptr : workspace_.shape_gradients.data());
 }
 
 }  // namespace gs::cuda

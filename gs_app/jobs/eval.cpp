@@ -15,6 +15,7 @@
 #include "gs_core/system/files/output_lock.h"
 #include "gs_eval/depth_error.h"
 #include "gs_eval/lpips/lpips.h"
+#include "gs_eval/normal_angle.h"
 #include "gs_eval/popping.h"
 
 namespace gs {
@@ -121,6 +122,8 @@ Outcome run(const EvalJob& job, JobEvents& events) {
       },
       options);
   measure_depth(backend->renderer(), gaussians, views, settings, evaluation);
+  if (config.surface.is_on())
+    measure_normals(backend->renderer(), gaussians, views, settings, evaluation);
   std::string json = evaluation_json(evaluation, opened.ply.string(), job.split, gaussians.count(),
                                      backend->name());
   std::string text = summary(evaluation);

@@ -49,6 +49,7 @@ Json means(const Evaluation& evaluation) {
   add_picture("_cc", evaluation.corrected, json);
   add_panorama(evaluation.panorama, json);
   if (evaluation.depth_error) json["depth_error"] = *evaluation.depth_error;
+  if (evaluation.normal_angle) json["normal_angle"] = *evaluation.normal_angle;
   return json;
 }
 
@@ -191,6 +192,8 @@ std::string summary(const Evaluation& evaluation) {
                         panorama->psnr, panorama->ws_psnr, panorama->ssim);
   if (evaluation.depth_error)
     text += fmt::format("; depth is off by {:.1f} % on average", 100 * *evaluation.depth_error);
+  if (evaluation.normal_angle)
+    text += fmt::format("; normals are {:.1f} degrees off the surface", *evaluation.normal_angle);
   return text;
 }
 

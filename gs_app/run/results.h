@@ -60,7 +60,8 @@ std::optional<std::size_t> gpu_bytes(Backend& backend);
 /// holds "psnr_panorama", "ssim_panorama" and "ws_psnr" of the whole panoramas, and each front half
 /// in per_view.json. Where views have depth maps, "test"
 /// and "train" hold "depth_error", the mean relative error of the rendered depth
-/// (metrics/depth_error.h).
+/// (metrics/depth_error.h). Of runs with surface terms they hold "normal_angle", the mean angle in
+/// degrees between normals and the surface (gs_eval/normal_angle.h).
 std::string results_json(const Results& results);
 
 /// {"test": {"name": {"psnr", "ssim", "flip", "lpips"}, ...}, "train": {...}}

@@ -12,6 +12,7 @@
 #include "gs_core/forecast/training_memory.h"
 #include "gs_core/threads/parallel.h"
 #include "gs_eval/depth_error.h"
+#include "gs_eval/normal_angle.h"
 #include "gs_train/poses/poses.h"
 
 namespace gs {
@@ -114,6 +115,9 @@ ShownViews evaluate_run(Trainer& trainer, const RunFolder& folder, Lpips* lpips,
         evaluation_options(trainer, is_shown ? MetricSet{true, lpips} : MetricSet::quick));
     measure_depth(trainer.backend().renderer(), trainer.model().gaussians, views,
                   trainer.evaluation_settings(), evaluation);
+    if (trainer.config().surface.is_on())
+      measure_normals(trainer.backend().renderer(), trainer.model().gaussians, views,
+                      trainer.evaluation_settings(), evaluation);
     return evaluation;
   };
   if (is_measured) {

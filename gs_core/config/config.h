@@ -101,6 +101,15 @@ struct PosesConfig {
   float rate = 1e-4f;  // Adam's, of radians and of shares of the scene's extent
 };
 
+/// Gaussians that lie on the surfaces which they show (docs/method/surfaces.md).
+struct SurfaceConfig {
+  float normal_weight = 0;  // of the loss of normals
+  float photo_weight = 0;   // of the loss of neighboring photos
+  int from_step = 7000;     // of a 30,000-step run: the first step with them
+
+  bool is_on() const { return normal_weight > 0 || photo_weight > 0; }
+};
+
 /// Learning rates of Adam; position rates are multiplied by the scene's extent.
 struct OptimizerConfig {
   float position_lr_initial = 1.6e-4f;
@@ -187,6 +196,7 @@ struct Config {
   LossConfig loss;
   PhotometricConfig photometric;
   PosesConfig poses;
+  SurfaceConfig surface;
   OptimizerConfig optimizer;
   DensityConfig density;
   TrainConfig train;

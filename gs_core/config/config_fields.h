@@ -119,6 +119,11 @@ void visit_fields(AnyConfig& config, Visitor&& visit) {
   field("poses.refine",                 poses.refine,                 "",            any(),                   retrain, "also learn where each training photo was taken; for poses that are some tenths of a degree off", "docs/method/poses.md");
   field("poses.rate",                   poses.rate,                   "1/step",      above(0),                retrain, "learning rate of the poses after the warm-up, in radians and in shares of the scene's extent; it falls to a hundredth", "docs/method/poses.md");
 
+  auto& surface = config.surface;
+  field("surface.normal_weight",        surface.normal_weight,        "",            at_least(0),             retrain, "weight of the loss that turns Gaussians into the surface which their depths show; 0: none; not if dynamic", "docs/method/surfaces.md");
+  field("surface.photo_weight",         surface.photo_weight,         "",            at_least(0),             retrain, "weight of the loss that moves surfaces to where patches of neighboring photos agree; 0: none; not if dynamic", "docs/method/surfaces.md");
+  field("surface.from_step",            surface.from_step,            "steps",       steps_from(1),           retrain, "first step with the two losses");
+
   auto& optimizer = config.optimizer;
   field("optimizer.position_lr_initial", optimizer.position_lr_initial, "extent",      above(0),                retrain, "learning rate of the means at the first step", kKerbl);
   field("optimizer.position_lr_final",  optimizer.position_lr_final,  "extent",      above(0),                retrain, "learning rate of the means at the last step; it falls exponentially", kKerbl);

@@ -6,6 +6,7 @@
 #include "gs_core/density/growth_method.h"
 #include "gs_core/forecast/gpu_step.h"
 #include "gs_core/math/constants.h"
+#include "gs_core/math/loss/surface_loss.h"
 #include "gs_core/math/render/ray_depth.h"
 #include "gs_core/model_rows.h"
 #include "gs_core/system/bytes.h"
@@ -23,6 +24,9 @@ constexpr double kSmallBuffers = 2 << 20;  // counters, reports, scratch of scan
 constexpr double kBytesOfPixel = 12 + 4 + 4 + 12 + 1.05 * 36;
 constexpr double kBytesOfReducedPhoto = 1;  // a pixel in four of photo and mask, at first
 constexpr double kBytesOfDepthPixel = 12;   // blended depths, gradients by them and by alpha
+// Sums of surfaces and the gradient by them, inverse depths, gradients by these, two gray photos.
+constexpr double kBytesOfSurfacePixel =
+    2 * sizeof(SurfaceRow) + sizeof(PixelSurface<float>) + 3 * sizeof(float);
 constexpr double kBytesOfTile = 3 * kWord + 2 * kWord;  // range, order, checkpoint; a segment
 
 // What an array is expected to have for each byte in use, half way between two steps of its growth.
@@ -62,7 +66,7 @@ void add_state(const TrainingSize& size, Rows& rows) {
 // and so kept, and partly released with the step.
 void add_photos(const TrainingSize& size, Rows& kept, Rows& step) {
   const StepSums sums{size.has_sums && !size.has_score_pass, size.is_deterministic,
-                      size.is_absolute, size.has_depth_maps};
+                      size.is_absolute, size.has_depth_maps || size.has_surface};
   PhotoArrays of_photo;
   for (int photo = 0; photo < size.batch; ++photo) {
     kept.add(of_photo.borrowed());
@@ -76,6 +80,7 @@ void add_step(const TrainingSize& size, Rows& rows) {
   if (size.is_deterministic) rows.add(sizeof(FineSums)), rows.add(sizeof(CoarseSums));
   if (size.has_score_pass) rows.add(sizeof(FixedFragmentSums));
   if (size.is_by_pixel) rows.add(sizeof(RayDepth<float>));
+  if (size.has_surface) rows.add(2 * sizeof(SurfaceRow) + sizeof(GaussianShape<float>));
 }
 
 // What row operations keep besides the memory that they borrow from the step.
@@ -101,6 +106,7 @@ double picture_bytes(const TrainingSize& size) {
   double bytes = kBytesOfPixel + kBytesOfReducedPhoto + kBytesOfTile / kTilePixels;
   if (size.has_score_pass) bytes += sizeof(float);
   if (size.has_depth_maps) bytes += kBytesOfDepthPixel;
+  if (size.has_surface) bytes += kBytesOfSurfacePixel;
   return bytes * size.pixels + size.photo_bytes + sizeof(float) * size.depth_pixels;
 }
 
@@ -143,6 +149,7 @@ TrainingSize training_size(const Config& config, const PictureSizes& pictures, d
   size.is_absolute = method.absolute_gradient;
   size.has_depth_maps = config.loss.depth_weight > 0 && pictures.depth_pixels > 0;
   size.depth_pixels = size.has_depth_maps ? pictures.depth_pixels : 0;
+  size.has_surface = config.surface.is_on();
   size.is_deterministic = config.train.deterministic;
   size.is_by_pixel = config.render.order == RenderOrder::pixel;
   return size;

@@ -53,6 +53,7 @@ struct TrainingSize {
   bool has_score_pass = false;                // a pass of its own fills them, not the steps
   bool is_absolute = false;  // gradients of means are also summed as absolute values
   bool has_depth_maps = false;
+  bool has_surface = false;  // steps with surface terms
   bool is_deterministic = false;
   bool is_by_pixel = false;  // render.order
 };

@@ -23,7 +23,8 @@ enum class RandomStream : std::uint32_t {
   alignment,
   moment_rounding,
   score_photos,
-  mesh_samples
+  mesh_samples,
+  surface_neighbors
 };
 
 struct RandomBits {

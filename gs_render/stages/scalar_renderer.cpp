@@ -21,6 +21,7 @@ class ScalarRenderer final : public Renderer {
     create_instances(settings, pass);
     sort_by_tile(pass);
     blend(settings, pass);
+    blend_surface(gaussians, camera, settings, pass);
   }
 
   void backward(const GaussiansSpan& gaussians, const Camera& camera,
@@ -29,8 +30,11 @@ class ScalarRenderer final : public Renderer {
     GS_CHECK(dL.image.size == 3 * pass.pixel_count());
     GS_CHECK(dL.alpha.empty() || dL.alpha.size == pass.pixel_count());
     GS_CHECK(dL.depth.empty() || dL.depth.size == pass.depth_image.size());
+    GS_CHECK(dL.surface.empty() || dL.surface.size == pass.surface_image.size());
     blend_backward(settings, dL, pass);
+    if (!dL.surface.empty()) blend_surface_backward(settings, dL.surface, pass);
     preprocess_backward(gaussians, camera, settings, pass, gradients, dL_dmean2d);
+    if (!dL.surface.empty()) surface_backward(gaussians, camera, settings, pass, gradients);
   }
 };
 

@@ -16,6 +16,7 @@
 #include "gs_render/render_settings.h"
 #include "gs_train/density/gaussian_budget.h"
 #include "gs_train/initialize/initialize.h"
+#include "gs_train/loop/neighbor_views.h"
 #include "gs_train/photometric/photometric_start.h"
 #include "gs_train/poses/poses.h"
 #include "gs_train/row_rules.h"
@@ -116,6 +117,7 @@ Trainer::Trainer(const Scene& scene, const Config& config, Backend& backend, Tra
         "dataset.times where the times are (docs/guide/moving_scenes.md)");
   backend.device().upload_views(scene.train_views,
                                 std::size_t(double(config.train.photo_gib) * kBytesPerGib));
+  find_neighbors();
   run_.settings.sh_degree = 0;  // raised by the schedule
   std::int64_t& cap = run_.config.density.max_gaussians;
   const bool is_auto = cap == kAutoCount;
@@ -223,6 +225,7 @@ void Trainer::take_batch(int last_step) {
   }
   LossSettings loss{run_.config.loss.lambda_dssim};
   loss.depth_weight = run_.schedule.depth_weight(last_step);
+  loss.surface = run_.schedule.surface_weights(last_step);
   const DensityStep density = run_.density->of_step(last_step);
   if (density.absolute_gradient)
     for (TrainingPhoto& photo : batch_) photo.settings.absolute_gradient = true;
@@ -231,7 +234,34 @@ void Trainer::take_batch(int last_step) {
 
 TrainingPhoto Trainer::photo_of(std::size_t row, int step) {
   const View& view = run_.scene.train_views[row];
-  return {&view, settings_of(step), run_.schedule.photo_reduction(step, view.camera), row};
+  TrainingPhoto photo{&view, settings_of(step), run_.schedule.photo_reduction(step, view.camera),
+                      row};
+  if (neighbors_.empty() || neighbors_[row].empty()) return photo;
+  const std::vector<std::uint32_t>& neighbors = neighbors_[row];
+  const Random random{run_.config.train.seed, RandomStream::surface_neighbors};
+  photo.neighbor = &run_.scene.train_views[neighbors[random.below(std::uint32_t(neighbors.size()),
+                                                                  std::uint64_t(step))]];
+  photo.patch_phase = int(random.below(kPatchStride * kPatchStride, std::uint64_t(step), 1));
+  return photo;
+}
+
+void Trainer::find_neighbors() {
+  if (!run_.config.surface.is_on()) return;
+  const std::vector<View>& views = run_.scene.train_views;
+  for (const View& view : views)
+    if (view.camera.has_lens())
+      throw UsageError(
+          "surface terms see through no lens; train with dataset.lens = \"undistort\", or without "
+          "surface.normal_weight and surface.photo_weight");
+  if (!(run_.config.surface.photo_weight > 0)) return;
+  neighbors_ = neighbor_views(views, run_.scene.points);
+  const auto alone = std::count_if(neighbors_.begin(), neighbors_.end(),
+                                   [](const auto& of_view) { return of_view.empty(); });
+  if (alone > 0)
+    log_warning(
+        "{} of {} photos have no neighbor that shows the same from beside them, and train "
+        "without the loss of photos",
+        alone, views.size());
 }
 
 RenderSettings Trainer::settings_of(int step) {

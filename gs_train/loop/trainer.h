@@ -112,6 +112,7 @@ class Trainer {
   void advance(int last_step);
   void take_batch(int last_step);
   TrainingPhoto photo_of(std::size_t row, int step);
+  void find_neighbors();
   RenderSettings settings_of(int step);
   void control_density(int step);
   void maintain(int step);
@@ -127,6 +128,8 @@ class Trainer {
   RunRecovery recovery_;
   ViewSampler views_, views_ahead_;
   std::vector<TrainingPhoto> batch_;
+  // (views)  neighbor_views(), with a loss of photos; else empty
+  std::vector<std::vector<std::uint32_t>> neighbors_;
   std::vector<Observer*> observers_;
   std::size_t removed_floaters_ = 0;
   std::atomic<bool> stop_requested_ = false;  // a signal may come to any thread

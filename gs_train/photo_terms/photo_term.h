@@ -56,6 +56,6 @@ PhotoTerms make_photo_terms(const std::shared_ptr<const PhotometricModel>& photo
 
 using MakePhotoTerm =
     std::unique_ptr<PhotoTerm>(const std::shared_ptr<const PhotometricModel>& photometric);
-MakePhotoTerm make_depth_term, make_gains_term, make_pose_term;
+MakePhotoTerm make_depth_term, make_gains_term, make_pose_term, make_surface_term;
 
 }  // namespace gs

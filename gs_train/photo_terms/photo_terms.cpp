@@ -5,7 +5,8 @@ namespace gs {
 namespace {
 
 // In the order of their calls: depth is compared before the picture is shown.
-constexpr MakePhotoTerm* kPhotoTerms[] = {make_depth_term, make_gains_term, make_pose_term};
+constexpr MakePhotoTerm* kPhotoTerms[] = {make_depth_term, make_surface_term, make_gains_term,
+                                          make_pose_term};
 
 }  // namespace
 

@@ -22,6 +22,17 @@ struct DepthGradient {
 /// writes the gradient, and returns the loss, times `weight`. The gradient is 0 where the map teaches
 /// nothing.
 double compare_depth(const View& view, float weight, const RenderPass& pass, DepthGradient& dL);
+/// dL/d(surface_image), (H, W), and what it is made of.
+struct SurfaceGradient {
+  Buffer<SurfaceRow> sums;
+  std::vector<PixelSurface<float>> surfaces;
+  std::vector<float> inverse_depth, gray, other_gray;
+};
+/// 5  surface_loss.cpp: compares the surface_image of a pass with itself and, by the photo, with a
+/// neighbor, which may be null. Both views are reduced as the pass is. Writes the gradient, and
+/// returns the loss.
+double compare_surface(const View& view, const View* neighbor, const SurfaceWeights& weights,
+                       int patch_phase, const RenderPass& pass, SurfaceGradient& dL);
 /// In a score pass  pixel_values.cpp: the values of the pixels of a rendered view, (H, W).
 /// `appearance` may be null.
 void find_pixel_values(const View& view, const PixelRule& rule, const RenderPass& pass,
