@@ -9,8 +9,7 @@
 namespace gs {
 
 struct MeshOfFile {
-  TriangleMesh
-      mesh;  // without triangles: points; without colors; normals of a .ply only
+  TriangleMesh mesh;  // without triangles: points; without colors; normals of a .ply only
   Vec3d world_offset{
       0.0};  // as our writers note it; added to the vertices it gives the scene's axes
 };
