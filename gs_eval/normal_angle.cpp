@@ -4,7 +4,7 @@
 #include <cmath>
 #include <numbers>
 
-#include "gs_core/math/loss/surface_loss.h"
+#include "gs_core/math/render/surface_loss.h"
 
 namespace gs {
 

@@ -18,7 +18,7 @@
 
 #include "gs_core/buffer.h"
 #include "gs_core/math/loss/area_filter.h"
-#include "gs_core/math/loss/surface_loss.h"
+#include "gs_core/math/render/surface_loss.h"
 #include "gs_core/scene.h"
 #include "gs_render/render_pass.h"
 #include "gs_train/photometric/appearance.h"

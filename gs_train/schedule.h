@@ -7,7 +7,7 @@
 #include "gs_core/camera.h"
 #include "gs_core/config/config.h"
 #include "gs_core/density/growth_method.h"
-#include "gs_core/math/loss/surface_loss.h"
+#include "gs_core/math/render/surface_loss.h"
 #include "gs_train/update.h"
 
 namespace gs {

@@ -5,7 +5,7 @@
 #include "cuda/device/context.cuh"
 #include "gs_core/buffer.h"
 #include "gs_core/math/loss/area_filter.h"
-#include "gs_core/math/loss/surface_loss.h"
+#include "gs_core/math/render/surface_loss.h"
 #include "gs_render/render_pass.h"
 
 namespace gs::cuda {

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Stage 5 for surfaces: the losses of a picture's normals and of a neighboring photo, and their
 // gradient (math/surface_loss.h).
-#include "gs_core/math/loss/surface_loss.h"
+#include "gs_core/math/render/surface_loss.h"
 
 #include <numeric>
 

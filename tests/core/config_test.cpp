@@ -69,6 +69,7 @@ Config everything_changed() {
   config.density.opacity_regularizer = config.density.scale_regularizer = 0.5f;
   config.density.prune_scale = config.density.camera_clearance = 0.5f;
   config.density.time_scale_regularizer = config.density.velocity_regularizer = 0.5f;
+  config.surface.normal_weight = config.surface.photo_weight = 0.5f;
   config.density.gaussians_per_point = 2;
   config.density.region = "1,0,0,-2.5";
   config.train.resolution_ramp = {4, 2};
@@ -122,10 +123,10 @@ TEST(Config, TheListHoldsEveryFieldOfTheStructs) {
   constexpr std::size_t kFields =
       field_count<DatasetConfig>() + field_count<ReconstructConfig>() + field_count<ModelConfig>() +
       field_count<RenderConfig>() + field_count<LossConfig>() + field_count<PhotometricConfig>() +
-      field_count<PosesConfig>() + field_count<OptimizerConfig>() + field_count<DensityConfig>() +
-      field_count<TrainConfig>() + field_count<EvalConfig>();
+      field_count<PosesConfig>() + field_count<SurfaceConfig>() + field_count<OptimizerConfig>() +
+      field_count<DensityConfig>() + field_count<TrainConfig>() + field_count<EvalConfig>();
   EXPECT_EQ(fields_of(Config{}).size(), kFields);
-  EXPECT_EQ(field_count<Config>(), 11u);
+  EXPECT_EQ(field_count<Config>(), 12u);
 }
 
 TEST(Config, EveryFieldOfTheListIsItsOwn) {

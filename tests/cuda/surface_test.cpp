@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Surfaces on the GPU, their pictures and their steps, against the scalar backend.
-#include "gs_core/math/loss/surface_loss.h"
+#include "gs_core/math/render/surface_loss.h"
 #include "tests/support/cuda.h"
 
 namespace gs {

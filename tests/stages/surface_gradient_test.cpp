@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // The gradient of surface terms through the whole pipeline, in float and by tiles, equals the slope
 // of a brute-force sum over fragments in double, together with the gradient of a picture.
-#include "gs_core/math/loss/surface_loss.h"
+#include "gs_core/math/render/surface_loss.h"
 #include "gs_render/renderer.h"
 #include "gs_train/stages/scalar_stages.h"
 #include "tests/stages/slopes.h"
@@ -27,12 +27,12 @@ struct SurfaceScene {
   }
 };
 
-struct Pipeline {
+struct SurfacePipeline {
   RenderPass pass;
   Gaussians gradients;
   Buffer<Vec2f> dL_dmean2d;
 
-  explicit Pipeline(const SurfaceScene& scene) {
+  explicit SurfacePipeline(const SurfaceScene& scene) {
     const auto renderer = make_scalar_renderer();
     RenderSettings settings = scene.settings;
     settings.blends_surface = true;
@@ -53,8 +53,9 @@ std::array<Vec3d, 3> threes(const SplatSurface<double>& of, double coverage) {
 }
 
 /// The picture's loss and that of its surfaces, in double.
-double reference_loss(const std::vector<DoubleGaussian>& gaussians, const SurfaceScene& scene,
-                      const PinholeCamera<double>& camera, std::uint64_t& decisions) {
+double surface_reference_loss(const std::vector<DoubleGaussian>& gaussians,
+                              const SurfaceScene& scene, const PinholeCamera<double>& camera,
+                              std::uint64_t& decisions) {
   constexpr double kRaised = 1000;  // colors below 0 count as 0
   ReferenceSplats splats = reference_splats<double>(gaussians, camera, scene.settings);
   const ReferencePicture picture = reference_picture(splats, scene.settings, kWidth, kHeight);
@@ -88,11 +89,11 @@ double reference_loss(const std::vector<DoubleGaussian>& gaussians, const Surfac
 
 void expect_slopes(const SurfaceScene& scene, const char* what) {
   SCOPED_TRACE(what);
-  const Pipeline pipeline(scene);
+  const SurfacePipeline pipeline(scene);
   const auto camera = camera_as<double>(scene.camera);
   expect_slopes(scene.gaussians, pipeline.gradients, {2e-6, 1e-4, 0.05, false},
                 [&](const std::vector<DoubleGaussian>& gaussians, std::uint64_t& decisions) {
-                  return reference_loss(gaussians, scene, camera, decisions);
+                  return surface_reference_loss(gaussians, scene, camera, decisions);
                 });
 }
 
@@ -119,7 +120,7 @@ TEST(SurfaceGradient, LeavesTheColorsAsTheyAre) {
 TEST(SurfaceGradient, HasTheSameBitsWithAnyNumberOfThreads) {
   SurfaceScene scene;
   scene.gaussians = random_gaussians(kTypical, 3000, scene.camera, 5);
-  const auto gradients = [&] { return copy_of(Pipeline(scene).gradients); };
+  const auto gradients = [&] { return copy_of(SurfacePipeline(scene).gradients); };
   EXPECT_TRUE(same_bits(with_threads(1, gradients), with_threads(7, gradients)));
 }
 
