@@ -6,7 +6,6 @@
 #include "gs_core/density/growth_method.h"
 #include "gs_core/forecast/gpu_step.h"
 #include "gs_core/math/constants.h"
-#include "gs_core/math/render/surface_loss.h"
 #include "gs_core/math/render/ray_depth.h"
 #include "gs_core/math/render/surface_loss.h"
 #include "gs_core/model_rows.h"
