@@ -163,8 +163,11 @@ __global__ void __launch_bounds__(kThreads)
         if constexpr (kTiles == kVector) {
           columns[s][k][0] = of.x, columns[s][k][1] = of.y;
           columns[s][k][2] = of.z, columns[s][k][3] = of.w;
-        } else {
+        } else if constexpr (kTiles == 2) {
           columns[s][k][0] = g % 2 ? of.z : of.x, columns[s][k][1] = g % 2 ? of.w : of.y;
+        } else {
+          const float x = g % 2 ? of.y : of.x, z = g % 2 ? of.w : of.z;
+          columns[s][k][0] = g % kVector / 2 ? z : x;
         }
       }
 #pragma unroll 1
@@ -195,12 +198,18 @@ __global__ void __launch_bounds__(kThreads)
       const int x = subtile.x0 + g, y = subtile.y0 + 2 * half + r;
       if (x >= lists.width || y >= lists.height) continue;
       float* const row = to + (std::size_t(y) * lists.width + x) * features.channels;
+      if constexpr (kTiles == 1) {
+        if (channel < features.channels)
+          *reinterpret_cast<float2*>(row + channel) = {sums[half][0][2 * r],
+                                                       sums[half][0][2 * r + 1]};
+      } else {
 #pragma unroll
-      for (int k = 0; k < 2 * kTiles; k += kVector) {
-        const auto sum = [&](int i) { return sums[half][i % kTiles][2 * r + i / kTiles]; };
-        if (channel + k < features.channels)
-          *reinterpret_cast<float4*>(row + channel + k) = {sum(k), sum(k + 1), sum(k + 2),
-                                                           sum(k + 3)};
+        for (int k = 0; k < 2 * kTiles; k += kVector) {
+          const auto sum = [&](int i) { return sums[half][i % kTiles][2 * r + i / kTiles]; };
+          if (channel + k < features.channels)
+            *reinterpret_cast<float4*>(row + channel + k) = {sum(k), sum(k + 1), sum(k + 2),
+                                                             sum(k + 3)};
+        }
       }
     }
 }
@@ -255,6 +264,20 @@ __global__ void __launch_bounds__(kThreads)
   for_each_product(shared, lists, subtile, longest, [&](const ListedSplat* list, int count) {
     // q of all pixels, where w will be. Rows g and g + 8 are splats 2 g and 2 g + 1.
     float q[kProducts][4] = {};
+    if constexpr (kTiles == 1) {  // a lane has the channels 2 t and 2 t + 1
+      const auto pair = [&](int splat) -> float2 {
+        if (splat >= count) return {0, 0};
+        const float4 of = features.of(list[splat].gaussian, 2 * t / kVector * kVector);
+        return t % 2 ? float2{of.z, of.w} : float2{of.x, of.y};
+      };
+      const float2 one = pair(2 * g), two = pair(2 * g + 1);
+#pragma unroll
+      for (int n = 0; n < kProducts; ++n) {
+        const float* const column = &shared.dL_dF[2 * t][8 * n + g];
+        multiply_add_both_in_parts(q[n], {one.x, two.x, one.y, two.y},
+                                   {column[0], column[kPixelStride]});
+      }
+    }
 #pragma unroll
     for (int part = 0; part < kChannels / 16; ++part) {
       const int first = 16 * part + kVector * t;
@@ -319,7 +342,24 @@ __global__ void __launch_bounds__(kThreads)
           multiply_add_both_in_parts(sums[j], {w.x, w.y, w.z, w.w}, {dL.x, dL.y});
         }
     }
-    if (gradients.features)
+    if (kTiles == 1 && gradients.features) {
+      // Even lanes take splat 2 g and odd ones the next: each has two channels, and gets two.
+      const bool is_odd = t % 2;
+      const float(&of)[4] = sums[0];
+      const float a = is_odd ? of[2] : of[0], b = is_odd ? of[3] : of[1];
+      const float c = __shfl_xor_sync(kAllLanes, is_odd ? of[0] : of[2], 1);
+      const float d = __shfl_xor_sync(kAllLanes, is_odd ? of[1] : of[3], 1);
+      const int splat = 2 * g + is_odd, channel = t / 2 * kVector;
+      if (splat < count && channel < features.channels) {
+        float* const row =
+            gradients.features + std::size_t(list[splat].gaussian) * features.channels;
+        if (is_odd)
+          add_four(row + channel, {c, d, a, b});
+        else
+          add_four(row + channel, {a, b, c, d});
+      }
+    }
+    if (kTiles > 1 && gradients.features)
 #pragma unroll
       for (int r = 0; r < 2; ++r) {
         const int splat = 2 * g + r;
@@ -354,7 +394,9 @@ __global__ void __launch_bounds__(kThreads)
 template <class F>
 void with_channels(const RenderPass& pass, int channels, const F& f) {
   const std::size_t blocks = pass.tile_count() * kSubtilesPerTile / kWarps;
-  if (channels <= 16)
+  if (channels <= 8)
+    f(std::integral_constant<int, 8>(), blocks);
+  else if (channels <= 16)
     f(std::integral_constant<int, 16>(), blocks);
   else
     f(std::integral_constant<int, 32>(), blocks * std::size_t(shares_of(channels, 32)));

@@ -69,9 +69,8 @@ TEST_F(SurfaceRun, RefusesWhatItDoesNotTeach) {
               HasSubstr("train without model.dynamic"));
   EXPECT_THAT(refusal([](Config& config, Features&) { config.poses.refine = true; }),
               HasSubstr("train without poses.refine"));
-  EXPECT_THAT(
-      refusal([](Config& config, Features&) { config.render.order = RenderOrder::pixel; }),
-      HasSubstr("render.order = \"z\""));
+  EXPECT_THAT(refusal([](Config& config, Features&) { config.render.order = RenderOrder::pixel; }),
+              HasSubstr("render.order = \"z\""));
   EXPECT_THAT(refusal([](Config&, Features& features) { features.trains_surfaces = false; }),
               HasSubstr("--device cuda:0"));
   EXPECT_THAT(refusal([](Config& config, Features& features) {
