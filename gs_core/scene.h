@@ -55,6 +55,11 @@ struct View {
   /// From this value on the photo is saturated: it gives only a lower bound of the brightness
   /// (compared_photo()).
   float white() const { return has_exposure() ? kPhotoWhite : 2.0f; }
+  /// Whether the mask leaves no pixel to train on or to measure. Ask when the photo is there.
+  bool trains_nowhere() const {
+    return has_untrained_pixels() && std::all_of(mask.pixels.begin(), mask.pixels.end(),
+                                                 [](auto value) { return value == 0; });
+  }
   /// Whether some pixels do not train, or train with less weight than others.
   bool has_untrained_pixels() const { return !mask.empty() && !over_background; }
 };

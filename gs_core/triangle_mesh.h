@@ -6,6 +6,7 @@
 #include <cstdint>
 #include <vector>
 
+#include "gs_core/image.h"
 #include "gs_core/types.h"
 
 namespace gs {
@@ -18,6 +19,10 @@ struct TriangleMesh {
   std::vector<Vec3f> normals;       // (V, 3)  unit length, outwards; empty: not known
   std::vector<Rgb8> colors;         // (V, 3)  empty: not known
   std::vector<Triangle> triangles;  // (F, 3)
+  // (V, 2)  places in the texture, whose upper left corner is (0, 0) and whose lower right one is
+  // (1, 1); empty: there is none
+  std::vector<Vec2f> texture_places;
+  Image8 texture;  // (height, width, 3)  takes the place of colors
 };
 
 }  // namespace gs

@@ -407,11 +407,6 @@ Evaluation evaluate(Renderer& renderer, const PackedScene& scene, const std::vec
                     const RenderSettings& settings,
                     const std::function<void(std::size_t, const View&, const ImageF&)>& on_view,
                     const EvaluationOptions& options) {
-  const auto trains_nowhere = [](const View& view) {
-    return view.has_untrained_pixels() &&
-           std::all_of(view.mask.pixels.begin(), view.mask.pixels.end(),
-                       [](std::uint8_t value) { return value == 0; });
-  };
   Evaluation evaluation;
   RenderPass pass(renderer.memory());
   DrawnView drawn;
@@ -419,7 +414,7 @@ Evaluation evaluate(Renderer& renderer, const PackedScene& scene, const std::vec
     renderer.draw(scene, view.camera, settings, pass);
     drawn.take(pass);
     if (on_view) on_view(i, view, drawn.render);
-    if (trains_nowhere(view)) return;
+    if (view.trains_nowhere()) return;
     evaluation.has_exposures = evaluation.has_exposures || view.has_exposure();
     const bool is_solved = view.has_exposure() && options.solved_appearance_of;
     drawn.appearance = options.appearance_of ? options.appearance_of(view) : nullptr;

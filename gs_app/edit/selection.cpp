@@ -185,7 +185,7 @@ const std::vector<KindOfSelection>& kinds_of_selection() {
       {{"view", "NAME", "inside of the picture of this camera; view=all: of any camera"},
        true,
        [](auto&, auto& value, auto&) { return in_view(value); }},
-      {{"lasso", "FILE", "inside of a line that was drawn in the viewer, hidden ones included"},
+      {{"lasso", "FILE", "inside of a line, or under a brush, of the viewer; hidden ones included"},
        false,
        [](auto&, auto& value, auto&) { return in_lasso(value); }},
       {{"opacity", "LOW..HIGH", "by opacity, 0 to 1"}, false, ranged(opacities)},

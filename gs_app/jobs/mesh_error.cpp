@@ -1,13 +1,18 @@
 // SPDX-License-Identifier: Apache-2.0
-// gemsplat mesh-error: how far a mesh, or points, are from a surface that is known.
+// gemsplat mesh-error: how far a mesh, or points, are from a surface that is known, and how much
+// pictures of a mesh look like photos.
 #include <spdlog/fmt/fmt.h>
 
 #include "gs_app/jobs/parts/shared_options.h"
 #include "gs_app/jobs/verbs.h"
+#include "gs_app/run/open_model.h"
+#include "gs_app/run/run_folder.h"
 #include "gs_app/run/text.h"
 #include "gs_core/geometry/vectors.h"
 #include "gs_eval/mesh_error.h"
+#include "gs_eval/mesh_pictures.h"
 #include "gs_model/mesh/mesh_read.h"
+#include "gs_render/render_settings.h"
 
 namespace gs {
 namespace {
@@ -25,9 +30,13 @@ void visit_options(MeshErrorJob& job, OptionList& option) {
   option("mesh", job.mesh, "what to measure: triangles or points (.ply, .obj, .glb, .stl)")
       .takes("MESH")
       .required();
-  option("truth", job.truth, "the known surface, such as a scan, in the same units and axes")
-      .takes("TRUTH")
-      .required();
+  option("truth", job.truth,
+         "the known surface, such as a scan, in the same units and axes; not needed with --data")
+      .takes("TRUTH");
+  dataset_options(option, "-d,--data");
+  option.get("--data").meaning =
+      "draw the mesh as the held-out photos of this scene, or of this run, show it, and compare";
+  option.setting("--background", "render.background", "Rendering").rare();
   option("--threshold", job.rule.thresholds,
          "distances that count as right, in world units [0.5 % of the diagonal of TRUTH]")
       .takes("SIZE")
@@ -56,9 +65,8 @@ double diagonal_of(const TriangleMesh& mesh) {
   return double(length(high - low));
 }
 
-Outcome run(const MeshErrorJob& job, JobEvents&) {
-  resolve_to_work(job);
-  MeshOfFile mesh = read_surface(job.mesh);
+/// Measures against a known surface.
+void compare_surfaces(const MeshErrorJob& job, MeshOfFile mesh, Outcome& outcome) {
   const MeshOfFile truth = read_surface(job.truth);
   const Vec3f shift(mesh.world_offset - truth.world_offset);
   for (Vec3f& vertex : mesh.mesh.vertices) vertex += shift;
@@ -66,14 +74,14 @@ Outcome run(const MeshErrorJob& job, JobEvents&) {
   rule.seed = job.seed;
   if (rule.thresholds.empty()) rule.thresholds = {kUsualThreshold * diagonal_of(truth.mesh)};
   const MeshError error = mesh_error(mesh.mesh, truth.mesh, rule);
-  Outcome outcome;
-  outcome.is_answer = true;
   outcome.text = fmt::format("accuracy {:.4g}, completeness {:.4g}, Chamfer distance {:.4g}",
                              error.accuracy, error.completeness, error.chamfer());
-  outcome.json = {{"mesh", job.mesh},           {"truth", job.truth},
-                  {"accuracy", error.accuracy}, {"completeness", error.completeness},
-                  {"chamfer", error.chamfer()}, {"normal_consistency", nullptr},
-                  {"within", Json::array()}};
+  outcome.json.update({{"truth", job.truth},
+                       {"accuracy", error.accuracy},
+                       {"completeness", error.completeness},
+                       {"chamfer", error.chamfer()},
+                       {"normal_consistency", nullptr},
+                       {"within", Json::array()}});
   if (error.normal_consistency) {
     outcome.text += fmt::format(", normal consistency {:.4f}", *error.normal_consistency);
     outcome.json["normal_consistency"] = *error.normal_consistency;
@@ -87,6 +95,53 @@ Outcome run(const MeshErrorJob& job, JobEvents&) {
                                       {"recall", within.recall},
                                       {"f1", within.f1()}});
   }
+}
+
+/// Measures in the photos that a run, or training on a scene, holds out.
+void compare_pictures(const MeshErrorJob& job, const MeshOfFile& mesh, const std::string& source,
+                      Outcome& outcome) {
+  if (mesh.mesh.triangles.empty())
+    throw UsageError(job.mesh + " holds points, which have no picture; leave --data out");
+  const RunFolder run_of_data{source};
+  const bool is_run = std::filesystem::exists(run_of_data.config());
+  Config start;
+  if (is_run)
+    load_config(start, run_of_data.config());
+  else
+    start.dataset.eval = true;  // holds the usual photos out
+  const std::string scene_of_run = start.dataset.source;
+  Config config = resolve(job, std::move(start));
+  if (is_run) config.dataset.source = scene_of_run;
+  const Scene scene =
+      scene_for(is_run ? &run_of_data : nullptr, config.dataset, !is_run, mesh.world_offset);
+  const MeshPictures pictures =
+      compare_mesh_pictures(mesh.mesh, scene.test_views, render_settings(config).background);
+  if (pictures.views == 0)
+    throw UsageError(source +
+                     " holds no photo out; give a run of `gemsplat train --eval`, or a scene");
+  outcome.text += fmt::format(
+      "pictures of the mesh in {} held-out photos: {:.3f} dB, SSIM {:.4f}; it covers "
+      "{:.1f} % of them\n",
+      pictures.views, pictures.psnr, pictures.ssim, 100 * pictures.covered);
+  outcome.json["pictures"] = {{"data", source},
+                              {"views", pictures.views},
+                              {"psnr", pictures.psnr},
+                              {"ssim", pictures.ssim},
+                              {"covered", pictures.covered}};
+}
+
+Outcome run(const MeshErrorJob& job, JobEvents&) {
+  const Config config = resolve_to_work(job);
+  const bool has_photos = job.has("dataset.source");
+  if (job.truth.empty() && !has_photos)
+    throw UsageError("nothing to compare " + job.mesh +
+                     " with; name a known surface behind it, or give the photos with --data");
+  const MeshOfFile mesh = read_surface(job.mesh);
+  Outcome outcome;
+  outcome.is_answer = true;
+  outcome.json["mesh"] = job.mesh;
+  if (!job.truth.empty()) compare_surfaces(job, mesh, outcome);
+  if (has_photos) compare_pictures(job, mesh, config.dataset.source, outcome);
   outcome.next = {{"look at it", "xdg-open " + shell_word(job.mesh)}};
   return outcome;
 }
@@ -95,9 +150,9 @@ Outcome run(const MeshErrorJob& job, JobEvents&) {
 
 Verb mesh_error_verb() {
   return verb_of<MeshErrorJob>(
-      "mesh-error", VerbGroup::compare, "Measure a mesh or points against a known surface",
+      "mesh-error", VerbGroup::compare, "Measure a mesh against a known surface or photos",
       {"mesh-error scene-mesh.glb scan.ply", "mesh-error mesh.ply scan.ply --threshold 0.01 0.02",
-       "mesh-error points.ply scan.ply --json"});
+       "mesh-error points.ply scan.ply --json", "mesh-error scene-mesh.glb --data out/scene"});
 }
 
 }  // namespace gs

@@ -13,8 +13,6 @@
 #include <cstdlib>
 #include <ctime>
 
-#include "data_loaders/photos/photo_names.h"
-#include "data_loaders/reconstruct/photo_folder.h"
 #include "gs_app/run/run_folder.h"
 #include "gs_core/error.h"
 #include "gs_core/system/files/access.h"
@@ -363,60 +361,6 @@ fs::path Studio::remove(const std::string& project) {
   entries_.erase(project);
   no_uploads = {};
   return to;
-}
-
-Json Studio::state() {
-  const std::lock_guard lock(mutex_);
-  read_all();
-  Json projects = Json::array();
-  for (auto& [id, entry] : entries_) {
-    Json jobs = Json::array();
-    for (const StudioJob& job : entry.project.jobs) {
-      jobs.push_back(to_json(job));
-      if (job.state != JobState::running) continue;
-      const JobLog& said = log(entry, job.id);
-      jobs.back()["progress"] = said.progress;
-      jobs.back()["note"] = said.note;
-      jobs.back()["viewer"] = !said.viewer.empty();
-    }
-    projects.push_back({{"id", id}, {"name", entry.project.name}, {"jobs", jobs}});
-  }
-  return {{"folder", folder_.string()}, {"projects", projects}};
-}
-
-Json Studio::details(const std::string& id) {
-  const Project known = project(id);
-  const fs::path photos = photo_folder_of(known);
-  const bool is_video = is_file(known.input());
-  const auto pictures = is_video ? JobWords() : picture_names_in(photos);
-  JobWords videos;
-  if (is_video || pictures.empty())
-    for (const fs::path& video : find_videos(known.input())) videos.push_back(video.filename());
-  const bool is_scene = !pictures.empty() && !holds_only_photos(known.input());
-  Json json = {{"id", id},
-               {"name", known.name},
-               {"folder", known.folder.string()},
-               {"photos", known.photos.empty() ? "input" : known.photos},
-               {"pictures", pictures},
-               {"videos", videos},
-               {"left_out", known.left_out},
-               {"model", known.model},
-               {"models", models_of(known)},
-               {"scene", nullptr}};
-  if (is_scene)
-    json["scene"] = json["photos"];
-  else if (const std::string scene = newest_scene_of(known); !scene.empty())
-    json["scene"] = scene;
-  return json;
-}
-
-Json Studio::said(const std::string& project, int id) {
-  const std::lock_guard lock(mutex_);
-  Entry& known = entry(project);
-  const StudioJob& job = known.project.job(id);
-  const JobLog& said = log(known, job.id);
-  return {{"job", to_json(job)}, {"warnings", said.warnings}, {"note", said.note},
-          {"error", said.error}, {"outcome", said.outcome},   {"progress", said.progress}};
 }
 
 }  // namespace gs

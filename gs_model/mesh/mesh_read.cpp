@@ -3,12 +3,14 @@
 
 #include <spdlog/fmt/fmt.h>
 
+#include <algorithm>
 #include <vector>
 
 #include "gs_core/error.h"
 #include "gs_core/geometry/world_offset.h"
 #include "gs_core/system/text/parse_number.h"
 #include "gs_model/formats/coding/frame.h"
+#include "gs_model/formats/coding/quantize.h"
 #include "gs_model/formats/glb/glb_file.h"
 #include "gs_model/formats/ply/ply_file.h"
 
@@ -16,6 +18,8 @@ namespace gs {
 namespace {
 
 using Path = std::filesystem::path;
+constexpr std::array<const char*, 3> kColorNames = {"red", "green", "blue"};
+constexpr Rgb8 kWhite = {255, 255, 255};
 
 /// Adds the triangles of a polygon. A corner beyond the vertices is found by check_mesh().
 void add_polygon(TriangleMesh& mesh, const std::vector<std::uint64_t>& corners) {
@@ -24,6 +28,11 @@ void add_polygon(TriangleMesh& mesh, const std::vector<std::uint64_t>& corners) 
   };
   for (std::size_t k = 2; k < corners.size(); ++k)
     mesh.triangles.push_back({vertex(0), vertex(k - 1), vertex(k)});
+}
+
+Rgb8 rgb8_of(const Vec3f& color) {
+  return {std::uint8_t(to_unorm(color.x, 8)), std::uint8_t(to_unorm(color.y, 8)),
+          std::uint8_t(to_unorm(color.z, 8))};
 }
 
 MeshOfFile read_ply_mesh(const Path& path) {
@@ -44,6 +53,14 @@ MeshOfFile read_ply_mesh(const Path& path) {
   if (vertex->find("nx") >= 0 && vertex->find("ny") >= 0 && vertex->find("nz") >= 0)
     for (PlyColumn& column : table(mesh.normals, {"nx", "ny", "nz"}))
       tables[0].columns.push_back(std::move(column));
+  std::vector<Vec3f> colors;
+  const bool has_colors = std::ranges::all_of(kColorNames, [&](const char* name) {
+    const int k = vertex->find(name);
+    return k >= 0 && vertex->properties[std::size_t(k)].type == PlyType::uint8;
+  });
+  if (has_colors)
+    for (PlyColumn& column : table(colors, kColorNames))
+      tables[0].columns.push_back(std::move(column));
   if (const PlyElement* const face = file.header().find("face"))
     for (const PlyProperty& property : face->properties)
       if (property.count_type &&
@@ -54,6 +71,7 @@ MeshOfFile read_ply_mesh(const Path& path) {
         break;
       }
   file.read_tables(tables);
+  for (const Vec3f& color : colors) mesh.colors.push_back(rgb8_of(kPerByte * color));
   return result;
 }
 
@@ -89,6 +107,10 @@ MeshOfFile read_obj_mesh(const Path& path) {
       for (int axis = 0; axis < 3; ++axis)
         if (const std::string_view word = next_word(*line); !parse_float(word, at[axis]))
           fail(word);
+      Vec3f color;  // behind the position, unless there is a weight or nothing
+      int numbers = 0;
+      while (numbers < 3 && parse_float(next_word(*line), color[numbers])) ++numbers;
+      if (numbers == 3) mesh.colors.push_back(rgb8_of(color));
     }
     if (kind != "f") continue;
     std::vector<std::uint64_t> corners;
@@ -100,6 +122,7 @@ MeshOfFile read_obj_mesh(const Path& path) {
     }
     add_polygon(mesh, corners);
   }
+  if (mesh.colors.size() != mesh.vertices.size()) mesh.colors.clear();
   result.world_offset = offset_of_comments(comments);
   return result;
 }
@@ -124,6 +147,19 @@ MeshOfFile read_stl_mesh(const Path& path) {
   return result;
 }
 
+/// Adds the colors of the newest vertices, which a .glb has as linear light; those before them that
+/// have none are white, as glTF says.
+void add_colors(const GlbFile& glb, std::uint64_t accessor, TriangleMesh& mesh) {
+  const SortedJson* const type = GlbFile::find(glb.item("accessors", accessor), "type");
+  const GlbRows rows(glb, accessor, type && *type == "VEC3" ? 3 : 4);
+  if (rows.count() > mesh.vertices.size()) glb.fail("has more colors than positions");
+  mesh.colors.resize(mesh.vertices.size() - rows.count(), kWhite);
+  for (std::size_t v = 0; v < rows.count(); ++v) {
+    const Vec3f linear = rows.vec3(v);
+    mesh.colors.push_back(rgb8_of({srgb_of(linear.x), srgb_of(linear.y), srgb_of(linear.z)}));
+  }
+}
+
 /// The triangles of all primitives, as they are without their nodes.
 MeshOfFile read_glb_mesh(const Path& path) {
   ByteReader reader(path);
@@ -142,6 +178,8 @@ MeshOfFile read_glb_mesh(const Path& path) {
       const std::uint64_t first = result.mesh.vertices.size();
       for (std::size_t v = 0; v < at.count(); ++v)
         result.mesh.vertices.push_back(at.vec3(v) * kHalfTurnZ);
+      if (GlbFile::find(*attributes, "COLOR_0"))
+        add_colors(glb, glb.number(*attributes, "COLOR_0"), result.mesh);
       std::optional<GlbRows> indices;
       if (GlbFile::find(primitive, "indices"))
         indices.emplace(glb, glb.number(primitive, "indices"), 1, true);
@@ -153,6 +191,7 @@ MeshOfFile read_glb_mesh(const Path& path) {
         add_polygon(result.mesh, {corner(k), corner(k + 1), corner(k + 2)});
     }
   }
+  if (!result.mesh.colors.empty()) result.mesh.colors.resize(result.mesh.vertices.size(), kWhite);
   return result;
 }
 

@@ -209,12 +209,13 @@ TEST_F(Edit, APolygonLiesInThePlaneThatIsNamed) {
 
 TEST_F(Edit, ALassoHoldsWhatItsCameraShowsInsideOfTheLine) {
   const TempFolder folder;
-  const auto left = [&](const std::string& line, const Vec3d& offset = Vec3d(0.0)) {
+  const auto left = [&](const std::string& line, const Vec3d& offset = Vec3d(0.0),
+                        const std::string& name = "line") {
     write_cameras_json(folder.path() / "cameras.json", std::vector<NamedCamera>{{"view", camera_}});
     const std::string camera =
         SortedJson::parse(read_bytes(folder.path() / "cameras.json"))[0].dump();
     write_bytes(folder.path() / "l", R"({"format": "gemsplat lasso", "version": 1, "camera": )" +
-                                         camera + R"(, "line": )" + line + "}");
+                                         camera + ", \"" + name + "\": " + line + "}");
     EditSession s = typical(offset);
     return apply(s, "keep", "lasso=" + (folder.path() / "l").string()).after;
   };
@@ -230,6 +231,23 @@ TEST_F(Edit, ALassoHoldsWhatItsCameraShowsInsideOfTheLine) {
   for (const char* bad : {"[[0,0],[1,1]]", "[[0],[1,1],[2,2]]", "7", "[[0,0],[1,1],[2,\"a\"]]"})
     EXPECT_THAT(error_of([&] { left(bad); }), HasSubstr("save the lasso in the viewer again"))
         << bad;
+
+  // A brush: what is within its radius of a stroke, from one point on.
+  const auto painted = [&](const std::string& strokes, const std::string& radius) {
+    return left(radius + ", \"strokes\": " + strokes, Vec3d(0.0), "radius");
+  };
+  EXPECT_EQ(painted("[[[60,40]]]", "200"), all);
+  const std::size_t top = painted("[[[-100,0],[300,0]]]", "40");
+  const std::size_t bottom = painted("[[[-100,80],[300,80]]]", "40");
+  EXPECT_EQ(top + bottom, all);  // 80 pixels, and no Gaussian at the line between
+  EXPECT_GT(top, 0u);
+  EXPECT_GT(bottom, 0u);
+  EXPECT_EQ(painted("[[[-100,0],[300,0]],[[-100,80],[60,80],[300,80]]]", "40"), all);
+  for (const auto& [strokes, radius] :
+       {std::pair{"[[[60,40]]]", "0"}, {"[[]]", "3"}, {"[7]", "3"}, {"7", "3"}})
+    EXPECT_THAT(error_of([&] { painted(strokes, radius); }),
+                HasSubstr("save the lasso in the viewer again"))
+        << strokes;
 }
 
 TEST_F(Edit, GeoJsonAndTextSayTheSameArea) {

@@ -147,6 +147,39 @@ TEST_F(MeshVerb, IsMeasuredAgainstAKnownSurface) {
   EXPECT_GT(json["within"][1]["precision"], 0.95);
 }
 
+// Two walls of the color of all photos, or of another one.
+TEST_F(MeshVerb, IsMeasuredInHeldOutPhotos) {
+  ASSERT_EQ(train("out", "-q").code, 0);
+  write_bytes(path("wall.obj"),
+              "v -9 -9 3 .5 .5 .5\nv 9 -9 3 .5 .5 .5\nv 9 9 3 .5 .5 .5\n"
+              "v -9 9 3 .5 .5 .5\nf 1 2 3 4\n");
+  const std::string command = "mesh-error " + text("wall.obj");
+  const Outcome outcome = run(command + " --data " + text("out"));
+  ASSERT_EQ(outcome.code, 0) << outcome.err;
+  EXPECT_THAT(outcome.out, AllOf(HasSubstr("held-out photos:"), HasSubstr("100.0 %")));
+  const Json of_run = Json::parse(run(command + " --json --data " + text("out")).out)["pictures"];
+  const Json of_scene =
+      Json::parse(run(command + " --json --test-every 3 --data " + text("scene")).out)["pictures"];
+  EXPECT_EQ(of_run["psnr"], of_scene["psnr"]);
+  EXPECT_EQ(of_run["views"], 2);
+  EXPECT_GT(of_run["psnr"], 5);
+  write_bytes(path("truth.obj"), "v -9 -9 3\nv 9 -9 3\nv 9 9 3\nv -9 9 3\nf 1 2 3 4\n");
+  const Json both = Json::parse(
+      run(command + " " + text("truth.obj") + " --samples 1000 --json --data " + text("out")).out);
+  EXPECT_LT(both["chamfer"], 1e-5);
+  EXPECT_EQ(both["pictures"]["views"], 2);
+  const auto expect_refused = [&](const std::string& words, const std::string& part) {
+    const Outcome refused = run("mesh-error " + words + " -q");
+    EXPECT_EQ(refused.code, 2) << words;
+    EXPECT_THAT(refused.err, HasSubstr(part));
+  };
+  expect_refused(text("wall.obj"), "give the photos with --data");
+  write_bytes(path("point.obj"), "v 0 0 0\n");
+  expect_refused(text("point.obj") + " --data " + text("out"), "holds points");
+  expect_refused(text("wall.obj") + " --set dataset.eval=false --data " + text("scene"),
+                 "holds no photo out");
+}
+
 TEST_F(MeshVerb, MeasuresNothingEmpty) {
   write_bytes(path("empty.obj"), "");
   write_bytes(path("line.obj"), "v 0 0 0\nv 1 0 0\nf 1 2 1\n");

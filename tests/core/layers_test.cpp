@@ -73,6 +73,7 @@ const std::map<std::string, std::set<std::string>> kRooms = {
     {"gs_core/geodesy", {"gs_core/geometry"}},
     {"gs_render/exact", {}},
     {"gs_render/fusion", {}},
+    {"gs_render/mesh", {"gs_render/fusion"}},
     {"gs_render/paths", {}},
     {"gs_render/stages", {}},
     {"gs_model/edit", {"gs_model/formats/coding"}},

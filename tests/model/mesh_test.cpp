@@ -3,6 +3,8 @@
 #include <sstream>
 
 #include "gs_core/geometry/vectors.h"
+#include "gs_model/formats/coding/quantize.h"
+#include "gs_model/formats/glb/glb.h"
 #include "gs_model/mesh/clean_mesh.h"
 #include "gs_model/mesh/decimate_mesh.h"
 #include "gs_model/mesh/mesh_file.h"
@@ -188,6 +190,15 @@ TEST(Mesh, GlbIsATriangleMeshTurnedUpright) {
   EXPECT_EQ(load_little<Triangle>(&parts.binary[start(3)]), mesh.triangles[0]);
 }
 
+/// Colors as a .glb keeps them: in bytes of linear light.
+std::vector<Rgb8> through_linear_bytes(std::vector<Rgb8> colors) {
+  for (Rgb8& color : colors)
+    for (std::uint8_t& channel : color)
+      channel = std::uint8_t(
+          to_unorm(srgb_of(from_unorm(to_unorm(linear_of(float(channel) / 255), 8), 8)), 8));
+  return colors;
+}
+
 TEST(Mesh, IsReadAsItWasWritten) {
   const TempFolder folder;
   const TriangleMesh mesh = tetrahedron();
@@ -197,6 +208,7 @@ TEST(Mesh, IsReadAsItWasWritten) {
     const MeshOfFile read = read_mesh(folder.path() / ("mesh" + ending));
     EXPECT_EQ(read.mesh.vertices, mesh.vertices) << ending;
     EXPECT_EQ(read.mesh.triangles, mesh.triangles) << ending;
+    EXPECT_EQ(read.mesh.colors, ending == ".glb" ? through_linear_bytes(mesh.colors) : mesh.colors);
     EXPECT_EQ(read.world_offset, offset) << ending;
   }
   write_bytes(folder.path() / "mesh.stl", file_of(".stl", mesh));

@@ -86,7 +86,7 @@ export function showClean(app) {
   };
   const lassoOf = async () => {
     const lasso = await (await view.viewer()).lasso();
-    if (!lasso) throw new Error('Click three corners or more in the picture first.');
+    if (!lasso) throw new Error('Click three corners or more in the picture first, or paint.');
     return [
       lasso.drops ? '--drop' : '--keep',
       `lasso=${await app.server.keep('lasso', lasso.file)}`,
@@ -172,7 +172,12 @@ export function showClean(app) {
         'Crop',
         regionOf,
       ),
-      inPicture('Lasso', 'Click corners around what is to go in the picture.', 'Lasso', lassoOf),
+      inPicture(
+        'Lasso and brush',
+        'Click corners around what is to go in the picture, or drag a brush over it.',
+        'Lasso',
+        lassoOf,
+      ),
       el('section.card', {}, el('h2', {}, 'Filters'), SLIDERS.map(slider)),
       said,
       list.node,

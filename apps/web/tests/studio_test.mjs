@@ -86,7 +86,32 @@ const tests = {
       await desk.page.evaluate(id => gemsplatStudio.server.said(id), lasso.id)
     ).outcome.steps;
     assert.ok(after < before && after > 0.5 * before, `${after} of ${before} remain`);
-    await desk.page.waitForFunction(() => /^edits/.test(gemsplatStudio.details.model));
+    await desk.page.waitForFunction(
+      name =>
+        gemsplatStudio.details.model === `edits/${name}` &&
+        document.querySelector('.viewer iframe')?.contentDocument.title.startsWith(name),
+      `${lasso.id}.ply`,
+    );
+
+    const edited = await (await desk.page.$('.viewer iframe')).contentFrame();
+    await edited.waitForFunction(() =>
+      window.gemsplatViewer?.ready.then(() => gemsplatViewer.settled()).then(() => true),
+    );
+    await card.getByText('Show the tool').click();
+    await edited.getByRole('button', {name: 'Brush L'}).click();
+    const at = (x, y) => [place.x + x * place.width, place.y + y * place.height];
+    await desk.page.mouse.move(...at(0.55, 0.6));
+    await desk.page.mouse.down();
+    for (const x of [0.58, 0.62, 0.66]) await desk.page.mouse.move(...at(x, 0.65));
+    await desk.page.mouse.up();
+    await desk.shot('brush');
+    await card.getByText('Count').click();
+    await desk.page.waitForFunction(() =>
+      /remain/.test(document.querySelector('.side > .said').textContent),
+    );
+    const counts = (await desk.page.locator('.side > .said').innerText()).match(/[\d,]+/g);
+    const [rest, whole] = counts.map(count => Number(count.replaceAll(',', '')));
+    assert.ok(rest < whole && rest > 0.5 * whole, `${rest} of ${whole} remain`);
 
     await desk.step('Film');
     await desk.page.selectOption('#size', '640x360');

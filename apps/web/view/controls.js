@@ -23,7 +23,8 @@ const TURNS = {ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, -1], ArrowDo
 
 export class Controls {
   // element: receives the pointer; radius: of the scene, in world units; on: {hover(x, y), click(x,
-  // y), double(x, y), wake(), focal()}
+  // y), double(x, y), wake(), focal(), brush()}; brush() is null, or what the drags of one pointer
+  // are for: {begin(x, y), paint(x, y)}
   constructor(element, rig, radius, on) {
     Object.assign(this, {element, rig, radius, on});
     this.mode = 'orbit';
@@ -61,6 +62,8 @@ export class Controls {
     this.pointers.set(event.pointerId, {x: event.clientX, y: event.clientY});
     if (this.pointers.size === 1) this.travel = 0;
     else this.travel = Infinity; // two fingers are no click
+    this.brush = event.button === 0 && this.pointers.size === 1 ? this.on.brush() : null;
+    this.brush?.begin(event.clientX, event.clientY);
   }
 
   move(event) {
@@ -73,6 +76,10 @@ export class Controls {
       dx = now.x - last.x,
       dy = now.y - last.y;
     this.travel += Math.hypot(dx, dy);
+    if (this.brush) {
+      this.pointers.set(event.pointerId, now);
+      return this.brush.paint(now.x, now.y);
+    }
     if (this.travel < CLICK && event.pointerType !== 'mouse') return;
     if (this.pointers.size > 1) this.pinch(event.pointerId, last, now);
     else this.drag(event, dx, dy);
@@ -109,6 +116,11 @@ export class Controls {
   }
 
   lift(event) {
+    if (this.brush) {
+      this.brush = null;
+      this.pointers.delete(event.pointerId);
+      return;
+    }
     if (!this.pointers.delete(event.pointerId) || this.travel >= CLICK || event.button > 0) return;
     const {clientX: x, clientY: y} = event,
       now = performance.now(),

@@ -63,6 +63,7 @@ export class Viewer {
       double: (x, y) => this.orbitAround(x, y),
       wake: () => this.stage.request(),
       focal: () => this.stage.lens().fx,
+      brush: () => this.toolPanel.picker?.brush ?? null,
     });
     this.compare = new Compare(this.stage.isRemote);
     this.list = new CameraList(scene.cameras, {

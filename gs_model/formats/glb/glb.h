@@ -32,6 +32,8 @@ std::string glb_head(std::string json, std::uint64_t binary_bytes);
 
 /// Display sRGB to linear light, as COLOR_0 has it; both 0..1.   IEC 61966-2-1
 float linear_of(float srgb);
+/// Its inverse.
+float srgb_of(float linear);
 
 /// Reads a file with one primitive of Gaussians, whose attributes are as above and which no node
 /// moves; rotations, scales and opacities may be of bytes and of 16 bits, as the extension permits. Throws Error, with the file and a remedy, for damaged files, linear colors, compressed

@@ -141,6 +141,11 @@ float linear_of(float srgb) {
   return c <= 0.04045f ? c / 12.92f : std::pow((c + 0.055f) / 1.055f, 2.4f);
 }
 
+float srgb_of(float linear) {
+  const float c = clamp_to(linear, 0.0f, 1.0f);
+  return c <= 0.0031308f ? 12.92f * c : 1.055f * std::pow(c, 1 / 2.4f) - 0.055f;
+}
+
 void write_glb(ByteSink& sink, const GaussianModel& model) {
   const std::size_t count = model.gaussians.count();
   GS_CHECK(count > 0);
