@@ -76,9 +76,9 @@ void Gpu::clear_gradients() {
 
 void Gpu::release_step() {
   renderer.release_caches();
-  for (Buffer<std::uint32_t>* const lists :
-       {&pass.tile_counts, &pass.depth_order, &pass.tile_splats})
-    lists->release();
+  for (ByteBuffer* const rows : std::initializer_list<ByteBuffer*>{
+           &pass.tile_counts, &pass.depth_order, &pass.tile_splats, &pass.surface_rows})
+    rows->release();
   photo_buffers.release();  // its gradients are zero between steps
   pass.scratch<CudaScratch>().instance_buffer.release();
 }

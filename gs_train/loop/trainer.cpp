@@ -236,13 +236,21 @@ TrainingPhoto Trainer::photo_of(std::size_t row, int step) {
   const View& view = run_.scene.train_views[row];
   TrainingPhoto photo{&view, settings_of(step), run_.schedule.photo_reduction(step, view.camera),
                       row};
-  if (neighbors_.empty() || neighbors_[row].empty()) return photo;
+  photo.neighbor = neighbor_of(row, step);
+  const Random random{run_.config.train.seed, RandomStream::surface_neighbors};
+  if (photo.neighbor)
+    photo.patch_phase = int(random.below(kPatchStride * kPatchStride, std::uint64_t(step), 1));
+  return photo;
+}
+
+const View* Trainer::neighbor_of(std::size_t row, int step) const {
+  if (neighbors_.empty() || neighbors_[row].empty() ||
+      !(run_.schedule.surface_weights(step).photo > 0))
+    return nullptr;
   const std::vector<std::uint32_t>& neighbors = neighbors_[row];
   const Random random{run_.config.train.seed, RandomStream::surface_neighbors};
-  photo.neighbor = &run_.scene.train_views[neighbors[random.below(std::uint32_t(neighbors.size()),
-                                                                  std::uint64_t(step))]];
-  photo.patch_phase = int(random.below(kPatchStride * kPatchStride, std::uint64_t(step), 1));
-  return photo;
+  return &run_.scene.train_views[neighbors[random.below(std::uint32_t(neighbors.size()),
+                                                        std::uint64_t(step))]];
 }
 
 void Trainer::find_neighbors() {
@@ -336,8 +344,13 @@ const View& Trainer::view_of(ViewSampler& views, int step) {
 }
 
 void Trainer::prefetch_decode(int first_step, int last_step) {
-  for (int step = first_step; step <= std::min(last_step, run_.schedule.steps()); ++step)
-    run_.backend.device().prefetch_decode(view_of(views_ahead_, step));
+  for (int step = first_step; step <= std::min(last_step, run_.schedule.steps()); ++step) {
+    const View& view = view_of(views_ahead_, step);
+    run_.backend.device().prefetch_decode(view);
+    if (const View* const neighbor =
+            neighbor_of(std::size_t(&view - run_.scene.train_views.data()), step))
+      run_.backend.device().prefetch_decode(*neighbor);
+  }
 }
 
 void Trainer::notify(const std::function<void(Observer&)>& f) {

@@ -20,6 +20,7 @@ const std::vector<Metric>& all_metrics() {
       {"ws_psnr", "WS-PSNR / dB", true, 1, 2},
       {"ssim_panorama", "panorama SSIM", true, 1, 4},
       {"depth_error", "depth error", true, 1, 4},
+      {"normal_angle", "normals / degrees", true, 1, 1},
       {"num_gaussians", "Gaussians", false, 1, 0},
       {"train_seconds", "training / s", false, 1, 1},
       {"peak_host_bytes", "memory / MiB", false, kMiB, 0},
