@@ -244,10 +244,10 @@ struct SurfacePicture {
   const SurfaceRow* sums;      // (H, W)
   const float* inverse_depth;  // (H, W)  mean_inverse_depth()
   GrayPhoto photo;
-  SurfaceWeights weights;  // of one pixel, and of one patch
+  SurfaceWeights weights = {};  // of one pixel, and of one patch
   // For weights.photo > 0.
-  NeighborCamera<float> neighbor;
-  GrayPhoto other;
+  NeighborCamera<float> neighbor = {};
+  GrayPhoto other = {};
   int phase = 0;  // of the patches of this step, below kPatchStride^2
 
   GS_HD std::size_t index(int x, int y) const {
