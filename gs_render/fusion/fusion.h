@@ -55,6 +55,8 @@ class Fusion {
   virtual void add(const GaussiansSpan& gaussians, const Camera& camera,
                    const RenderSettings& settings, const RenderPass& pass, Image8 color);
   const std::vector<DepthView>& views() const { return views_; }
+  /// Ends the fusion.
+  std::vector<DepthView> take_views() { return std::move(views_); }
 
   /// The size of a pixel on the surface that it shows: 1 / (o f), the median over pixels of all
   /// views.   world units; 0 where no pixel shows a surface

@@ -10,9 +10,9 @@
 namespace gs {
 namespace {
 
-constexpr int kSide = 2;             // samples of a pixel along each axis
+constexpr int kSide = 2;              // samples of a pixel along each axis
 constexpr int kBandRows = 8 * kSide;  // samples; a band is drawn by one thread
-constexpr float kNearest = 1e-3f;    // world units; what is nearer is cut away
+constexpr float kNearest = 1e-3f;     // world units; what is nearer is cut away
 constexpr Vec3f kNoColor{0.5f};
 
 using Vec2d = Vec2<double>;
@@ -24,7 +24,7 @@ struct Corner {
 
 /// A corner in the picture.
 struct ScreenCorner {
-  Vec2d at;             // samples
+  Vec2d at;  // samples
   double inverse_depth;
   Vec3f value;
 };
@@ -85,7 +85,8 @@ struct Band {
         if (pa + pb + pc <= inverse_depth[i]) continue;
         inverse_depth[i] = pa + pb + pc;
         const double all = inverse_depth[i];
-        value[i] = float(pa / all) * a.value + float(pb / all) * b.value + float(pc / all) * c.value;
+        value[i] =
+            float(pa / all) * a.value + float(pb / all) * b.value + float(pc / all) * c.value;
       }
   }
 };
@@ -103,10 +104,10 @@ Vec3f texel_at(const Image8& texture, const Vec3f& place) {
   const float t = split(place.y, texture.height, y0, y1);
   Vec3f result;
   for (int c = 0; c < 3; ++c)
-    result[c] = kPerByte * ((1 - t) * ((1 - s) * float(texture.at(x0, y0, c)) +
-                                       s * float(texture.at(x1, y0, c))) +
-                            t * ((1 - s) * float(texture.at(x0, y1, c)) +
-                                 s * float(texture.at(x1, y1, c))));
+    result[c] =
+        kPerByte *
+        ((1 - t) * ((1 - s) * float(texture.at(x0, y0, c)) + s * float(texture.at(x1, y0, c))) +
+         t * ((1 - s) * float(texture.at(x0, y1, c)) + s * float(texture.at(x1, y1, c))));
   return result;
 }
 
@@ -117,9 +118,8 @@ class Drawing {
     rows_.resize(mesh.vertices.size());
     parallel_for(mesh.vertices.size(), 4096, [&](std::size_t v) {
       corners_[v] = {to_camera(camera, mesh.vertices[v]), value_of(v)};
-      const bool is_ahead =
-          corners_[v].at.z >= kNearest &&
-          (!camera.has_lens() || is_in_sight(camera, corners_[v].at));
+      const bool is_ahead = corners_[v].at.z >= kNearest &&
+                            (!camera.has_lens() || is_in_sight(camera, corners_[v].at));
       rows_[v] = is_ahead ? float(on_screen(corners_[v]).at.y) : NAN;
     });
     sort_into_bands();

@@ -2,6 +2,7 @@
 // gemsplat mesh: files, options and everything that it refuses.
 #include <gmock/gmock.h>
 
+#include "data_loaders/photos/photos.h"
 #include "gs_model/formats/formats.h"
 #include "tests/support/depth_png.h"
 #include "tests/support/program.h"
@@ -54,6 +55,32 @@ TEST_F(MeshVerb, TakesARunAndSaysWhatItWrote) {
   EXPECT_GT(json["triangles"], 100);
   EXPECT_EQ(json["pieces"], 1);
   EXPECT_TRUE(std::filesystem::exists(path("out-mesh.glb")));
+}
+
+TEST_F(MeshVerb, WritesATextureIntoAGlbOrBesideAnObj) {
+  make_wall();
+  const Outcome glb = run(mesh("wall.glb", "--texture 256 --decimate 200 --json"));
+  ASSERT_EQ(glb.code, 0) << glb.err;
+  const Json json = Json::parse(glb.out);
+  EXPECT_LE(json["texture"][0], 256);
+  EXPECT_GT(json["texture"][0], 32);
+  EXPECT_GT(json["seconds"]["texture"], 0);
+  const Outcome error = run("mesh-error " + text("wall.glb") + " --json --data " + text("out"));
+  ASSERT_EQ(error.code, 0) << error.err;
+  EXPECT_GT(Json::parse(error.out)["pictures"]["covered"], 0.5);
+
+  ASSERT_EQ(run(mesh("wall.obj", "--texture")).code, 0);
+  EXPECT_THAT(read_bytes(path("wall.obj")), HasSubstr("mtllib wall.mtl\n"));
+  EXPECT_THAT(read_bytes(path("wall.mtl")), HasSubstr("map_Kd wall.png\n"));
+  EXPECT_EQ(read_photo(path("wall.png")).channels, 3);
+
+  EXPECT_THAT(run(mesh("wall.stl", "--texture")).err, HasSubstr("needs a .glb or an .obj"));
+  std::filesystem::remove(path("wall.obj"));
+  const Outcome refused = run(mesh("wall.obj", "--texture"));
+  EXPECT_EQ(refused.code, 2);
+  EXPECT_THAT(refused.err, HasSubstr("wall.png is there already"));
+  ASSERT_EQ(run(mesh("wall.obj", "--texture --force")).code, 0);
+  EXPECT_TRUE(std::filesystem::exists(path("wall.png.bak-1")));
 }
 
 TEST_F(MeshVerb, KeepsWhatIsThere) {

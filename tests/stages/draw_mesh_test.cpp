@@ -54,7 +54,8 @@ TEST(DrawMesh, CoversThePixelsInFrontOfItFromBothSides) {
 TEST(DrawMesh, ShowsTheNearestTriangleInAnyOrder) {
   const Camera camera = camera_of(8, 6, 4);
   for (const bool far_first : {false, true}) {
-    TriangleMesh mesh = plain_square(far_first ? 4 : 2, 1, {std::uint8_t(far_first ? 0 : 255), 0, 0});
+    TriangleMesh mesh =
+        plain_square(far_first ? 4 : 2, 1, {std::uint8_t(far_first ? 0 : 255), 0, 0});
     const TriangleMesh other =
         plain_square(far_first ? 2 : 4, 1, {std::uint8_t(far_first ? 255 : 0), 0, 0});
     mesh.vertices.insert(mesh.vertices.end(), other.vertices.begin(), other.vertices.end());
@@ -69,8 +70,10 @@ TEST(DrawMesh, ShowsTheNearestTriangleInAnyOrder) {
 TEST(DrawMesh, InterpolatesInPerspectiveAndCutsWhatIsBehind) {
   const Camera camera = camera_of(64, 48, 40);
   constexpr float kHeight = 1, kFirst = -10, kLast = 30;
-  TriangleMesh mesh = quad({Vec3f(-99, kHeight, kFirst), {99, kHeight, kFirst},
-                            {99, kHeight, kLast}, {-99, kHeight, kLast}},
+  TriangleMesh mesh = quad({Vec3f(-99, kHeight, kFirst),
+                            {99, kHeight, kFirst},
+                            {99, kHeight, kLast},
+                            {-99, kHeight, kLast}},
                            {Rgb8{0, 0, 0}, {0, 0, 0}, {255, 0, 0}, {255, 0, 0}});
   const auto expect_floor = [&] {
     const MeshPicture picture = draw_mesh(mesh, camera, kSky);

@@ -136,7 +136,9 @@ MadeMesh mesh_of(const MeshJob& job, Fusion& fusion, WallClock& clock, JobEvents
     std::erase_if(mesh.triangles, [&](const Triangle& t) {
       return !is_seen[t[0]] && !is_seen[t[1]] && !is_seen[t[2]];
     });
-  return {std::move(mesh), voxel, fusion.views().size(), {}, {}};
+  MadeMesh made{std::move(mesh), voxel, fusion.median_pixel(), fusion.views().size(), {}};
+  if (job.texture) made.depth_views = fusion.take_views();
+  return made;
 }
 
 }  // namespace
@@ -211,7 +213,7 @@ MadeMesh mesh_by_opacity(const MeshJob& job, const OpenedModel& opened, WallCloc
         fmt::format("no voxel of {:.3g} is half opaque; give a smaller --voxel", frame.voxel));
   mesh.colors.assign(mesh.vertices.size(), kCollisionColor);
   clock.end("triangles");
-  return {std::move(mesh), frame.voxel, 0, {}, {}};
+  return {std::move(mesh), frame.voxel, 0, 0, {}};
 }
 
 }  // namespace gs
