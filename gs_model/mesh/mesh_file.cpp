@@ -92,7 +92,8 @@ void write_mesh_obj(ByteSink& sink, const TriangleMesh& mesh, const Vec3d& world
       has_texture ? "f {0}/{0}/{0} {1}/{1}/{1} {2}/{2}/{2}\n" : "f {0}//{0} {1}//{1} {2}//{2}\n";
   write_rows(sink, mesh.triangles.size(), [&](std::string& text, std::size_t i) {
     const Triangle& t = mesh.triangles[i];
-    fmt::format_to(std::back_inserter(text), fmt::runtime(corner_line), t[0] + 1, t[1] + 1, t[2] + 1);
+    fmt::format_to(std::back_inserter(text), fmt::runtime(corner_line), t[0] + 1, t[1] + 1,
+                   t[2] + 1);
   });
 }
 

@@ -15,9 +15,10 @@ namespace gs {
 namespace {
 
 constexpr std::uint32_t kNone = ~0u;
-constexpr int kDirections = 14;      // of the faces and corners of a cube
-constexpr int kSmoothings = 3;       // passes that give triangles the direction of their neighbors
-constexpr float kLeastFacing = 0.2f;  // cosine of a triangle's normal and the direction of its chart
+constexpr int kDirections = 14;  // of the faces and corners of a cube
+constexpr int kSmoothings = 3;   // passes that give triangles the direction of their neighbors
+constexpr float kLeastFacing =
+    0.2f;  // cosine of a triangle's normal and the direction of its chart
 constexpr int kSmallestSide = 64;
 constexpr float kCoarser = 1.02f;  // steps of the size of a texel
 constexpr std::uint8_t kGray = 128;
@@ -28,7 +29,8 @@ std::array<Vec3f, kDirections> all_directions() {
   for (int axis = 0; axis < 3; ++axis)
     for (const float sign : {-1.0f, 1.0f}) (directions[count++] = Vec3f(0))[axis] = sign;
   for (int corner = 0; corner < 8; ++corner)
-    directions[count++] = unit(Vec3f(corner & 1 ? 1 : -1, corner & 2 ? 1 : -1, corner & 4 ? 1 : -1));
+    directions[count++] =
+        unit(Vec3f(corner & 1 ? 1 : -1, corner & 2 ? 1 : -1, corner & 4 ? 1 : -1));
   return directions;
 }
 
@@ -98,10 +100,10 @@ std::vector<int> directions_of(const TriangleMesh& mesh, const Neighbors& neighb
 /// Triangles side by side in the texture.
 struct Chart {
   int direction = 0;
-  Vec2f low{0}, high{0};          // of its projection, world units
-  int x = 0, y = 0;               // of its corner in the texture, with the gutter
-  int width = 0, height = 0;      // texels, the same
-  bool is_turned = false;         // the two axes change places, so that it is wider than high
+  Vec2f low{0}, high{0};      // of its projection, world units
+  int x = 0, y = 0;           // of its corner in the texture, with the gutter
+  int width = 0, height = 0;  // texels, the same
+  bool is_turned = false;     // the two axes change places, so that it is wider than high
 };
 
 struct Charts {
@@ -139,7 +141,8 @@ std::vector<std::uint32_t> split_vertices(TriangleMesh& mesh, const Charts& char
   std::vector<std::pair<std::uint64_t, std::size_t>> uses;  // (chart, vertex) and the corner
   for (std::size_t t = 0; t < mesh.triangles.size(); ++t)
     for (std::size_t k = 0; k < 3; ++k)
-      uses.emplace_back(std::uint64_t(charts.of_triangle[t]) << 32 | mesh.triangles[t][k], 3 * t + k);
+      uses.emplace_back(std::uint64_t(charts.of_triangle[t]) << 32 | mesh.triangles[t][k],
+                        3 * t + k);
   std::sort(uses.begin(), uses.end());
   TriangleMesh split;
   split.triangles.resize(mesh.triangles.size());
@@ -224,9 +227,10 @@ float unwrap_mesh(TriangleMesh& mesh, const UnwrapRule& rule) {
   }
   for (; height > side; height = pack(charts, side, texel)) {
     if (texel > widest)
-      throw Error(fmt::format("the surface falls into {} parts, which do not fit into a texture of "
-                              "{} pixels; give --decimate, a larger --voxel, or --texture {}",
-                              charts.size(), side, 2 * side));
+      throw Error(
+          fmt::format("the surface falls into {} parts, which do not fit into a texture of "
+                      "{} pixels; give --decimate, a larger --voxel, or --texture {}",
+                      charts.size(), side, 2 * side));
     texel *= kCoarser;
   }
   mesh.texture = Image8(side, int(height), 3, kGray);

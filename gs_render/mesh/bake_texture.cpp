@@ -93,8 +93,8 @@ void bake_texture(const std::vector<DepthView>& views, float voxel, int gutter,
   parallel_for(owners.size(), 1024, [&](std::size_t i) {
     if (owners[i] == kNobody) return;
     const Triangle& t = mesh.triangles[owners[i]];
-    const Vec3f shares = PlanarTriangle(mesh, t).shares_at(
-        {float(i % width) + 0.5f, float(i / width) + 0.5f});
+    const Vec3f shares =
+        PlanarTriangle(mesh, t).shares_at({float(i % width) + 0.5f, float(i / width) + 0.5f});
     Vec3f p(0), color(0);
     for (int k = 0; k < 3; ++k) {
       const std::uint32_t v = t[std::size_t(k)];

@@ -57,8 +57,8 @@ std::vector<int> uses_of_texels(const TriangleMesh& mesh) {
       for (int x = 0; x < mesh.texture.width; ++x) {
         const float px = float(x) + 0.5f, py = float(y) + 0.5f;
         const float a = side(0, px, py), b = side(1, px, py), c = side(2, px, py);
-        const bool is_inside = (a > 1e-3f && b > 1e-3f && c > 1e-3f) ||
-                               (a < -1e-3f && b < -1e-3f && c < -1e-3f);
+        const bool is_inside =
+            (a > 1e-3f && b > 1e-3f && c > 1e-3f) || (a < -1e-3f && b < -1e-3f && c < -1e-3f);
         uses[std::size_t(y * mesh.texture.width + x)] += is_inside;
       }
   }
@@ -111,7 +111,9 @@ TEST(Texture, OfTooManyPartsIsRefused) {
   }
   mesh.colors.assign(mesh.vertices.size(), {0, 0, 0});
   compute_normals(mesh);
-  EXPECT_NE(error_of([&] { unwrap_mesh(mesh, {128, 0.1f}); }).find("--texture 256"),
+  EXPECT_NE(error_of([&] {
+              unwrap_mesh(mesh, {128, 0.1f});
+            }).find("--texture 256"),
             std::string::npos);
 }
 
@@ -149,8 +151,7 @@ TEST(Texture, ShowsWhatIsFinerThanTriangles) {
         const DepthPicture picture = view.picture();
         if (!picture.has(x, y)) continue;
         const Vec3f color = stripes(picture.world_point(x, y));
-        for (int c = 0; c < 3; ++c)
-          view.color.at(x, y, c) = std::uint8_t(255 * color[c] + 0.5f);
+        for (int c = 0; c < 3; ++c) view.color.at(x, y, c) = std::uint8_t(255 * color[c] + 0.5f);
       }
   constexpr float kVoxel = 0.04f;
   TriangleMesh mesh = coarse_sphere(10);
