@@ -3,14 +3,13 @@
 // pictures of a mesh look like photos.
 #include <spdlog/fmt/fmt.h>
 
-#include "data_loaders/photos/photos.h"
 #include "gs_app/jobs/parts/shared_options.h"
 #include "gs_app/jobs/verbs.h"
+#include "gs_app/run/model_mesh.h"
 #include "gs_app/run/open_model.h"
 #include "gs_app/run/run_folder.h"
 #include "gs_app/run/text.h"
 #include "gs_core/geometry/vectors.h"
-#include "gs_core/system/files/atomic_file.h"
 #include "gs_eval/mesh_error.h"
 #include "gs_eval/mesh_pictures.h"
 #include "gs_model/mesh/mesh_read.h"
@@ -100,27 +99,12 @@ void compare_surfaces(const MeshErrorJob& job, MeshOfFile mesh, Outcome& outcome
   }
 }
 
-/// The picture of a mesh's texture. Photos are decoded from files alone.
-Image8 decoded_texture(const std::string& png) {
-  const fs::path file = make_temporary_beside(fs::temp_directory_path() / "texture", ".png");
-  try {
-    write_text(file, png);
-    Image8 texture = read_photo(file);
-    fs::remove(file);
-    return texture;
-  } catch (...) {
-    std::error_code ignored;
-    fs::remove(file, ignored);
-    throw;
-  }
-}
-
 /// Measures in the photos that a run, or training on a scene, holds out.
 void compare_pictures(const MeshErrorJob& job, MeshOfFile mesh, const std::string& source,
                       Outcome& outcome) {
   if (mesh.mesh.triangles.empty())
     throw UsageError(job.mesh + " holds points, which have no picture; leave --data out");
-  if (!mesh.texture_png.empty()) mesh.mesh.texture = decoded_texture(mesh.texture_png);
+  decode_texture(mesh);
   const RunFolder run_of_data{source};
   const bool is_run = fs::exists(run_of_data.config());
   Config start;

@@ -3,7 +3,7 @@
 #include "gs_app/jobs/parts/open_browser.h"
 #include "gs_app/jobs/parts/shared_options.h"
 #include "gs_app/jobs/verbs.h"
-#include "gs_app/run/mesh_place.h"
+#include "gs_app/run/model_mesh.h"
 #include "gs_app/run/text.h"
 #include "gs_app/view/file_view.h"
 #include "gs_core/system/processes/signals.h"

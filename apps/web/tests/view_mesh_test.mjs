@@ -94,11 +94,7 @@ const [camera] = CAMERAS;
 const withMesh = glb => ({scene: sceneFor('file', {mesh: {name: 'mesh.glb'}}), mesh: () => glb});
 const place = point => seenAt(camera, point);
 const colors = async (page, places) => colorsAt(page, await page.screenshot(), places);
-const view = more => ({
-  at: `c=0&ui=0${more}`,
-  width: camera.width,
-  height: camera.height,
-});
+const view = more => ({at: `c=0&ui=0${more}`, width: camera.width, height: camera.height});
 // The mesh is there when something of it is drawn.
 const meshShown = async page => {
   await ready(page);
@@ -125,7 +121,9 @@ const tests = {
     }
   },
 
-  async 'both are side by side, as the slider says; the mesh is fetched when it is wanted'(browser) {
+  async 'both are side by side, as the slider says; the mesh is fetched when it is wanted'(
+    browser,
+  ) {
     const page = await shown(browser, withMesh(glbOf(BLUE, false)), {at: 'c=0'});
     await ready(page);
     const [server] = browser.servers;

@@ -20,8 +20,14 @@ export async function readGlb(bytes) {
     return new Uint8Array(bytes, first + byteOffset, byteLength);
   };
   const rowsOf = index => {
-    const {bufferView, byteOffset = 0, componentType, count, type, normalized} =
-      json.accessors[index];
+    const {
+      bufferView,
+      byteOffset = 0,
+      componentType,
+      count,
+      type,
+      normalized,
+    } = json.accessors[index];
     const Rows = ARRAYS[componentType],
       width = WIDTHS[type];
     if (!Rows || !width || json.bufferViews[bufferView].byteStride)
