@@ -135,6 +135,49 @@ TEST_F(MeshVerb, FusesDepthMapsOfOtherPrograms) {
   EXPECT_EQ(run("mesh " + text("scene") + " --depths " + text("nowhere")).code, 3);
 }
 
+// Near things decide the voxel, and what is a thousand times as far the box.
+TEST_F(MeshVerb, RefusesVoxelsThatDoNotFitIntoMemory) {
+  write_scene(path("scene"));
+  ImageF depth(kWidth, kHeight, 1, 50);
+  for (int y = 0; y < kHeight; ++y)
+    for (int x = 0; x < kWidth / 3; ++x) depth.at(x, y, 0) = 60000;
+  for (int v = 0; v < kViews; ++v)
+    write_depth_png(path("maps/view_" + std::to_string(v) + ".png"), depth);
+  write_bytes(path("far.ply"), "older");
+  const Outcome outcome = run("mesh " + text("scene") + " --depths " + text("maps") +
+                              " --watertight --force -q -o " + text("far.ply"));
+  EXPECT_EQ(outcome.code, 4) << outcome.err;
+  EXPECT_THAT(outcome.err, AllOf(HasSubstr("GiB are free; give --voxel"), HasSubstr("or crop")));
+  EXPECT_EQ(std::count(outcome.err.begin(), outcome.err.end(), '\n'), 1) << outcome.err;
+  EXPECT_EQ(read_bytes(path("far.ply")), "older");
+}
+
+/// A model whose Gaussians are broken, or of which one is left, ends with a mesh or with one line.
+TEST_F(MeshVerb, TakesModelsThatAreHardlyThere) {
+  make_wall();
+  const auto expect = [&](const GaussianModel& model, int code, const std::string& part) {
+    write_model(path("wall.ply"), model);
+    const Outcome outcome = run(mesh("a.glb", "-q --force"));
+    EXPECT_EQ(outcome.code, code) << outcome.err;
+    EXPECT_THAT(outcome.err, HasSubstr(part));
+    EXPECT_LE(std::count(outcome.err.begin(), outcome.err.end(), '\n'), 1) << outcome.err;
+    std::filesystem::remove(path("a.glb"));
+  };
+  const auto model_of = [](const Vec3f& mean, float scale) {
+    GaussianModel model{Gaussians(1, host_memory()), 0, true, false};
+    set_gaussian(model.gaussians, 0, mean, scale, 0.99f);
+    return model;
+  };
+  expect(model_of({0, 0, 3}, 0.3f), 0, "");
+  expect(model_of({0.2f, 0, 0.3f}, 5), 0, "");  // the cameras are inside of it
+  GaussianModel flat = model_of({0, 0, 3}, 0.3f);
+  flat.gaussians.log_scale[0] = Vec3f(-200);  // without extent: its plane has no normal
+  expect(flat, 3, "no pixel of 6 views shows a surface");
+  GaussianModel edge_on = model_of({0, 0, 3}, 0.3f);
+  edge_on.gaussians.log_scale[0].x = -200;  // the cameras look along its plane
+  expect(edge_on, 0, "");
+}
+
 TEST_F(MeshVerb, MakesASolidWithoutCameras) {
   GaussianModel ball{Gaussians(400, host_memory()), 0, true, false};
   for (std::size_t i = 0; i < 400; ++i) {
