@@ -140,6 +140,9 @@ void visit_options(MeshJob& job, OptionList& list) {
       .between(64, 16384)
       .alone("4096")
       .excludes("--collision");
+  option("--agreed", job.is_agreed,
+         "leave out pixels whose surface no other view shows: nearer to the truth, with more holes")
+      .excludes("--collision");
   option("--mesh-views", job.views, "take N views, evenly chosen [all]")
       .takes("N")
       .positive()

@@ -47,22 +47,17 @@ Json described(const fs::path& path, const RunFolder& folder, int step) {
   const Vec3f background = render_settings(config).background;
   const std::vector<View> views = views_with_photos(folder, step, file.world_offset);
   const MeshPictures measured = compare_mesh_pictures(mesh, views, background);
-  Json json = {{"name", path.filename().string()},
-               {"triangles", mesh.triangles.size()},
-               {"vertices", mesh.vertices.size()},
-               {"texture", nullptr},
-               {"pictures", Json::array()},
-               {"views", measured.views}};
+  Json json = {{"name", path.filename().string()}, {"triangles", mesh.triangles.size()},
+               {"vertices", mesh.vertices.size()}, {"texture", nullptr},
+               {"pictures", Json::array()},        {"views", measured.views}};
   if (!mesh.texture.empty()) json["texture"] = {mesh.texture.width, mesh.texture.height};
   if (measured.views == 0) return json;
-  json.update(
-      {{"psnr", measured.psnr}, {"ssim", measured.ssim}, {"covered", measured.covered}});
+  json.update({{"psnr", measured.psnr}, {"ssim", measured.ssim}, {"covered", measured.covered}});
   for (const std::size_t i : evenly_chosen(views.size(), kShownViews))
     json["pictures"].push_back(
         {{"name", views[i].name},
          {"photo", page_picture(views[i].photo)},
-         {"mesh",
-          page_picture(to_image8(draw_mesh(mesh, views[i].camera, background).color))}});
+         {"mesh", page_picture(to_image8(draw_mesh(mesh, views[i].camera, background).color))}});
   return json;
 }
 

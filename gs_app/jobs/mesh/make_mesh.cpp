@@ -83,7 +83,8 @@ float voxel_of(const MeshJob& job, Fusion& fusion) {
   const double pixel = fusion.median_pixel();
   if (!(pixel > 0))
     throw Error(
-        fmt::format("no pixel of {} views shows a surface; {}", fusion.views().size(),
+        fmt::format("no pixel of {} views shows a surface{}; {}", fusion.views().size(),
+                    job.is_agreed ? " that another one shows, too" : "",
                     job.depths.empty()
                         ? "the cameras look elsewhere, or the model is too faint: look at it with "
                           "`gemsplat view " +
@@ -126,6 +127,7 @@ TriangleMesh triangles_of(Fusion& fusion, float voxel, WallClock& clock, JobEven
 
 /// Fuses what was added.
 MadeMesh mesh_of(const MeshJob& job, Fusion& fusion, WallClock& clock, JobEvents& events) {
+  if (job.is_agreed) fusion.drop_doubtful();
   clock.end("depth");
   const float voxel = voxel_of(job, fusion);
   TriangleMesh mesh = triangles_of(fusion, voxel, clock, events);

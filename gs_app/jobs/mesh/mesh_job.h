@@ -21,7 +21,7 @@ struct MeshJob : JobSettings {
   std::optional<double> voxel, time;
   FusionRule rule;
   std::size_t components = 0, triangles = 0, views = 0, texture = 0;  // 0: not said
-  bool force = false;
+  bool is_agreed = false, force = false;
 };
 
 void visit_options(MeshJob& job, OptionList& list);
