@@ -101,8 +101,8 @@ struct Workspace {
       : depth_keys(memory), rows(memory), visible_count(memory), taken_depth_keys(memory),
         first_of_order(memory), instance_buffer(memory), length_classes(memory), sort_scratch(memory),
         splat_gradients(memory), fine_sums(memory), coarse_sums(memory), fragment_sums(memory),
-        fixed_fragment_sums(memory), surface_gradients(memory), shape_gradients(memory), pixel_values(memory), value_range(memory), drawn_tiles(memory),
-        halted(memory) {}
+        fixed_fragment_sums(memory), surface_gradients(memory), shape_gradients(memory),
+        pixel_values(memory), value_range(memory), drawn_tiles(memory), halted(memory) {}
 };
 // clang-format on
 

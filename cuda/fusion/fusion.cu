@@ -9,6 +9,7 @@
 
 #include "cuda/device/warp.cuh"
 #include "cuda/fusion/surface_depth.cuh"
+#include "gs_render/fusion/agreement.h"
 #include "gs_render/fusion/votes.h"
 
 namespace gs::cuda {
@@ -29,6 +30,17 @@ __device__ bool find_pixel(const DepthPicture& view, int& x, int& y) {
 
 __global__ void facing_kernel(DepthPicture view, std::uint8_t* facing) {
   if (int x, y; find_pixel(view, x, y)) facing[view.pixel(x, y)] = view.facing_of(x, y);
+}
+
+__global__ void doubt_kernel(Span<const DepthPicture> views, std::size_t view, char* doubtful) {
+  if (int x, y; find_pixel(views[view], x, y))
+    doubtful[views[view].pixel(x, y)] = is_doubtful(views, view, x, y);
+}
+
+__global__ void forget_kernel(DepthPicture view, const char* doubtful, float* inverse_depth) {
+  int x, y;
+  if (!find_pixel(view, x, y) || !doubtful[view.pixel(x, y)]) return;
+  inverse_depth[view.pixel(x, y)] = kUnknownDepth;
 }
 
 /// A bit for each block of the frame.
@@ -140,6 +152,25 @@ class CudaFusion final : public Fusion {
     Fusion::add(std::move(view));
   }
 
+  void drop_doubtful() override {
+    if (on_device_.size() < 2) return;
+    const Span<const DepthPicture> pictures = all_pictures();
+    std::vector<Buffer<char>> doubtful;
+    for (std::size_t v = 0; v < on_device_.size(); ++v) {
+      const ViewOnDevice& view = on_device_[v];
+      doubtful.emplace_back(view.inverse_depth.size(), memory_);
+      context_.launch("doubt", doubt_kernel, view.blocks(), kThreads, pictures, v,
+                      doubtful.back().data());
+    }
+    for (std::size_t v = 0; v < on_device_.size(); ++v) {
+      const ViewOnDevice& view = on_device_[v];
+      context_.launch("forget", forget_kernel, view.blocks(), kThreads, view.picture(),
+                      doubtful[v].data(), view.inverse_depth.data());
+      memory_.download(views_[v].inverse_depth.pixels.data(), view.inverse_depth.data(),
+                       view.inverse_depth.size_bytes());
+    }
+  }
+
   std::vector<std::uint64_t> surface_blocks(const VolumeFrame& frame) override {
     if (frame.count() > kMostMarked) return Fusion::surface_blocks(frame);
     marks_.resize_discard((frame.count() + 31) / 32);
@@ -179,13 +210,16 @@ class CudaFusion final : public Fusion {
   }
 
  private:
-  VotingViews voting(const VolumeFrame& frame) {
+  Span<const DepthPicture> all_pictures() {
     if (pictures_.size() != on_device_.size()) {
       std::vector<DepthPicture> pictures;
       for (const ViewOnDevice& view : on_device_) pictures.push_back(view.picture());
       pictures_.upload(pictures);
     }
-    return {pictures_.span(), frame, rule_, least_views()};
+    return pictures_.span();
+  }
+  VotingViews voting(const VolumeFrame& frame) {
+    return {all_pictures(), frame, rule_, least_views()};
   }
 
   Context& context_;

@@ -49,7 +49,7 @@ Vec3d vector_of(const Json& json) {
 
 CutSide side_of(const Json& json) {
   const bool is_cut = json.contains("cut");
-  return {is_cut, json.at(is_cut ? "cut" : "block").get<std::size_t>()};
+  return {is_cut, whole_number<std::size_t>(json.at(is_cut ? "cut" : "block"))};
 }
 
 Cut cut_of(const Json& json) {
@@ -63,10 +63,10 @@ BlockEntry block_of(const Json& json) {
   block.config = json.at("config").get<std::string>();
   block.run = json.at("run").get<std::string>();
   block.region = json.at("region").get<std::string>();
-  block.train_photos = json.at("train_photos").get<std::size_t>();
-  block.test_photos = json.at("test_photos").get<std::size_t>();
-  block.points = json.at("points").get<std::size_t>();
-  block.points_outside = json.at("points_outside").get<std::size_t>();
+  block.train_photos = whole_number<std::size_t>(json.at("train_photos"));
+  block.test_photos = whole_number<std::size_t>(json.at("test_photos"));
+  block.points = whole_number<std::size_t>(json.at("points"));
+  block.points_outside = whole_number<std::size_t>(json.at("points_outside"));
   return block;
 }
 

@@ -2,6 +2,7 @@
 // gemsplat mesh: the surface of a trained model of any trainer, as triangles.
 #include <spdlog/fmt/fmt.h>
 
+#include "data_loaders/photos/encode/encode_png.h"
 #include "gs_app/export/export_model.h"
 #include "gs_app/jobs/mesh/mesh_job.h"
 #include "gs_app/jobs/verbs.h"
@@ -12,10 +13,13 @@
 #include "gs_model/mesh/clean_mesh.h"
 #include "gs_model/mesh/decimate_mesh.h"
 #include "gs_model/mesh/mesh_file.h"
+#include "gs_model/mesh/unwrap_mesh.h"
+#include "gs_render/mesh/bake_texture.h"
 
 namespace gs {
 namespace {
 
+namespace fs = std::filesystem;
 constexpr std::size_t kCollisionTriangles = 20000;
 
 MadeMesh make(const MeshJob& job, WallClock& clock, JobEvents& events) {
@@ -32,6 +36,47 @@ MadeMesh make(const MeshJob& job, WallClock& clock, JobEvents& events) {
   made.model = opened.ply.string();
   made.world_offset = opened.model.world_offset;
   return made;
+}
+
+/// Replaces the colors of vertices by a texture.
+void add_texture(const MeshJob& job, MadeMesh& made) {
+  constexpr float kTexelPixels = 0.75f;  // of the median pixel; smaller texels show nothing more
+  unwrap_mesh(made.mesh, {int(job.texture), kTexelPixels * made.pixel});
+  bake_texture(made.depth_views, made.voxel, kTextureGutter, made.mesh);
+}
+
+/// What is written, the mesh last.
+std::vector<fs::path> files_of(const MeshJob& job, const MeshFormat& format) {
+  const fs::path mesh = job.output;
+  if (!job.texture) return {mesh};
+  if (!format.takes_textures)
+    throw UsageError(job.output + ": --texture needs a .glb or an .obj; name such a file with -o");
+  if (mesh.extension() == ".glb") return {mesh};
+  return {fs::path(mesh).replace_extension(".png"), fs::path(mesh).replace_extension(".mtl"), mesh};
+}
+
+void write_file(const fs::path& path, const std::function<void(ByteSink&)>& write) {
+  AtomicFile file(path);
+  write(file);
+  file.commit();
+}
+
+void write_files(const std::vector<fs::path>& files, const MeshFormat& format,
+                 const MadeMesh& made) {
+  MeshTextureFile texture{{}, files.back().stem().string()};
+  if (!made.mesh.texture.empty()) {
+    const std::vector<std::uint8_t> png = encode_png(made.mesh.texture);
+    texture.png.assign(png.begin(), png.end());
+  }
+  std::vector<OutputLock> locks;
+  for (const fs::path& file : files) locks.push_back(OutputLock::of_file(file));
+  for (const fs::path& file : files) keep_older_aside(file);
+  if (files.size() > 1) {
+    write_file(files[0], [&](ByteSink& sink) { sink.write(texture.png); });
+    write_file(files[1], [&](ByteSink& sink) { sink.write(texture.material()); });
+  }
+  write_file(files.back(),
+             [&](ByteSink& sink) { format.write(sink, made.mesh, made.world_offset, texture); });
 }
 
 }  // namespace
@@ -87,6 +132,17 @@ void visit_options(MeshJob& job, OptionList& list) {
          "keep N triangles, or more where a noisy surface is full of tunnels [all]")
       .takes("N")
       .positive();
+  option(
+      "--texture", job.texture,
+      "a texture in place of the vertices' colors, with N pixels along its sides at most [4096]: "
+      ".glb, .obj")
+      .takes("N")
+      .between(64, 16384)
+      .alone("4096")
+      .excludes("--collision");
+  option("--agreed", job.is_agreed,
+         "leave out pixels whose surface no other view shows: nearer to the truth, with more holes")
+      .excludes("--collision");
   option("--mesh-views", job.views, "take N views, evenly chosen [all]")
       .takes("N")
       .positive()
@@ -104,7 +160,8 @@ Outcome run(const MeshJob& given, JobEvents& events) {
   if (job.output.empty())
     job.output = new_place(beside(job.model, collides ? "-collision" : "-mesh"), {".glb"}).string();
   const MeshFormat& format = mesh_format_of(job.output);
-  check_place(job.output, job.force);
+  const std::vector<fs::path> files = files_of(job, format);
+  for (const fs::path& file : files) check_place(file.string(), job.force);
   MadeMesh made = make(job, clock, events);
   TriangleMesh& mesh = made.mesh;
   const std::size_t pieces = keep_large_pieces(mesh, job.components);
@@ -112,11 +169,11 @@ Outcome run(const MeshJob& given, JobEvents& events) {
   if (job.triangles) decimate_mesh(mesh, job.triangles);
   compute_normals(mesh);
   clock.end("cleaning");
-  const OutputLock lock = OutputLock::of_file(job.output);
-  keep_older_aside(job.output);
-  AtomicFile file(job.output);
-  format.write(file, mesh, made.world_offset);
-  file.commit();
+  if (job.texture) {
+    add_texture(job, made);
+    clock.end("texture");
+  }
+  write_files(files, format, made);
   clock.end("file");
   Json seconds;
   for (const auto& [part, time] : clock.parts()) seconds[part] = time;
@@ -129,6 +186,9 @@ Outcome run(const MeshJob& given, JobEvents& events) {
        {"vertices", mesh.vertices.size()},
        {"triangles", mesh.triangles.size()},
        {"pieces", pieces},
+       {"texture", made.mesh.texture.empty()
+                       ? Json()
+                       : Json::array({made.mesh.texture.width, made.mesh.texture.height})},
        {"voxel", made.voxel},
        {"views", made.views},
        {"seconds", seconds}},

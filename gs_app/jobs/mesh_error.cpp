@@ -5,6 +5,7 @@
 
 #include "gs_app/jobs/parts/shared_options.h"
 #include "gs_app/jobs/verbs.h"
+#include "gs_app/run/model_mesh.h"
 #include "gs_app/run/open_model.h"
 #include "gs_app/run/run_folder.h"
 #include "gs_app/run/text.h"
@@ -17,6 +18,7 @@
 namespace gs {
 namespace {
 
+namespace fs = std::filesystem;
 constexpr double kUsualThreshold = 0.005;  // of the diagonal of the truth
 
 struct MeshErrorJob : JobSettings {
@@ -98,12 +100,13 @@ void compare_surfaces(const MeshErrorJob& job, MeshOfFile mesh, Outcome& outcome
 }
 
 /// Measures in the photos that a run, or training on a scene, holds out.
-void compare_pictures(const MeshErrorJob& job, const MeshOfFile& mesh, const std::string& source,
+void compare_pictures(const MeshErrorJob& job, MeshOfFile mesh, const std::string& source,
                       Outcome& outcome) {
   if (mesh.mesh.triangles.empty())
     throw UsageError(job.mesh + " holds points, which have no picture; leave --data out");
+  decode_texture(mesh);
   const RunFolder run_of_data{source};
-  const bool is_run = std::filesystem::exists(run_of_data.config());
+  const bool is_run = fs::exists(run_of_data.config());
   Config start;
   if (is_run)
     load_config(start, run_of_data.config());

@@ -3,15 +3,17 @@
 #include "gs_app/jobs/parts/open_browser.h"
 #include "gs_app/jobs/parts/shared_options.h"
 #include "gs_app/jobs/verbs.h"
+#include "gs_app/run/model_mesh.h"
 #include "gs_app/run/text.h"
 #include "gs_app/view/file_view.h"
 #include "gs_core/system/processes/signals.h"
+#include "gs_model/mesh/mesh_read.h"
 
 namespace gs {
 namespace {
 
 struct ViewJob : JobSettings {
-  std::string model, cameras;
+  std::string model, cameras, mesh;
   ModelChoice choice;
   std::optional<double> time;
   HttpPlace place;
@@ -39,6 +41,12 @@ void visit_options(ViewJob& job, OptionList& option) {
       .takes("N")
       .group("Server")
       .rare();
+  option("--mesh", job.mesh,
+         "mesh of the model, a .glb, to be shown in its place [mesh.glb in the run, or what "
+         "`gemsplat mesh` writes beside the model]")
+      .takes("FILE")
+      .group("Scene")
+      .excludes("--remote");
   option("--cameras", job.cameras, "cameras.json [that of the run]").takes("FILE").group("Scene");
   camera_options(option, "-d,--data,-s,--source-path");
   option.get("--data").excludes("--cameras");
@@ -47,11 +55,29 @@ void visit_options(ViewJob& job, OptionList& option) {
   general_options(option);
 }
 
+/// The mesh that was named, or else the one that is there, if it can be read.
+std::filesystem::path mesh_to_show(const ViewJob& job) {
+  const std::filesystem::path mesh =
+      job.mesh.empty() ? mesh_beside(job.model) : std::filesystem::path(job.mesh);
+  if (mesh.empty()) return {};
+  try {
+    if (mesh.extension() == ".glb" && !read_mesh(mesh).mesh.triangles.empty()) return mesh;
+    throw UsageError(mesh.string() +
+                     ": the page shows triangles of a .glb; write one with "
+                     "`gemsplat mesh -o NAME.glb`");
+  } catch (const Error& error) {
+    if (!job.mesh.empty()) throw;
+    log_warning("the mesh is not shown: {}", error.what());
+    return {};
+  }
+}
+
 std::unique_ptr<FileView> view_of(const ViewJob& job, const OpenedModel& opened,
                                   const Config& config) {
   ViewScene scene = view_scene_of(opened, config, job.has("dataset.source"), job.cameras);
   scene.time = job.time;
   scene.path = job.model;
+  if (!job.remote) scene.mesh = mesh_to_show(job);
   for (const std::string& note : scene.notes) log_warning("{}", note);
   if (!job.remote)
     return std::make_unique<FileView>(std::move(scene), serve_model(opened, job.stream_from));

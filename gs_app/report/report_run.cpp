@@ -7,6 +7,7 @@
 
 #include "gs_app/report/report_curves.h"
 #include "gs_app/report/report_histograms.h"
+#include "gs_app/report/report_mesh.h"
 #include "gs_app/report/report_page.h"
 #include "gs_app/report/report_views.h"
 #include "gs_core/config/config_diff.h"
@@ -83,6 +84,7 @@ Json report_of(const RunFolder& folder, Json results, const EndedRun* run) {
   } else if (step) {
     report["views"] = report_views(folder, *step, {}, notes);
     report["histograms"] = model_histograms(read_gaussian_ply(folder.ply(*step)));
+    report["mesh"] = report_mesh(folder, *step, notes);
   } else {
     notes.push_back("No model is saved yet, so there are no views and no histograms.");
   }

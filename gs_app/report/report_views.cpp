@@ -65,8 +65,11 @@ PagePictures page_pictures(const Comparison& view) {
           data_uri(flip_picture(photo, render))};  // as the page shows both
 }
 
-// The names of the views, in the order of their pictures.
-std::vector<std::string> names_of(const RunFolder& folder, const std::string& split) {
+}  // namespace
+
+std::string page_picture(const Image8& image) { return data_uri(at_most(image, kLongestSide)); }
+
+std::vector<std::string> names_of_pictures(const RunFolder& folder, const std::string& split) {
   const std::vector<std::string> all = split_names(folder, split);
   if (split == "test") return all;
   std::vector<std::string> sample;
@@ -74,8 +77,6 @@ std::vector<std::string> names_of(const RunFolder& folder, const std::string& sp
     sample.push_back(all[index]);
   return sample;
 }
-
-}  // namespace
 
 std::vector<std::size_t> shown_in_report(std::size_t count) {
   return evenly_chosen(count, kMostViews);
@@ -85,7 +86,7 @@ Json report_views(const RunFolder& folder, int step, const ShownViews& known,
                   std::vector<std::string>& notes) {
   if (!fs::exists(folder.split()) || !fs::exists(folder.per_view())) return nullptr;
   const std::string split = split_names(folder, "test").empty() ? "train" : "test";
-  const std::vector<std::string> names = names_of(folder, split);
+  const std::vector<std::string> names = names_of_pictures(folder, split);
   const Json per_view = read_json(folder.per_view());
   const fs::path pictures = folder.pictures(split, step);
   Json list = Json::array();

@@ -73,6 +73,7 @@ Json scene_json(const ViewScene& scene) {
   if (scene.time) json["time"] = *scene.time;
   json["world_offset"] = list_of(scene.world_offset);
   if (scene.meters_per_unit) json["meters_per_unit"] = *scene.meters_per_unit;
+  if (!scene.mesh.empty()) json["mesh"] = {{"name", name_of(scene.mesh)}};
   json["cameras"] = cameras_json(scene.cameras);
   for (std::size_t i = 0; i < scene.cameras.size(); ++i)
     if (const std::string& look = scene.cameras[i].look; scene.looks && !look.empty())

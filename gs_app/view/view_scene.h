@@ -47,6 +47,7 @@ struct ViewScene {
   std::optional<double> meters_per_unit = {};    // of a scene that knows where on earth it stands
   std::shared_ptr<const SceneLooks> looks = {};  // learned colors of photos; null: there are none
   std::shared_ptr<const Scene> photos = {};      // owner of the views; null if the caller owns them
+  std::filesystem::path mesh = {};               // a .glb of triangles; empty: there is none
   std::string path = {};  // of the model, as the command line names it; only this machine sees it
 };
 

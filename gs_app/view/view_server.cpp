@@ -82,6 +82,14 @@ HttpAnswer photo_answer(const ViewScene& scene, std::string_view number) {
   }
 }
 
+HttpAnswer mesh_answer(const ViewScene& scene) {
+  if (scene.mesh.empty()) return http_error(404, "there is no mesh; `gemsplat mesh` makes it");
+  HttpAnswer answer;
+  answer.type = "model/gltf-binary";
+  answer.file = scene.mesh;
+  return answer;
+}
+
 }  // namespace
 
 HttpAnswer ViewSource::frame(const HttpRequest&) {
@@ -115,6 +123,7 @@ HttpAnswer view_answer(ViewSource& source, const HttpRequest& request) {
   if (path == "/scene.json") return scene_answer(source, request);
   if (path == "/state.json") return state_answer(source, request);
   if (path == "/model") return source.model();
+  if (path == "/mesh") return mesh_answer(source.scene());
   if (path == "/frame") return source.frame(request);
   if (path.starts_with(kPhotoPath))
     return photo_answer(source.scene(), std::string_view(path).substr(kPhotoPath.size()));

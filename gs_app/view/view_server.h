@@ -32,7 +32,7 @@ class ViewSource {
 /// The state of a model that is not being trained: {"step": 0, ..., "version": 1, "done": true}.
 Json finished_state(std::size_t gaussians);
 
-/// The answer to a request for /, /scene.json, /state.json, /model, /photo/I or /frame, or to POST
+/// The answer to a request for /, /scene.json, /state.json, /model, /mesh, /photo/I or /frame, or to POST
 /// /control; 404 for any other.
 HttpAnswer view_answer(ViewSource& source, const HttpRequest& request);
 

@@ -63,10 +63,14 @@ void SafetensorsFile::read_header(const std::string& text) {
   take_from_json(path_, remedy_, [&] {
     for (const auto& [name, array] : header.get_ref<const SortedJson::object_t&>()) {
       if (name == "__metadata__") continue;
-      const auto offsets = array.at("data_offsets").get<std::vector<std::uint64_t>>();
+      const auto& offsets = array.at("data_offsets").get_ref<const SortedJson::array_t&>();
       if (offsets.size() != 2) refuse("the offsets of " + name + " are damaged");
-      entries_[name] = {array.at("dtype").get<std::string>(),
-                        array.at("shape").get<std::vector<std::int64_t>>(), offsets[0], offsets[1]};
+      Entry& entry = entries_[name];
+      entry.kind = array.at("dtype").get<std::string>();
+      for (const SortedJson& size : array.at("shape").get_ref<const SortedJson::array_t&>())
+        entry.shape.push_back(whole_number<std::int64_t>(size));
+      entry.begin = whole_number<std::uint64_t>(offsets[0]);
+      entry.end = whole_number<std::uint64_t>(offsets[1]);
     }
   });
 }

@@ -20,6 +20,7 @@ namespace gs {
 namespace {
 
 constexpr std::size_t kRowsPerWrite = 65536;
+constexpr const char* kMaterial = "surface";
 
 /// Writes rows in pieces, so that a large mesh is not in memory twice. append(text, i) adds row i.
 template <class Append>
@@ -39,7 +40,8 @@ std::string offset_line(const char* comment, const Vec3d& offset) {
              : fmt::format("{} world_offset {}\n", comment, text_of_offset(offset));
 }
 
-void write_mesh_ply(ByteSink& sink, const TriangleMesh& mesh, const Vec3d& world_offset) {
+void write_mesh_ply(ByteSink& sink, const TriangleMesh& mesh, const Vec3d& world_offset,
+                    const MeshTextureFile&) {
   std::string header = "ply\nformat binary_little_endian 1.0\n" +
                        offset_line("comment", world_offset) +
                        fmt::format("element vertex {}\n", mesh.vertices.size());
@@ -61,11 +63,18 @@ void write_mesh_ply(ByteSink& sink, const TriangleMesh& mesh, const Vec3d& world
   });
 }
 
-void write_mesh_obj(ByteSink& sink, const TriangleMesh& mesh, const Vec3d& world_offset) {
+void write_mesh_obj(ByteSink& sink, const TriangleMesh& mesh, const Vec3d& world_offset,
+                    const MeshTextureFile& texture) {
+  const bool has_texture = !texture.png.empty();
   sink.write(offset_line("#", world_offset));
+  if (has_texture) sink.write(fmt::format("mtllib {}.mtl\nusemtl {}\n", texture.name, kMaterial));
   // Colors behind the position, as MeshLab and Blender read them.
   write_rows(sink, mesh.vertices.size(), [&](std::string& text, std::size_t v) {
     const Vec3f& p = mesh.vertices[v];
+    if (has_texture) {
+      fmt::format_to(std::back_inserter(text), "v {} {} {}\n", p.x, p.y, p.z);
+      return;
+    }
     const Rgb8& c = mesh.colors[v];
     fmt::format_to(std::back_inserter(text), "v {} {} {} {:.4f} {:.4f} {:.4f}\n", p.x, p.y, p.z,
                    float(c[0]) / 255, float(c[1]) / 255, float(c[2]) / 255);
@@ -74,14 +83,22 @@ void write_mesh_obj(ByteSink& sink, const TriangleMesh& mesh, const Vec3d& world
     const Vec3f& n = mesh.normals[v];
     fmt::format_to(std::back_inserter(text), "vn {:.4f} {:.4f} {:.4f}\n", n.x, n.y, n.z);
   });
+  if (has_texture)
+    write_rows(sink, mesh.vertices.size(), [&](std::string& text, std::size_t v) {
+      const Vec2f& at = mesh.texture_places[v];  // an .obj counts from the lower left corner
+      fmt::format_to(std::back_inserter(text), "vt {:.6f} {:.6f}\n", at.x, 1 - at.y);
+    });
+  const char* const corner_line =
+      has_texture ? "f {0}/{0}/{0} {1}/{1}/{1} {2}/{2}/{2}\n" : "f {0}//{0} {1}//{1} {2}//{2}\n";
   write_rows(sink, mesh.triangles.size(), [&](std::string& text, std::size_t i) {
     const Triangle& t = mesh.triangles[i];
-    fmt::format_to(std::back_inserter(text), "f {0}//{0} {1}//{1} {2}//{2}\n", t[0] + 1, t[1] + 1,
+    fmt::format_to(std::back_inserter(text), fmt::runtime(corner_line), t[0] + 1, t[1] + 1,
                    t[2] + 1);
   });
 }
 
-void write_mesh_stl(ByteSink& sink, const TriangleMesh& mesh, const Vec3d&) {
+void write_mesh_stl(ByteSink& sink, const TriangleMesh& mesh, const Vec3d&,
+                    const MeshTextureFile&) {
   if (mesh.triangles.size() > std::numeric_limits<std::uint32_t>::max())
     throw Error(
         fmt::format("cannot write {}: a .stl has at most 2^32 triangles; choose .ply, or "
@@ -109,12 +126,15 @@ struct GlbArray {
   int target;
 };
 
-void write_mesh_glb(ByteSink& sink, const TriangleMesh& mesh, const Vec3d& world_offset) {
+void write_mesh_glb(ByteSink& sink, const TriangleMesh& mesh, const Vec3d& world_offset,
+                    const MeshTextureFile& texture) {
+  const bool has_texture = !texture.png.empty();
   constexpr int kFloat32 = 5126, kUint32 = 5125, kUint8 = 5121, kVertices = 34962, kIndices = 34963;
   const std::size_t vertices = mesh.vertices.size();
   const GlbArray arrays[] = {{"VEC3", kFloat32, vertices, 12, kVertices},
                              {"VEC3", kFloat32, vertices, 12, kVertices},
-                             {"VEC4", kUint8, vertices, 4, kVertices},
+                             has_texture ? GlbArray{"VEC2", kFloat32, vertices, 8, kVertices}
+                                         : GlbArray{"VEC4", kUint8, vertices, 4, kVertices},
                              {"SCALAR", kUint32, 3 * mesh.triangles.size(), 4, kIndices}};
   Json views, accessors;
   std::uint64_t bytes = 0;  // a multiple of 4, as every row is
@@ -130,6 +150,11 @@ void write_mesh_glb(ByteSink& sink, const TriangleMesh& mesh, const Vec3d& world
                      {"target", array.target}});
     bytes += array.count * array.row_bytes;
   }
+  const std::size_t padding = (4 - texture.png.size() % 4) % 4;
+  if (has_texture) {
+    views.push_back({{"buffer", 0}, {"byteOffset", bytes}, {"byteLength", texture.png.size()}});
+    bytes += texture.png.size() + padding;
+  }
   Vec3f low(std::numeric_limits<float>::max()), high = -low;
   for (const Vec3f& vertex : mesh.vertices)
     for (int axis = 0; axis < 3; ++axis) {
@@ -142,14 +167,15 @@ void write_mesh_glb(ByteSink& sink, const TriangleMesh& mesh, const Vec3d& world
   Json node = {{"mesh", 0}};
   const Vec3d& offset = world_offset;
   if (offset != Vec3d(0.0)) node["extras"] = {{"world_offset", {offset.x, offset.y, offset.z}}};
-  const Json primitive = {{"attributes", {{"POSITION", 0}, {"NORMAL", 1}, {"COLOR_0", 2}}},
+  const char* const looks = has_texture ? "TEXCOORD_0" : "COLOR_0";
+  const Json primitive = {{"attributes", {{"POSITION", 0}, {"NORMAL", 1}, {looks, 2}}},
                           {"indices", 3},
                           {"material", 0}};
   // The light is in the colors already, which viewers without the extension light again.
   const Json material = {{"doubleSided", true},
                          {"pbrMetallicRoughness", {{"metallicFactor", 0}, {"roughnessFactor", 1}}},
                          {"extensions", {{"KHR_materials_unlit", Json::object()}}}};
-  const Json document = {
+  Json document = {
       {"asset", {{"version", "2.0"}, {"generator", fmt::format("gemsplat {}", kVersion)}}},
       {"extensionsUsed", Json::array({"KHR_materials_unlit"})},
       {"scene", 0},
@@ -160,6 +186,16 @@ void write_mesh_glb(ByteSink& sink, const TriangleMesh& mesh, const Vec3d& world
       {"accessors", accessors},
       {"bufferViews", views},
       {"buffers", Json::array({{{"byteLength", bytes}}})}};
+  if (has_texture) {
+    constexpr int kLinear = 9729, kLinearMipmaps = 9987, kClamped = 33071;
+    document["images"] = Json::array({{{"bufferView", 4}, {"mimeType", "image/png"}}});
+    document["samplers"] = Json::array({{{"magFilter", kLinear},
+                                         {"minFilter", kLinearMipmaps},
+                                         {"wrapS", kClamped},
+                                         {"wrapT", kClamped}}});
+    document["textures"] = Json::array({{{"sampler", 0}, {"source", 0}}});
+    document["materials"][0]["pbrMetallicRoughness"]["baseColorTexture"] = {{"index", 0}};
+  }
   const std::string head = glb_head(document.dump(), bytes);
   if (head.size() + bytes > std::numeric_limits<std::uint32_t>::max())
     throw Error(
@@ -174,19 +210,25 @@ void write_mesh_glb(ByteSink& sink, const TriangleMesh& mesh, const Vec3d& world
     append_little(text, mesh.normals[v] * kHalfTurnZ);
   });
   write_rows(sink, vertices, [&](std::string& text, std::size_t v) {
+    if (has_texture) return append_little(text, mesh.texture_places[v]);
     for (const std::uint8_t channel : mesh.colors[v])
       text += char(to_unorm(linear_of(float(channel) / 255), 8));
     text += char(255);
   });
   write_rows(sink, mesh.triangles.size(),
              [&](std::string& text, std::size_t t) { append_little(text, mesh.triangles[t]); });
+  if (has_texture) sink.write(texture.png + std::string(padding, '\0'));
 }
 
 }  // namespace
 
+std::string MeshTextureFile::material() const {
+  return fmt::format("newmtl {}\nKa 0 0 0\nKd 1 1 1\nillum 0\nmap_Kd {}.png\n", kMaterial, name);
+}
+
 const MeshFormat& mesh_format_of(const std::filesystem::path& file) {
-  static const MeshFormat kFormats[] = {{".glb", write_mesh_glb},
-                                        {".obj", write_mesh_obj},
+  static const MeshFormat kFormats[] = {{".glb", write_mesh_glb, true},
+                                        {".obj", write_mesh_obj, true},
                                         {".ply", write_mesh_ply},
                                         {".stl", write_mesh_stl}};
   for (const MeshFormat& format : kFormats)

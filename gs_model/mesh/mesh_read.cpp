@@ -4,6 +4,7 @@
 #include <spdlog/fmt/fmt.h>
 
 #include <algorithm>
+#include <set>
 #include <vector>
 
 #include "gs_core/error.h"
@@ -147,17 +148,31 @@ MeshOfFile read_stl_mesh(const Path& path) {
   return result;
 }
 
-/// Adds the colors of the newest vertices, which a .glb has as linear light; those before them that
+/// Adds the colors of the newest `count` vertices, which a .glb has as linear light; those before them that
 /// have none are white, as glTF says.
-void add_colors(const GlbFile& glb, std::uint64_t accessor, TriangleMesh& mesh) {
+void add_colors(const GlbFile& glb, std::uint64_t accessor, std::size_t count, TriangleMesh& mesh) {
   const SortedJson* const type = GlbFile::find(glb.item("accessors", accessor), "type");
   const GlbRows rows(glb, accessor, type && *type == "VEC3" ? 3 : 4);
-  if (rows.count() > mesh.vertices.size()) glb.fail("has more colors than positions");
+  if (rows.count() != count) glb.fail("has not a color for each position");
   mesh.colors.resize(mesh.vertices.size() - rows.count(), kWhite);
   for (std::size_t v = 0; v < rows.count(); ++v) {
     const Vec3f linear = rows.vec3(v);
     mesh.colors.push_back(rgb8_of({srgb_of(linear.x), srgb_of(linear.y), srgb_of(linear.z)}));
   }
+}
+
+/// The PNG that a primitive's material has for its colors, or nothing.
+std::string_view texture_of(const GlbFile& glb, const SortedJson& primitive) {
+  if (!GlbFile::find(primitive, "material")) return {};
+  const SortedJson& material = glb.item("materials", glb.number(primitive, "material"));
+  const SortedJson* const looks = GlbFile::find(material, "pbrMetallicRoughness");
+  const SortedJson* const use = looks ? GlbFile::find(*looks, "baseColorTexture") : nullptr;
+  if (!use || glb.number(*use, "texCoord", 0) != 0) return {};
+  const SortedJson& texture = glb.item("textures", glb.number(*use, "index"));
+  const SortedJson& image = glb.item("images", glb.number(texture, "source"));
+  const SortedJson* const kind = GlbFile::find(image, "mimeType");
+  if (!kind || *kind != "image/png") return {};
+  return glb.view(glb.number(image, "bufferView"));
 }
 
 /// The triangles of all primitives, as they are without their nodes.
@@ -167,6 +182,7 @@ MeshOfFile read_glb_mesh(const Path& path) {
   const GlbFile glb(path, {reinterpret_cast<const char*>(reader.take(size)), size});
   check_nodes(glb);
   MeshOfFile result{{}, world_offset_of(glb)};
+  std::set<std::string_view> textures;
   for (const SortedJson& mesh : glb.list("meshes")) {
     const SortedJson* const primitives = GlbFile::find(mesh, "primitives");
     for (std::size_t p = 0; primitives && primitives->is_array() && p < primitives->size(); ++p) {
@@ -179,7 +195,15 @@ MeshOfFile read_glb_mesh(const Path& path) {
       for (std::size_t v = 0; v < at.count(); ++v)
         result.mesh.vertices.push_back(at.vec3(v) * kHalfTurnZ);
       if (GlbFile::find(*attributes, "COLOR_0"))
-        add_colors(glb, glb.number(*attributes, "COLOR_0"), result.mesh);
+        add_colors(glb, glb.number(*attributes, "COLOR_0"), at.count(), result.mesh);
+      if (const std::string_view png = texture_of(glb, primitive);
+          !png.empty() && GlbFile::find(*attributes, "TEXCOORD_0")) {
+        const GlbRows places(glb, glb.number(*attributes, "TEXCOORD_0"), 2);
+        if (places.count() != at.count()) glb.fail("has not a texture place for each position");
+        for (std::size_t v = 0; v < places.count(); ++v)
+          result.mesh.texture_places.emplace_back(places(v, 0), places(v, 1));
+        textures.insert(png);
+      }
       std::optional<GlbRows> indices;
       if (GlbFile::find(primitive, "indices"))
         indices.emplace(glb, glb.number(primitive, "indices"), 1, true);
@@ -192,6 +216,10 @@ MeshOfFile read_glb_mesh(const Path& path) {
     }
   }
   if (!result.mesh.colors.empty()) result.mesh.colors.resize(result.mesh.vertices.size(), kWhite);
+  if (result.mesh.texture_places.size() == result.mesh.vertices.size() && textures.size() == 1)
+    result.texture_png = *textures.begin();
+  else
+    result.mesh.texture_places.clear();
   return result;
 }
 
@@ -201,6 +229,11 @@ void check_mesh(const Path& path, const TriangleMesh& mesh) {
   for (std::size_t v = 0; v < mesh.vertices.size(); ++v)
     if (!is_finite(mesh.vertices[v]))
       cannot_read(path, fmt::format("vertex {} is not finite; export it again", v));
+  for (std::size_t v = 0; v < mesh.texture_places.size(); ++v)
+    if (!std::isfinite(mesh.texture_places[v].x) || !std::isfinite(mesh.texture_places[v].y))
+      cannot_read(path, fmt::format("the texture place of vertex {} is not finite; export it "
+                                    "again",
+                                    v));
   for (std::size_t t = 0; t < mesh.triangles.size(); ++t)
     for (const std::uint32_t v : mesh.triangles[t])
       if (v >= mesh.vertices.size())

@@ -3,15 +3,17 @@
 #pragma once
 
 #include <filesystem>
+#include <string>
 
 #include "gs_core/triangle_mesh.h"
 
 namespace gs {
 
 struct MeshOfFile {
-  TriangleMesh mesh;  // without triangles: points; without colors; normals of a .ply only
+  TriangleMesh mesh;  // without triangles: points; normals of a .ply only; no texture
   Vec3d world_offset{
       0.0};  // as our writers note it; added to the vertices it gives the scene's axes
+  std::string texture_png = {};  // of a .glb whose vertices all have places in one texture
 };
 
 /// Reads a .ply (text or binary), .obj, .glb or binary .stl. Polygons become fans of triangles. A .glb

@@ -6,6 +6,7 @@
 #include <iterator>
 
 #include "gs_core/threads/parallel.h"
+#include "gs_render/fusion/agreement.h"
 #include "gs_render/fusion/surface_depth.h"
 #include "gs_render/fusion/votes.h"
 #include "gs_render/renderer.h"
@@ -80,6 +81,25 @@ void Fusion::add(const GaussiansSpan& gaussians, const Camera& camera,
                  const RenderSettings& settings, const RenderPass& pass, Image8 color) {
   add(depth_view(camera, surface_inverse_depth(pass, gaussians, camera, settings),
                  std::move(color)));
+}
+
+void Fusion::drop_doubtful() {
+  if (views_.size() < 2) return;
+  std::vector<DepthPicture> pictures;
+  for (const DepthView& view : views_) pictures.push_back(view.picture());
+  std::vector<std::vector<char>> doubtful(views_.size());
+  for (std::size_t v = 0; v < views_.size(); ++v) {
+    const Camera& camera = views_[v].camera;
+    doubtful[v].resize(views_[v].inverse_depth.pixels.size());
+    parallel_for(std::size_t(camera.height), 4, [&](std::size_t y) {
+      for (int x = 0; x < camera.width; ++x)
+        doubtful[v][pictures[v].pixel(x, int(y))] =
+            is_doubtful({pictures.data(), pictures.size()}, v, x, int(y));
+    });
+  }
+  for (std::size_t v = 0; v < views_.size(); ++v)
+    for (std::size_t i = 0; i < doubtful[v].size(); ++i)
+      if (doubtful[v][i]) views_[v].inverse_depth.pixels[i] = kUnknownDepth;
 }
 
 float Fusion::median_pixel() const {

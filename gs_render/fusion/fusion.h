@@ -35,7 +35,7 @@ using FusionProgress = std::function<void(std::size_t done, std::size_t total)>;
 /// surface look through a voxel, it is air. Two views must agree that there is anything, if there
 /// are two, and of a closed surface one for every eight before which the voxel is hidden.
 ///
-/// Order of calls: add() for each view, then
+/// Order of calls: add() for each view, maybe drop_doubtful(), then
 ///
 ///   const VolumeFrame frame = fusion.frame(voxel);
 ///   TriangleMesh mesh = surface_of(fusion.fuse(frame, progress));       // marching_cubes.h
@@ -55,6 +55,11 @@ class Fusion {
   virtual void add(const GaussiansSpan& gaussians, const Camera& camera,
                    const RenderSettings& settings, const RenderPass& pass, Image8 color);
   const std::vector<DepthView>& views() const { return views_; }
+  /// Forgets the depth of pixels with which no other view agrees (agreement.h); of two views at
+  /// least. Once, after all views were added.
+  virtual void drop_doubtful();
+  /// Ends the fusion.
+  std::vector<DepthView> take_views() { return std::move(views_); }
 
   /// The size of a pixel on the surface that it shows: 1 / (o f), the median over pixels of all
   /// views.   world units; 0 where no pixel shows a surface

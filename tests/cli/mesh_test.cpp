@@ -2,6 +2,7 @@
 // gemsplat mesh: files, options and everything that it refuses.
 #include <gmock/gmock.h>
 
+#include "data_loaders/photos/photos.h"
 #include "gs_model/formats/formats.h"
 #include "tests/support/depth_png.h"
 #include "tests/support/program.h"
@@ -56,6 +57,32 @@ TEST_F(MeshVerb, TakesARunAndSaysWhatItWrote) {
   EXPECT_TRUE(std::filesystem::exists(path("out-mesh.glb")));
 }
 
+TEST_F(MeshVerb, WritesATextureIntoAGlbOrBesideAnObj) {
+  make_wall();
+  const Outcome glb = run(mesh("wall.glb", "--texture 256 --decimate 200 --json"));
+  ASSERT_EQ(glb.code, 0) << glb.err;
+  const Json json = Json::parse(glb.out);
+  EXPECT_LE(json["texture"][0], 256);
+  EXPECT_GT(json["texture"][0], 32);
+  EXPECT_GT(json["seconds"]["texture"], 0);
+  const Outcome error = run("mesh-error " + text("wall.glb") + " --json --data " + text("out"));
+  ASSERT_EQ(error.code, 0) << error.err;
+  EXPECT_GT(Json::parse(error.out)["pictures"]["covered"], 0.5);
+
+  ASSERT_EQ(run(mesh("wall.obj", "--texture")).code, 0);
+  EXPECT_THAT(read_bytes(path("wall.obj")), HasSubstr("mtllib wall.mtl\n"));
+  EXPECT_THAT(read_bytes(path("wall.mtl")), HasSubstr("map_Kd wall.png\n"));
+  EXPECT_EQ(read_photo(path("wall.png")).channels, 3);
+
+  EXPECT_THAT(run(mesh("wall.stl", "--texture")).err, HasSubstr("needs a .glb or an .obj"));
+  std::filesystem::remove(path("wall.obj"));
+  const Outcome refused = run(mesh("wall.obj", "--texture"));
+  EXPECT_EQ(refused.code, 2);
+  EXPECT_THAT(refused.err, HasSubstr("wall.png is there already"));
+  ASSERT_EQ(run(mesh("wall.obj", "--texture --force")).code, 0);
+  EXPECT_TRUE(std::filesystem::exists(path("wall.png.bak-1")));
+}
+
 TEST_F(MeshVerb, KeepsWhatIsThere) {
   make_wall();
   write_bytes(path("old.stl"), "old");
@@ -106,6 +133,52 @@ TEST_F(MeshVerb, FusesDepthMapsOfOtherPrograms) {
   EXPECT_THAT(run("mesh " + text("scene") + " --depths " + text("none")).err,
               HasSubstr("know nothing"));
   EXPECT_EQ(run("mesh " + text("scene") + " --depths " + text("nowhere")).code, 3);
+}
+
+// Near things decide the voxel, and what is a thousand times as far the box.
+TEST_F(MeshVerb, RefusesVoxelsThatDoNotFitIntoMemory) {
+  write_scene(path("scene"));
+  ImageF depth(kWidth, kHeight, 1, 50);
+  for (int y = 0; y < kHeight; ++y)
+    for (int x = 0; x < kWidth / 3; ++x) depth.at(x, y, 0) = 60000;
+  for (int v = 0; v < kViews; ++v)
+    write_depth_png(path("maps/view_" + std::to_string(v) + ".png"), depth);
+  write_bytes(path("far.ply"), "older");
+  const Outcome outcome = run("mesh " + text("scene") + " --depths " + text("maps") +
+                              " --watertight --force -q -o " + text("far.ply"));
+  EXPECT_EQ(outcome.code, 4) << outcome.err;
+  EXPECT_THAT(outcome.err, AllOf(HasSubstr("GiB are free; give --voxel"), HasSubstr("or crop")));
+  EXPECT_EQ(std::count(outcome.err.begin(), outcome.err.end(), '\n'), 1) << outcome.err;
+  EXPECT_EQ(read_bytes(path("far.ply")), "older");
+}
+
+/// A model whose Gaussians are broken, or of which one is left, ends with a mesh or with one line.
+TEST_F(MeshVerb, TakesModelsThatAreHardlyThere) {
+  make_wall();
+  const auto expect = [&](const GaussianModel& model, int code, const std::string& part,
+                          const std::string& more = "") {
+    write_model(path("wall.ply"), model);
+    const Outcome outcome = run(mesh("a.glb", "-q --force " + more));
+    EXPECT_EQ(outcome.code, code) << outcome.err;
+    EXPECT_THAT(outcome.err, HasSubstr(part));
+    EXPECT_LE(std::count(outcome.err.begin(), outcome.err.end(), '\n'), 1) << outcome.err;
+    std::filesystem::remove(path("a.glb"));
+  };
+  const auto model_of = [](const Vec3f& mean, float scale) {
+    GaussianModel model{Gaussians(1, host_memory()), 0, true, false};
+    set_gaussian(model.gaussians, 0, mean, scale, 0.99f);
+    return model;
+  };
+  expect(model_of({0, 0, 3}, 0.3f), 0, "");
+  const GaussianModel around = model_of({0.2f, 0, 0.3f}, 5);  // the cameras are inside of it
+  expect(around, 0, "");
+  expect(around, 3, "no pixel of 6 views shows a surface that another one shows, too", "--agreed");
+  GaussianModel flat = model_of({0, 0, 3}, 0.3f);
+  flat.gaussians.log_scale[0] = Vec3f(-200);  // without extent: its plane has no normal
+  expect(flat, 3, "no pixel of 6 views shows a surface;");
+  GaussianModel edge_on = model_of({0, 0, 3}, 0.3f);
+  edge_on.gaussians.log_scale[0].x = -200;  // the cameras look along its plane
+  expect(edge_on, 0, "");
 }
 
 TEST_F(MeshVerb, MakesASolidWithoutCameras) {

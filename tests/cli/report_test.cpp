@@ -116,6 +116,28 @@ TEST_F(Report, NamesInItsDataCannotEndTheElementTheyStandIn) {
   EXPECT_EQ(SortedJson::parse(data).at("results").at("device"), evil);
 }
 
+TEST_F(Report, OfARunWithAMeshShowsItBesidePhotos) {
+  ASSERT_EQ(train("out").code, 0);
+  EXPECT_TRUE(data_of("out").at("mesh").is_null());
+  ASSERT_EQ(run("mesh " + text("out") + " --collision --voxel 0.2 -o " + text("out/mesh.glb")).code,
+            0);
+  const SortedJson mesh = data_of("out").at("mesh");
+  EXPECT_EQ(mesh.at("name"), "mesh.glb");
+  EXPECT_GT(mesh.at("triangles"), 10);
+  EXPECT_EQ(mesh.at("views"), 2);
+  EXPECT_GT(mesh.at("psnr"), 3.0);
+  EXPECT_EQ(mesh.at("pictures").size(), 2u);
+  for (const char* kind : {"photo", "mesh"})
+    EXPECT_EQ(mesh.at("pictures").at(1).at(kind).get<std::string>().find("data:image/jpeg"), 0u);
+  const Outcome measured =
+      run("mesh-error " + text("out/mesh.glb") + " --json --data " + text("out"));
+  EXPECT_NEAR(mesh.at("psnr"), Json::parse(measured.out)["pictures"]["psnr"], 1e-9);
+  write_bytes(path("out/mesh.glb"), "damaged");
+  const SortedJson damaged = data_of("out");
+  EXPECT_TRUE(damaged.at("mesh").is_null());
+  EXPECT_THAT(damaged.at("notes").at(0), ::testing::HasSubstr("mesh.glb"));
+}
+
 TEST_F(Report, OfARunWithoutTestViewsShowsTrainingViews) {
   write_scene(path("scene"));
   ASSERT_EQ(run("train " + text("scene") + " -o " + text("out") + " -i 3 --device cpu").code, 0);

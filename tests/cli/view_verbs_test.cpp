@@ -83,6 +83,34 @@ TEST_F(Verbs, ViewServesUntilASignalAndThenReturns0) {
   }
 }
 
+TEST_F(Verbs, ViewFindsTheMeshOfARunOrTakesAnother) {
+  ASSERT_EQ(train("out").code, 0);
+  const auto first_get = [&](std::vector<std::string> more, const std::string& address) {
+    std::vector<std::string> words{GS_PROGRAM, "view", text("out"), "--no-open", "--port", "0"};
+    words.insert(words.end(), more.begin(), more.end());
+    Started view(words, path("view.log"));
+    const std::string body = view.get(address)->body;
+    view.end(SIGTERM);
+    fs::remove(path("view.log"));
+    return body;
+  };
+  EXPECT_FALSE(Json::parse(first_get({}, "/scene.json")).contains("mesh"));
+  EXPECT_THAT(first_get({}, "/mesh"), HasSubstr("`gemsplat mesh` makes it"));
+  ASSERT_EQ(run("mesh " + text("out") + " --collision --voxel 0.2 -o " + text("solid.glb")).code,
+            0);
+  EXPECT_EQ(first_get({"--mesh", text("solid.glb")}, "/mesh"), read_bytes(path("solid.glb")));
+  fs::rename(path("solid.glb"), path("out-mesh.glb"));
+  EXPECT_EQ(Json::parse(first_get({}, "/scene.json"))["mesh"]["name"], "out-mesh.glb");
+  EXPECT_EQ(first_get({}, "/mesh"), read_bytes(path("out-mesh.glb")));
+  write_bytes(path("out/mesh.glb"), "damaged");  // it comes first, and does not stop the viewer
+  EXPECT_FALSE(Json::parse(first_get({}, "/scene.json")).contains("mesh"));
+  const Outcome damaged =
+      run("view " + text("out") + " --no-open --mesh " + text("out/mesh.glb") + " -q");
+  EXPECT_EQ(damaged.code, 3);
+  EXPECT_THAT(damaged.err, HasSubstr("out/mesh.glb"));
+  EXPECT_EQ(run("view " + text("out") + " --no-open --mesh " + text("a.obj")).code, 2);
+}
+
 TEST_F(Verbs, ViewForOthersNamesTheAddressesOfThisMachine) {
   const std::vector<std::string> addresses = own_addresses();
   if (addresses.empty()) GTEST_SKIP() << "this machine has no address but loopback";

@@ -144,7 +144,7 @@ const std::map<std::string, std::set<std::string>> kRooms = {
     {"gs_app/blocks", {"gs_app/run", "gs_app/edit"}},
     {"gs_app/checkpoints", {"gs_app/run"}},
     {"gs_app/observers", {"gs_app/run"}},
-    {"gs_app/report", {"gs_app/run", "gs_app/pictures"}},
+    {"gs_app/report", {"gs_app/run", "gs_app/pictures", "gs_app/export"}},
     {"gs_app/session",
      {"gs_app/run", "gs_app/pictures", "gs_app/checkpoints", "gs_app/observers", "gs_app/export",
       "gs_app/report"}},

@@ -74,6 +74,12 @@ TEST_F(Safetensors, DamagedHeadersAreRefused) {
               HasSubstr("do not fit its shape"));
   EXPECT_THAT(refusal(header("[2]", "[0]")), HasSubstr("offsets of a are damaged"));
   refusal(header("2", "[0,8]"));
+  for (const char* number : {"0.5", "1e70", "\"0\""}) {
+    EXPECT_THAT(refusal(header("[" + std::string(number) + "]", "[0,8]")),
+                HasSubstr("whole number"));
+    EXPECT_THAT(refusal(header("[2]", "[0," + std::string(number) + "]")),
+                HasSubstr("whole number"));
+  }
   refusal(R"({"a":{"shape":[2],"data_offsets":[0,8]}})");
   refusal(R"({"a":[)");
   EXPECT_THAT(refusal("[1]"), HasSubstr("no safetensors file"));

@@ -50,6 +50,21 @@ TEST_F(CudaFusion, VoxelsOfGivenViewsHaveTheBytesOfTheCpu) {
   }
 }
 
+TEST_F(CudaFusion, ForgetsThePixelsThatTheCpuForgets) {
+  std::vector<DepthView> views = views_of(trace_sphere, directions(20));
+  for (int y = 20; y < 40; ++y)
+    for (int x = 20; x < 40; ++x) views[7].inverse_depth.at(x, y, 0) = 1 / 1.5f;
+  const auto fusion = on_gpu_with({});
+  Fusion expected({});
+  for (const DepthView& view : views) fusion->add(view), expected.add(view);
+  fusion->drop_doubtful();
+  expected.drop_doubtful();
+  EXPECT_EQ(expected.views()[7].inverse_depth.at(30, 30, 0), kUnknownDepth);
+  for (std::size_t v = 0; v < views.size(); ++v)
+    EXPECT_EQ(fusion->views()[v].inverse_depth.pixels, expected.views()[v].inverse_depth.pixels);
+  expect_same_volumes(*fusion, expected, 0.03f);
+}
+
 TEST_F(CudaFusion, FramesBeyondItsMarksAreMarkedOnTheCpu) {
   const auto fusion = on_gpu_with({});
   Fusion expected({});

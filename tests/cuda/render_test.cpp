@@ -217,10 +217,14 @@ TEST_F(CudaRender, MaskedTilesHaveNoList) {
     expect_same_lists(r);
     const auto lists = tile_lists(r.gpu);
     for (std::size_t tile = 0; tile < lists.size(); ++tile)
-      if (int(tile % r.gpu.tiles_x) * kTileWidth >= width / 2) EXPECT_TRUE(lists[tile].empty());
+      if (int(tile % r.gpu.tiles_x) * kTileWidth >= width / 2) {
+        EXPECT_TRUE(lists[tile].empty());
+      }
     const std::vector<float> masked = r.gpu.image.download();
     for (std::size_t i = 0; i < whole.size(); ++i)
-      if (int(i % std::size_t(width)) < width / 2) ASSERT_EQ(masked[i], whole[i]) << i;
+      if (int(i % std::size_t(width)) < width / 2) {
+        ASSERT_EQ(masked[i], whole[i]) << i;
+      }
   }
 }
 

@@ -9,7 +9,7 @@ namespace {
 constexpr int kWidth = 131, kHeight = 77;
 // Relative, of gradients: one of the two backends may keep a fragment, a pixel or a patch at a
 // threshold, and the other leave it out.
-constexpr double kTolerance = 2e-2;
+constexpr float kTolerance = 2e-2;
 
 /// Three views of one smooth photo from beside each other; the second one has a mask.
 Scene views_of_a_wall() {
@@ -87,15 +87,17 @@ class CudaSurface : public CudaTest {
       step(gpu(), actual, rows, settings, weights, density);
       gpu().synchronize(actual);
       const TrainingModel here = on_host(actual);
+      // A patch near a threshold may count on one side alone, and the loss of photos has few.
+      const float tolerance = weights.normal > 0 ? kTolerance : 0.1f;
       // The first moments are the gradients times a constant, after one step.
       for_each_array(
           [&](const char* name, const auto& a, const auto& b) {
-            EXPECT_LT(norm_difference(downloaded(a), downloaded(b)), kTolerance) << name;
+            EXPECT_LT(norm_difference(downloaded(a), downloaded(b)), tolerance) << name;
           },
           opened(here).first, opened(expected).first);
       EXPECT_LT(norm_difference(downloaded(here.statistics.gradient_norm),
                                 downloaded(expected.statistics.gradient_norm)),
-                kTolerance);
+                tolerance);
     }
   }
 

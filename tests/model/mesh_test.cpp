@@ -36,9 +36,9 @@ TriangleMesh tetrahedron() {
 }
 
 std::string file_of(const std::string& ending, const TriangleMesh& mesh,
-                    const Vec3d& offset = Vec3d(0.0)) {
+                    const Vec3d& offset = Vec3d(0.0), const MeshTextureFile& texture = {}) {
   MemorySink sink("mesh" + ending);
-  mesh_format_of("mesh" + ending).write(sink, mesh, offset);
+  mesh_format_of("mesh" + ending).write(sink, mesh, offset, texture);
   return sink.text;
 }
 

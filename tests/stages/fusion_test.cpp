@@ -356,5 +356,36 @@ TEST(Solid, IsTheSameForAnyThreadsAndNothingWithoutGaussians) {
   EXPECT_THROW(solid_frame(balls({}, 1), 0), Error);
 }
 
+// A wall that one view alone imagines goes, and what several views see stays; where all look
+// through, nothing is doubtful.
+TEST(Fusion, ForgetsWhatASingleViewSees) {
+  std::vector<DepthView> views = views_of(trace_sphere, directions(40));
+  const DepthView before = views[7];
+  for (int y = 20; y < 40; ++y)
+    for (int x = 20; x < 40; ++x) views[7].inverse_depth.at(x, y, 0) = 1 / 1.5f;
+  Fusion fusion({});
+  for (const DepthView& view : views) fusion.add(view);
+  fusion.drop_doubtful();
+  std::size_t surface = 0, forgotten = 0;
+  for (std::size_t v = 0; v < views.size(); ++v)
+    for (int y = 0; y < kPictureSide; ++y)
+      for (int x = 0; x < kPictureSide; ++x) {
+        const float o = fusion.views()[v].inverse_depth.at(x, y, 0);
+        const float was = views[v].inverse_depth.at(x, y, 0);
+        if (v == 7 && x >= 20 && x < 40 && y >= 20 && y < 40) {
+          EXPECT_EQ(o, kUnknownDepth);
+          continue;
+        }
+        EXPECT_TRUE(o == was || (was > 0 && o == kUnknownDepth));
+        surface += was > 0;
+        forgotten += o != was;
+      }
+  EXPECT_LT(double(forgotten), 0.01 * double(surface));
+  Fusion alone({});
+  alone.add(before);
+  alone.drop_doubtful();  // nothing could agree
+  EXPECT_EQ(alone.views()[0].inverse_depth.pixels, before.inverse_depth.pixels);
+}
+
 }  // namespace
 }  // namespace gs

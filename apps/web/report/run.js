@@ -22,6 +22,7 @@ export function showRun(data) {
     ['training', 'Training'],
     data.views && ['views', 'Views'],
     data.histograms && ['gaussians', 'Gaussians'],
+    data.mesh && ['mesh', 'Mesh'],
     ['settings', 'Settings'],
     ['provenance', 'Provenance'],
   ].filter(Boolean);
@@ -95,6 +96,7 @@ export function showRun(data) {
     training(data),
     data.views && views(data.views),
     data.histograms && gaussians(data.histograms, data.state),
+    data.mesh && mesh(data.mesh),
     settings(data),
     facts('provenance', 'Provenance', [
       ['scene', data.scene],
@@ -189,6 +191,35 @@ function gaussians({count, opacity, scales, out_of_range: left}, state) {
           left ? ` ${whole(left)} with values that are not numbers are left out.` : ''
         }`,
       }),
+    ),
+  );
+}
+
+// Photos, and the mesh as their cameras see it.
+function mesh({name, triangles, vertices, texture, pictures, views, psnr, ssim, covered}) {
+  const figures = views
+    ? `in ${views} views ${fixed(psnr, 2)} dB, SSIM ${fixed(ssim, 4)}, ` +
+      `${fixed(100 * covered, 1)} % of the pixels covered`
+    : 'no photo is in the folder to compare it with';
+  const size = texture ? `a texture of ${texture.join('×')}` : 'colors of vertices';
+  return section(
+    'mesh',
+    'Mesh',
+    el('span.muted', {}, name),
+    el('p', {}, `${whole(triangles)} triangles, ${whole(vertices)} vertices, ${size}; ${figures}.`),
+    el(
+      'div.charts',
+      {},
+      pictures.flatMap(view =>
+        ['photo', 'mesh'].map(kind =>
+          el(
+            'figure.card.picture',
+            {},
+            el('img', {src: view[kind], alt: `${kind} of ${view.name}`}),
+            el('figcaption.muted', {}, `${view.name}: ${kind}`),
+          ),
+        ),
+      ),
     ),
   );
 }

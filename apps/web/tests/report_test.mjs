@@ -93,6 +93,22 @@ const tests = {
     await page.close();
   },
 
+  async 'a mesh is shown beside photos'(browser) {
+    const mesh = join(out, 'run/mesh.glb'),
+      file = join(out, 'mesh.html');
+    gemsplat('mesh', join(out, 'run'), '--collision', '--voxel', '0.1', '-o', mesh, '-q');
+    gemsplat('report', join(out, 'run'), '-o', file);
+    await rm(mesh);
+    const page = await browser.open(file);
+    assert.match(await page.locator('#mesh p').innerText(), /triangles.* dB, SSIM 0\.\d+/);
+    const widths = await page.evaluate(() =>
+      [...document.querySelectorAll('#mesh img')].map(image => image.naturalWidth),
+    );
+    assert.equal(widths.length, 4);
+    assert.ok(widths.every(width => width > 0));
+    await page.close();
+  },
+
   async 'a chart tells values under the cursor, and switches its scales'(browser) {
     const page = await browser.open(join(out, 'run/report.html'));
     const loss = page.locator('[data-chart="Loss"]');

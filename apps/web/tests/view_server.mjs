@@ -6,7 +6,7 @@ import {readFile, stat} from 'node:fs/promises';
 import {basename, join} from 'node:path';
 
 /// what: {page, scene, model(version), photo(index), state(afterStep), frame(query)}. model and
-/// photo return a Buffer, state an object, frame {body, milliseconds}; control(what, token) answers POST /control; each may throw {status,
+/// photo return a Buffer, state an object, mesh a Buffer, frame {body, milliseconds}; control(what, token) answers POST /control; each may throw {status,
 /// message}, and may be replaced while the server runs.
 export class ViewServer {
   static async start(what) {
@@ -52,6 +52,7 @@ export class ViewServer {
       return json(await what.state(Number(url.searchParams.get('after'))));
     if (url.pathname === '/model')
       return send('application/octet-stream', await what.model(Number(url.searchParams.get('v'))));
+    if (url.pathname === '/mesh' && what.mesh) return send('model/gltf-binary', what.mesh());
     if (photo && what.photo) return send('image/jpeg', await what.photo(Number(photo[1])));
     if (url.pathname === '/frame' && what.frame) {
       const {body, milliseconds} = await what.frame(url.searchParams);

@@ -53,6 +53,9 @@ export async function askForModel(version, bytes, progress) {
   return {stream: response.body.pipeThrough(counted), length: length || undefined};
 }
 
+/// The bytes of the model's mesh, a .glb.
+export const askForMesh = async () => (await ask('mesh')).arrayBuffer();
+
 /// Where a model lies whose parts are fetched one by one.
 export const modelAddress = version => new URL(`model?v=${version}`, location.href).href;
 

@@ -45,6 +45,16 @@ const tableFor = ({scene, stage}) => ({
     read: text => within({min: 0, max: scene.model?.sh_degree ?? 3}, text),
     apply: ({stage}, degree) => stage.splats?.setShDegree(degree),
   },
+  mesh: {
+    first: 0, // the share of the picture that shows it
+    read: text => (scene.mesh && !stage.isRemote ? within({min: 0, max: 1}, text) : null),
+    apply: (viewer, share) => viewer.showMesh(share),
+  },
+  meshlook: {
+    first: 'color',
+    read: oneOf(['color', 'shaded', 'wires']),
+    apply: ({stage}, look) => stage.mesh?.setLook(look),
+  },
   frusta: {
     first: false,
     read: text => ({1: true, 0: false})[text] ?? null,

@@ -19,7 +19,7 @@ import {iconButton, panel} from './panels/parts.js';
 import {Player} from './panels/player.js';
 import {Rig} from './rig.js';
 import {takeToken} from './panels/run_buttons.js';
-import {askForModel, askForScene, modelAddress} from './server.js';
+import {askForMesh, askForModel, askForScene, modelAddress} from './server.js';
 import {settings} from './panels/settings.js';
 import {Stage} from './picture/stage.js';
 import {Switches} from './switches.js';
@@ -85,6 +85,7 @@ export class Viewer {
     this.help = helpDialog(scene);
     this.address = new Address(this, options => this.show(options));
     this.hasLooks = scene.cameras.some(camera => camera.look);
+    this.hasMesh = Boolean(scene.mesh) && !this.stage.isRemote;
     this.switches = new Switches(this, () => {
       this.settings.sync();
       this.address.note();
@@ -263,6 +264,22 @@ export class Viewer {
       await this.stage.shown();
     } catch (error) {
       throw new Error(`The model cannot be shown: ${error.message ?? error}`);
+    } finally {
+      bar.end();
+    }
+  }
+
+  // The mesh is fetched when it is first wanted.
+  async showMesh(share) {
+    this.stage.mesh.setShare(share);
+    if (share === 0 || this.meshAsked) return;
+    this.meshAsked = true;
+    const bar = this.messages.progress('Loading the mesh');
+    try {
+      await this.stage.mesh.load(await askForMesh());
+    } catch (error) {
+      this.meshAsked = false;
+      this.messages.fail(new Error(`The mesh cannot be shown: ${error.message ?? error}`));
     } finally {
       bar.end();
     }

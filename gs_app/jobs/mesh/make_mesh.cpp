@@ -83,7 +83,8 @@ float voxel_of(const MeshJob& job, Fusion& fusion) {
   const double pixel = fusion.median_pixel();
   if (!(pixel > 0))
     throw Error(
-        fmt::format("no pixel of {} views shows a surface; {}", fusion.views().size(),
+        fmt::format("no pixel of {} views shows a surface{}; {}", fusion.views().size(),
+                    job.is_agreed ? " that another one shows, too" : "",
                     job.depths.empty()
                         ? "the cameras look elsewhere, or the model is too faint: look at it with "
                           "`gemsplat view " +
@@ -126,6 +127,7 @@ TriangleMesh triangles_of(Fusion& fusion, float voxel, WallClock& clock, JobEven
 
 /// Fuses what was added.
 MadeMesh mesh_of(const MeshJob& job, Fusion& fusion, WallClock& clock, JobEvents& events) {
+  if (job.is_agreed) fusion.drop_doubtful();
   clock.end("depth");
   const float voxel = voxel_of(job, fusion);
   TriangleMesh mesh = triangles_of(fusion, voxel, clock, events);
@@ -136,7 +138,9 @@ MadeMesh mesh_of(const MeshJob& job, Fusion& fusion, WallClock& clock, JobEvents
     std::erase_if(mesh.triangles, [&](const Triangle& t) {
       return !is_seen[t[0]] && !is_seen[t[1]] && !is_seen[t[2]];
     });
-  return {std::move(mesh), voxel, fusion.views().size(), {}, {}};
+  MadeMesh made{std::move(mesh), voxel, fusion.median_pixel(), fusion.views().size(), {}};
+  if (job.texture) made.depth_views = fusion.take_views();
+  return made;
 }
 
 }  // namespace
@@ -211,7 +215,7 @@ MadeMesh mesh_by_opacity(const MeshJob& job, const OpenedModel& opened, WallCloc
         fmt::format("no voxel of {:.3g} is half opaque; give a smaller --voxel", frame.voxel));
   mesh.colors.assign(mesh.vertices.size(), kCollisionColor);
   clock.end("triangles");
-  return {std::move(mesh), frame.voxel, 0, {}, {}};
+  return {std::move(mesh), frame.voxel, 0, 0, {}};
 }
 
 }  // namespace gs

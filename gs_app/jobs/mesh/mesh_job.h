@@ -10,6 +10,7 @@
 #include "gs_app/run/open_model.h"
 #include "gs_app/run/wall_clock.h"
 #include "gs_core/triangle_mesh.h"
+#include "gs_render/fusion/depth_view.h"
 #include "gs_render/fusion/volume.h"
 
 namespace gs {
@@ -19,19 +20,20 @@ struct MeshJob : JobSettings {
   ModelChoice choice;
   std::optional<double> voxel, time;
   FusionRule rule;
-  std::size_t components = 0, triangles = 0, views = 0;  // 0: not said
-  bool force = false;
+  std::size_t components = 0, triangles = 0, views = 0, texture = 0;  // 0: not said
+  bool is_agreed = false, force = false;
 };
 
 void visit_options(MeshJob& job, OptionList& list);
 Outcome run(const MeshJob& job, JobEvents& events);
 
 struct MadeMesh {
-  TriangleMesh mesh;  // with colors, before it is cleaned
-  float voxel = 0;
-  std::size_t views = 0;  // 0: of the model alone
-  std::string model;      // that was read
+  TriangleMesh mesh;           // with colors, before it is cleaned
+  float voxel = 0, pixel = 0;  // pixel: the median one on the surface; both in world units
+  std::size_t views = 0;       // 0: of the model alone
+  std::string model;           // that was read
   Vec3d world_offset{0.0};
+  std::vector<DepthView> depth_views = {};  // for a texture
 };
 
 /// The surface of a model as its cameras see it. Neither this nor mesh_by_opacity() says `model` and

@@ -70,4 +70,12 @@ auto take_from_json(const std::filesystem::path& path, std::string_view remedy, 
   }
 }
 
+/// A whole number, for take_from_json(): what becomes of a fraction or of 1e70 is not defined.
+template <class T, class J>
+T whole_number(const J& value) {
+  if (!value.is_number_integer())
+    throw J::type_error::create(302, "a whole number is expected", &value);
+  return value.template get<T>();
+}
+
 }  // namespace gs

@@ -63,6 +63,29 @@ export function settings(viewer) {
           ['normal', 'Normals'],
         ]),
       ),
+      viewer.hasMesh &&
+        row(
+          'Surface',
+          choice('mesh', 'splats or mesh', [
+            ['0', 'Splats'],
+            ['0.5', 'Both'],
+            ['1', 'Mesh'],
+          ]),
+        ),
+      viewer.hasMesh &&
+        row(
+          'Split',
+          range('mesh', 'part of the picture with the mesh', {min: 0, max: 1}, 0.01, percent),
+        ),
+      viewer.hasMesh &&
+        row(
+          'Mesh',
+          choice('meshlook', 'look of the mesh', [
+            ['color', 'Color'],
+            ['shaded', 'Shaded'],
+            ['wires', 'Wires'],
+          ]),
+        ),
       viewer.hasLooks &&
         row(
           'Colors',

@@ -5,6 +5,7 @@ import {PagedSplats, SparkRenderer, SplatFileType, SplatMesh} from '@sparkjsdev/
 import {readGs4d} from './gs4d.js';
 import {MovingModel} from './moving.js';
 import {
+  Color,
   HalfFloatType,
   LinearFilter,
   Matrix4,
@@ -101,6 +102,7 @@ export class SplatPicture {
     );
     this.composite.frustumCulled = false;
     this.last = new Scene().add(this.composite);
+    this.background = new Color(0);
     this.surface = new Surface(renderer);
     this.quantity = 'color';
   }
@@ -125,6 +127,7 @@ export class SplatPicture {
 
   setBackground(color) {
     this.composite.material.uniforms.background.value.set(...color);
+    this.background.setRGB(...color);
     this.changed();
   }
 

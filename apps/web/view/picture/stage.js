@@ -6,6 +6,7 @@ import {el} from '../../shared/dom.js';
 import {FramePicture} from './frames.js';
 import {Frusta} from './frusta.js';
 import {fitted, projectionOf} from './lens.js';
+import {MeshPicture} from './mesh.js';
 import {SplatPicture} from './splats.js';
 
 // Milliseconds without movement until the view counts as still.
@@ -43,6 +44,7 @@ export class Stage {
         () => this.touch(),
       );
       this.splats.setBackground(scene.background);
+      this.mesh = new MeshPicture(this.renderer, () => this.request());
     }
     this.isStale = true; // something has changed since the last frame
     // The picture is sorted for exactly this view and has all its pixels.
@@ -199,8 +201,14 @@ export class Stage {
       Math.max(1, Math.round(this.height * scale)),
       view.lens,
     );
+    this.drawMesh(this.width, this.height);
     this.frusta.draw(this.renderer, view.pose, view.lens, this.scene.far, view.at !== null);
     this.drawn(view);
+  }
+
+  // Over splats that were just drawn; to: a target with a buffer of depth, or null for the canvas
+  drawMesh(width, height, to) {
+    this.mesh.draw(this.splats.camera, this.splats.background, width, height, to);
   }
 
   // Draws the frusta over a frame of the server, from the view that this frame shows.

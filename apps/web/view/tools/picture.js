@@ -14,13 +14,13 @@ export function pixelsOf(stage, lens, width, height) {
     type: UnsignedByteType,
     minFilter: NearestFilter,
     magFilter: NearestFilter,
-    depthBuffer: false,
   });
   const bottomUp = new Uint8Array(4 * width * height),
     image = new ImageData(width, height);
   try {
     splats.place(stage.pose, projectionOf(lens, scene.near, scene.far));
     splats.draw(width, height, lens, target);
+    stage.drawMesh(width, height, target);
     splats.surface.read(target, 0, 0, width, height, bottomUp);
   } finally {
     renderer.setRenderTarget(null);
