@@ -127,7 +127,8 @@ void visit_options(MeshJob& job, OptionList& list) {
   option("--components", job.components,
          "keep the N largest pieces [those with 50 triangles and 0.01 % of all]")
       .takes("N")
-      .positive();
+      .positive()
+      .rare();
   option("--decimate", job.triangles,
          "keep N triangles, or more where a noisy surface is full of tunnels [all]")
       .takes("N")
@@ -142,7 +143,8 @@ void visit_options(MeshJob& job, OptionList& list) {
       .excludes("--collision");
   option("--agreed", job.is_agreed,
          "leave out pixels whose surface no other view shows: nearer to the truth, with more holes")
-      .excludes("--collision");
+      .excludes("--collision")
+      .rare();
   option("--mesh-views", job.views, "take N views, evenly chosen [all]")
       .takes("N")
       .positive()

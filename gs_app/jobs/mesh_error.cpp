@@ -155,7 +155,7 @@ Verb mesh_error_verb() {
   return verb_of<MeshErrorJob>(
       "mesh-error", VerbGroup::compare, "Measure a mesh against a known surface or photos",
       {"mesh-error scene-mesh.glb scan.ply", "mesh-error mesh.ply scan.ply --threshold 0.01 0.02",
-       "mesh-error points.ply scan.ply --json", "mesh-error scene-mesh.glb --data out/scene"});
+       "mesh-error scene-mesh.glb --data out/scene"});
 }
 
 }  // namespace gs
