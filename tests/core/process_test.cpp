@@ -3,6 +3,7 @@
 // outlive the parent.
 #include "gs_core/system/processes/process.h"
 
+#include <pthread.h>
 #include <signal.h>
 #include <unistd.h>
 
@@ -11,6 +12,7 @@
 
 #include "gs_core/system/processes/signals.h"
 #include "gs_core/system/processes/subprocess.h"
+#include "gs_core/system/sanitizers.h"
 #include "tests/support/temp_folder.h"
 #include "tests/support/test.h"
 
@@ -22,6 +24,17 @@ TEST(StartChild, FindsTheProgramOnThePathAndTellsItsExitCode) {
   EXPECT_EQ(end.exit_code, 3);
   EXPECT_EQ(end.signal, 0);
   EXPECT_FALSE(end.good());
+}
+
+// As OpenBLAS does it, whose lock a child of a child would wait for without end.
+TEST(StartChild, NoLibraryHoldsAForkUp) {
+#if defined(GS_THREAD_SANITIZER) || !defined(__GLIBC__) || !__GLIBC_PREREQ(2, 34)
+  GTEST_SKIP() << "there is no fork without handlers here";
+#endif
+  static int calls = 0;
+  ASSERT_EQ(pthread_atfork([] { ++calls; }, nullptr, nullptr), 0);
+  EXPECT_TRUE(wait_for_child(start_child({"true"})).good());
+  EXPECT_EQ(calls, 0);
 }
 
 TEST(StartChild, NoArgumentIsParsedAsACommand) {

@@ -3,7 +3,7 @@
 // header also suppresses reports of OpenImageIO's leaks in all threads.
 #pragma once
 
-#include "tests/support/sanitizers.h"
+#include "gs_core/system/sanitizers.h"
 
 #ifdef GS_ADDRESS_SANITIZER
 #include <sanitizer/lsan_interface.h>

@@ -4,7 +4,7 @@
 #include <cstdlib>
 #include <new>
 
-#include "tests/support/sanitizers.h"
+#include "gs_core/system/sanitizers.h"
 
 namespace gs {
 extern std::atomic<std::size_t> largest_allocation;

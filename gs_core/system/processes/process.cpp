@@ -23,6 +23,7 @@
 
 #include "gs_core/error.h"
 #include "gs_core/system/processes/signals.h"
+#include "gs_core/system/sanitizers.h"
 
 extern char** environ;
 
@@ -63,6 +64,18 @@ struct Start {
   int guard;            // a socket to the guard, which exec closes; -1: it has none
   pid_t parent;
 };
+
+// Where the system has it, a fork without the handlers that libraries have registered. OpenBLAS, for
+// example, takes a lock in its handler: while two threads fork, the child of the one has the lock that
+// the other one holds, nobody there releases it, and a fork of that child would wait for ever.
+pid_t fork_bare() {
+#if defined(__GLIBC__) && !defined(GS_THREAD_SANITIZER)  // which has a handler of its own
+#if __GLIBC_PREREQ(2, 34)
+  return ::_Fork();
+#endif
+#endif
+  return ::fork();
+}
 
 // In the child: only calls that POSIX allows between fork and exec.
 [[noreturn]] void become(const Start& start) {
@@ -143,10 +156,10 @@ Descriptor start_guard(const std::string& name, bool saves_on_term) {
   if (::socketpair(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC, 0, ends) != 0) cannot_start(name, errno);
   const Descriptor to_read(ends[0]);
   Descriptor to_write(ends[1]);
-  const pid_t between = ::fork();
+  const pid_t between = fork_bare();
   if (between < 0) cannot_start(name, errno);
   if (between == 0) {
-    const pid_t guard = ::fork();
+    const pid_t guard = fork_bare();
     if (guard == 0) guard_group(to_read, saves_on_term);
     ::_exit(guard < 0 ? kCannotStart : 0);
   }
@@ -265,7 +278,7 @@ pid_t start_child(const std::vector<std::string>& arguments, const ChildOptions&
                     trouble_of_child,
                     guard,
                     ::getpid()};
-  const pid_t child = ::fork();
+  const pid_t child = fork_bare();
   if (child == 0) become(start);
   if (child < 0) cannot_start(name, errno);
   if (guard >= 0) guards().add(child, std::move(guard));

@@ -10,12 +10,12 @@
 #include "data_loaders/photos/photo_cache.h"
 #include "data_loaders/photos/photo_pool.h"
 #include "gs_core/error.h"
+#include "gs_core/system/sanitizers.h"
 #include "gs_train/loop/trainer.h"
 #include "tests/support/adaptive.h"
 #include "tests/support/foreign_leaks.h"
 #include "tests/support/load_scene.h"
 #include "tests/support/models.h"
-#include "tests/support/sanitizers.h"
 
 namespace gs {
 namespace {

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Which sanitizer the tests run under: g++ defines a macro for each, clang answers __has_feature.
+// Which sanitizer this is compiled for: g++ defines a macro for each, clang answers __has_feature.
 #pragma once
 
 #ifdef __has_feature
