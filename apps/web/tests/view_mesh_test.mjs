@@ -135,7 +135,7 @@ const tests = {
       .click();
     await meshShown(page);
     assert.ok(server.asked.includes('/mesh'));
-    assert.ok((await page.evaluate(() => location.href)).includes('mesh=0.5'));
+    await page.waitForFunction(() => location.href.includes('mesh=0.5'));
     await shot(page, 'mesh-both');
     const {width, height} = page.viewportSize();
     const at = share => [Math.round(share * width), Math.round(height / 2)];
