@@ -16,8 +16,8 @@ namespace gs {
 /// Of `panorama`, width, pose and time count.
 std::array<Camera, 2> panorama_halves(const Camera& panorama);
 
-/// The panorama of what its halves show, of the panorama's size. Where they overlap, a picture that `is_smooth`
-/// goes over from one to the other. Others, such as depth, have the values of the nearest
+/// The panorama of what its halves show, of the panorama's size. Where they overlap, a picture that
+/// `is_smooth` goes over from one to the other. Others, such as depth, have the values of the nearest
 /// pixel.
 ImageF joined_panorama(const Camera& panorama, const std::array<ImageF, 2>& halves, bool is_smooth);
 

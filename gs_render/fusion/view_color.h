@@ -9,6 +9,7 @@
 #include <utility>
 #include <vector>
 
+#include "gs_render/between_pixels.h"
 #include "gs_render/fusion/depth_view.h"
 
 namespace gs {
@@ -19,25 +20,8 @@ struct ColorSample {
   const DepthView* view = nullptr;
   Vec2f at{0};  // pixels
 
-  /// Between the middles of four pixels, 0 to 255.
-  Vec3f color() const {
-    const auto split = [](float place, int size, int& low, int& high) {
-      const float pixel = std::clamp(place - 0.5f, 0.0f, float(size - 1));
-      low = int(pixel);
-      high = std::min(low + 1, size - 1);
-      return pixel - float(low);
-    };
-    const Image8& picture = view->color;
-    int x0, x1, y0, y1;
-    const float s = split(at.x, picture.width, x0, x1);
-    const float t = split(at.y, picture.height, y0, y1);
-    Vec3f result;
-    for (int k = 0; k < 3; ++k)
-      result[k] =
-          (1 - t) * ((1 - s) * float(picture.at(x0, y0, k)) + s * float(picture.at(x1, y0, k))) +
-          t * ((1 - s) * float(picture.at(x0, y1, k)) + s * float(picture.at(x1, y1, k)));
-    return result;
-  }
+  /// 0 to 255.
+  Vec3f color() const { return between_pixels(view->color, at); }
 };
 
 inline ColorSample sample_of(const DepthView& view, const Vec3f& p, float voxel) {

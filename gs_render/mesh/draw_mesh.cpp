@@ -6,6 +6,7 @@
 
 #include "gs_core/math/render/projection.h"
 #include "gs_core/threads/parallel.h"
+#include "gs_render/between_pixels.h"
 
 namespace gs {
 namespace {
@@ -91,24 +92,9 @@ struct Band {
   }
 };
 
-/// Between the four nearest texels.
 Vec3f texel_at(const Image8& texture, const Vec3f& place) {
-  const auto split = [](float at, int size, int& low, int& high) {
-    const float texel = std::clamp(at * float(size) - 0.5f, 0.0f, float(size - 1));
-    low = int(texel);
-    high = std::min(low + 1, size - 1);
-    return texel - float(low);
-  };
-  int x0, x1, y0, y1;
-  const float s = split(place.x, texture.width, x0, x1);
-  const float t = split(place.y, texture.height, y0, y1);
-  Vec3f result;
-  for (int c = 0; c < 3; ++c)
-    result[c] =
-        kPerByte *
-        ((1 - t) * ((1 - s) * float(texture.at(x0, y0, c)) + s * float(texture.at(x1, y0, c))) +
-         t * ((1 - s) * float(texture.at(x0, y1, c)) + s * float(texture.at(x1, y1, c))));
-  return result;
+  return kPerByte *
+         between_pixels(texture, {place.x * float(texture.width), place.y * float(texture.height)});
 }
 
 class Drawing {
