@@ -259,8 +259,9 @@ void Trainer::find_neighbors() {
   for (const View& view : views)
     if (view.camera.has_lens())
       throw UsageError(
-          "surface terms see through no lens; train with dataset.lens = \"undistort\", or without "
-          "surface.normal_weight and surface.photo_weight");
+          "surface terms see through no lens; train with dataset.lens = \"undistort\" and "
+          "dataset.rolling_shutter = false, or without surface.normal_weight and "
+          "surface.photo_weight");
   if (!(run_.config.surface.photo_weight > 0)) return;
   neighbors_ = neighbor_views(views, run_.scene.points);
   const auto alone = std::count_if(neighbors_.begin(), neighbors_.end(),
