@@ -174,12 +174,16 @@ PinholeCamera<double> row_by_row_camera(const LensCamera& camera, LensUse use,
         photo, why));
   };
   if (camera.is_hemisphere()) refuse("panoramas are cut without it; take cameras with one lens");
+  if (camera.lens != Lens::none) {
+    if (use == LensUse::undistort)
+      refuse("undistorting would mix its rows; train with --set dataset.lens=auto");
+    return camera_with_lens(camera, photo);
+  }
   LensCamera with_lens = camera;
-  if (camera.lens == Lens::none)
-    with_lens.lens = Lens::radial_tangential;
-  else if (use == LensUse::undistort)
-    refuse("undistorting would mix its rows; train with --set dataset.lens=auto");
-  return camera_with_lens(with_lens, photo);
+  with_lens.lens = Lens::radial_tangential;
+  PinholeCamera<double> result = camera_with_lens(with_lens, photo);
+  result.lens.radius = std::tan(kWidestPerspective * kRadians);  // it is right beyond the corners
+  return result;
 }
 
 bool explains_all_pixels(const LensCamera& camera, const CameraLens<double>& seen) {

@@ -9,8 +9,8 @@
 
 namespace gs {
 
-inline constexpr int kShutterSteps = 4;            // of Newton's method: 1e-5 is squared by each
-inline constexpr double kLeastShutterLead = 0.1;  // of the rows before a point, in their own speed
+inline constexpr int kShutterSteps = 4;           // of Newton's method: 1e-5 is squared by each
+inline constexpr double kLeastShutterLead = 0.1;  // of rows over a point, in their own speed
 
 /// A point of such a camera when its row is exposed. With p in the coordinates of the camera at mid
 /// time, and a motion of turn w and shift d:
@@ -18,8 +18,8 @@ inline constexpr double kLeastShutterLead = 0.1;  // of the rows before a point,
 ///   at tau:   q = R x,   R = exp([tau w]),   x = p - tau d          tau = -1/2 ... 1/2
 ///   tau = row / height - 1/2,   row = pi(q).y                       its row is exposed then
 ///
-/// where height is that of CameraLens::rows, from the first of which rows count. Beyond them by
-/// kFrustumMargin of it and farther, the camera stands still.
+/// where height is that of CameraLens::rows, from the first of which rows count. For points above or
+/// below them by kFrustumMargin of it and more, and beyond the lens, the camera stands still at tau.
 template <class T>
 struct ExposedPoint {
   Vec3<T> x;
@@ -29,8 +29,8 @@ struct ExposedPoint {
   Vec3<T> v;                // dx/dtau seen by the turning camera: w x x - d
   Vec2<T> speed;            // A v, of the mean by tau   pixels
   T per_row;                // 1 / height
-  T lag;                    // 1 / (1 - speed.y / height); infinite where rows never reach the point
-  bool is_free;             // tau is that of its row
+  T lag;                    // 1 / (1 - speed.y / height); infinite: the point is not seen
+  bool moves;               // with tau; else speed is 0
 };
 template <class T>
 GS_HD ExposedPoint<T> exposed_point(const PinholeCamera<T>& camera, const Vec3<T>& p) {
@@ -40,7 +40,7 @@ GS_HD ExposedPoint<T> exposed_point(const PinholeCamera<T>& camera, const Vec3<T
   ExposedPoint<T> point;
   point.per_row = T(1) / (camera.fy * (rows.y - rows.x));
   point.turned = camera;
-  point.is_free = true;
+  bool is_due = true;
   T tau(0);
   for (int step = 0;; ++step) {
     const Mat3<T> E = rotation_minus_identity(tau * motion.turn);
@@ -53,15 +53,22 @@ GS_HD ExposedPoint<T> exposed_point(const PinholeCamera<T>& camera, const Vec3<T
     point.v = cross(motion.turn, point.x) - motion.shift;
     point.speed = {inner(point.seen.A.row0, point.v), inner(point.seen.A.row1, point.v)};
     const T lead = T(1) - point.speed.y * point.per_row;
-    const bool is_before = has_angle_chart(camera.lens.lens) || point.q.z > T(0);
-    point.lag = is_before && lead > T(kLeastShutterLead)
-                    ? T(1) / lead
-                    : T(std::numeric_limits<double>::infinity());
-    if (step == kShutterSteps) return point;
+    const bool is_passed = lead > T(kLeastShutterLead);
+    point.lag = T(1) / (is_passed ? lead : T(kLeastShutterLead));
+    if (step == kShutterSteps) {
+      const PointInLens<T> at = point_in_lens(camera.lens, chart_of(camera.lens.lens, point.q));
+      const bool is_inside = at.inside == at.u;
+      const bool is_before = has_angle_chart(camera.lens.lens) || point.q.z > T(0);
+      point.moves = is_due && is_inside;
+      if (!point.moves) point.speed = {T(0), T(0)}, point.lag = T(1);
+      if (!is_before || (is_inside && !is_passed))
+        point.lag = T(std::numeric_limits<double>::infinity());
+      return point;
+    }
     const T due = (point.seen.mean2d.y - first_row) * point.per_row - T(0.5);
     const T next = tau + (due - tau) * point.lag;
     tau = clamp_to(next, -most, most);
-    point.is_free = tau == next;
+    is_due = tau == next;
   }
 }
 
@@ -78,8 +85,7 @@ GS_HD ProjectedPoint<T> project_through_shutter(const PinholeCamera<T>& camera, 
           {multiply_transposed(W, A.row0 + shear * A.row1),
            multiply_transposed(W, point.lag * A.row1)}};
 }
-/// dL/dp of project_through_shutter(), through tau and speed, too: that of its formulas inside the
-/// lens. Beyond the lens, where A is that of the nearest point inside, tau follows p by that A.
+/// dL/dp of project_through_shutter(), through tau and speed, too. Beyond the lens tau is constant.
 template <class T>
 GS_HD Vec3<T> project_through_shutter_vjp(const PinholeCamera<T>& camera, const Vec3<T>& p,
                                           const Vec2<T>& dL_dmean2d, const Mat23<T>& dL_dA) {
@@ -90,16 +96,19 @@ GS_HD Vec3<T> project_through_shutter_vjp(const PinholeCamera<T>& camera, const 
   const T e_lag = point.lag * point.per_row, shear = point.speed.x * e_lag;
   const Mat3<T>& W = camera.cam_from_world_rotation;
   const Vec3<T> G0 = multiply(W, dL_dA.row0), G1 = multiply(W, dL_dA.row1);
+  if (!point.moves)
+    return multiply_transposed(
+        point.turned.cam_from_world_rotation,
+        project_through_lens_vjp(point.turned, point.q, dL_dmean2d, Mat23<T>{G0, G1}));
   // A and speed = A v, of which the shear and the lag are made.
   const T along = inner(G0, A.row1);
   const Vec2<T> dL_dspeed{e_lag * along, e_lag * (shear * along + point.lag * inner(G1, A.row1))};
   const Mat23<T> dL{G0 + dL_dspeed.x * v, shear * G0 + point.lag * G1 + dL_dspeed.y * v};
   const Vec3<T> dL_dv = dL_dspeed.x * A.row0 + dL_dspeed.y * A.row1;
-  const Vec3<T> by_q = multiply_transposed(
-      point.turned.cam_from_world_rotation,
-      project_through_lens_vjp(point.turned, point.q, dL_dmean2d, dL));
+  const Vec3<T> by_q =
+      multiply_transposed(point.turned.cam_from_world_rotation,
+                          project_through_lens_vjp(point.turned, point.q, dL_dmean2d, dL));
   const Vec3<T> dL_dx = by_q + cross(dL_dv, motion.turn);
-  if (!point.is_free) return dL_dx;
   // tau: it moves x, turns q and A, and follows p by e^T A'.
   const T dL_dtau = inner(by_q, v) - inner(cross(dL_dv, motion.turn), motion.shift) +
                     inner(dL.row0, cross(A.row0, motion.turn)) +

@@ -12,8 +12,8 @@
 namespace gs {
 namespace {
 
-constexpr int kSide = 48;        // pixels
-constexpr double kFocal = 26;    // pixels
+constexpr int kSide = 48;      // pixels
+constexpr double kFocal = 26;  // pixels
 constexpr std::size_t kPhotos = 24;
 
 /// A camera that turns evenly about its center, which goes straight.
@@ -68,11 +68,12 @@ class RollingShutterRun : public SceneTest {
       MovingPose& pose = poses_.emplace_back();
       pose.cam_from_world = rotation_matrix(image.cam_from_world_rotation);
       pose.center = -multiply_transposed(pose.cam_from_world, image.cam_from_world_translation);
-      pose.turn = Vec3d(draws.uniform3(-0.3f, 0.3f)), pose.shift = Vec3d(draws.uniform3(-0.2f, 0.2f));
+      pose.turn = Vec3d(draws.uniform3(-0.3f, 0.3f)),
+      pose.shift = Vec3d(draws.uniform3(-0.2f, 0.2f));
       names_.push_back("images/" + image.name);
       file_["frames"].push_back({{"file_path", names_.back()},
-                                {"transform_matrix_start", pose.matrix_at(0)},
-                                {"transform_matrix_end", pose.matrix_at(1)}});
+                                 {"transform_matrix_start", pose.matrix_at(0)},
+                                 {"transform_matrix_end", pose.matrix_at(1)}});
       write_png(folder() / names_.back(), pose.photo());
     }
     write_file();
@@ -129,12 +130,13 @@ TEST_F(RollingShutterRun, LearnsWhatStandingCamerasDo) {
   still.train_views = standing_still(without.train_views);
   const HeldOut shutter = after_run_on(with), ignored = after_run_on(without),
                 best = after_run_on(still);
-  std::printf("PSNR of held-out photos with shutter %.2f, without %.2f; of still ones %.2f, %.2f; "
-              "trained on still ones %.2f\n",
-              shutter.own, ignored.own, shutter.still, ignored.still, best.still);
-  EXPECT_GT(shutter.own, ignored.own + 3);
-  EXPECT_GT(shutter.still, ignored.still + 3);
-  EXPECT_GT(shutter.still, best.still - 0.7);
+  std::printf(
+      "PSNR of held-out photos with shutter %.2f, without %.2f; of still ones %.2f, %.2f; "
+      "trained on still ones %.2f\n",
+      shutter.own, ignored.own, shutter.still, ignored.still, best.still);
+  EXPECT_GT(shutter.own, ignored.own + 5);
+  EXPECT_GT(shutter.still, ignored.still + 5);
+  EXPECT_GT(shutter.still, best.still - 0.8);
 }
 
 /// The picture of a moving camera, row by row from cameras that stand still.
@@ -162,24 +164,27 @@ TEST_F(RollingShutterRun, PicturesAreThoseOfStandingCamerasRowByRow) {
   const ColmapModel model = room_model(1, 96, room.count());
   for (std::size_t i = 0; i < room.count(); ++i) {
     const ColmapPoint& point = model.points[i];
-    set_gaussian(room, i, Vec3f(point.position), draws.uniform(0.04f, 0.2f),
+    set_gaussian(room, i, Vec3f(point.position), draws.uniform(0.04f, 0.1f),
                  draws.uniform(0.5f, 0.95f), draws.uniform3(0, 1));
   }
   const std::unique_ptr<Renderer> renderer = make_scalar_renderer();
   double worst = 1e9, worst_without = 1e9;
   for (const View& view : scene(true).test_views) {
-    const MovingPose& pose = pose_of_photo(view.name);
-    const ImageF expected = row_by_row(*renderer, room, view.camera, pose);
+    MovingPose pose = pose_of_photo(view.name);
+    pose.turn *= 0.35, pose.shift *= 0.35;  // what a hand does
+    const Camera moving =
+        with_motion(view.camera, RigidMotion<float>{Vec3f(pose.turn), Vec3f(pose.shift)});
+    const ImageF expected = row_by_row(*renderer, room, moving, pose);
     const auto psnr_through = [&](const Camera& camera) {
       RenderPass pass;
       renderer->forward(room.span(), camera, {}, pass);
       return psnr(image_of(pass), to_image8(expected));
     };
-    worst = std::min(worst, psnr_through(view.camera));
+    worst = std::min(worst, psnr_through(moving));
     worst_without = std::min(worst_without, psnr_through(without_lens(view.camera)));
   }
   std::printf("row by row: %.2f dB, without the motion %.2f\n", worst, worst_without);
-  EXPECT_GT(worst, 38);
+  EXPECT_GT(worst, 40);
   EXPECT_LT(worst_without, 28);
 }
 
