@@ -73,7 +73,7 @@ struct CameraLens : LensCoefficients<T> {
   T radius{};                                 // the largest |u|; radians in the angle chart
   Vec2<T> low{T(0), T(0)}, high{T(0), T(0)};  // the range of u in x and y
   // Of the camera while rows are exposed, from those at u'.y = rows.x to those at rows.y; its pose is
-  // that between them (math/lens/rolling_shutter.h). Only cameras with a lens have one.
+  // that between them (math/render/rolling_shutter.h). Only cameras with a lens have one.
   RigidMotion<T> motion{};
   Vec2<T> rows{T(0), T(0)};
 

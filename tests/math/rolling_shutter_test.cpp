@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Stages 1 and 7 of cameras that move while their rows are exposed: against cameras that stand still
 // at the time of a row, and against Jets.
-#include "gs_core/math/lens/rolling_shutter.h"
+#include "gs_core/math/render/rolling_shutter.h"
 
 #include "data_loaders/lenses/lens_range.h"
 #include "gs_core/math/render/rotation.h"

@@ -5,31 +5,12 @@
 
 #include "gs_core/camera.h"
 #include "gs_core/math/constants.h"
+#include "gs_core/math/render/rotation.h"
 
 namespace gs {
 
-/// The rotation about the axis w by the angle |w|, minus the identity, so that nothing is rounded
-/// off where it is small.   Rodrigues
-///
-///   exp([w]) - I = a [w] + b [w]^2,   a = sin(t) / t,   b = (1 - cos t) / t^2,   t = |w|
-template <class T>
-GS_HD Mat3<T> rotation_minus_identity(const Vec3<T>& w) {
-  using std::cos;
-  using std::sin;
-  using std::sqrt;
-  const T t2 = inner(w, w);
-  T a = T(1) - t2 / T(6), b = T(0.5) - t2 / T(24);
-  if (t2 > T(kSmallAngle2)) {
-    const T t = sqrt(t2), half = sin(t / T(2));
-    a = sin(t) / t;
-    b = T(2) * half * half / t2;
-  }
-  const T xx = w.x * w.x, yy = w.y * w.y, zz = w.z * w.z;
-  return {{-b * (yy + zz), b * w.x * w.y - a * w.z, b * w.x * w.z + a * w.y},
-          {b * w.x * w.y + a * w.z, -b * (xx + zz), b * w.y * w.z - a * w.x},
-          {b * w.x * w.z - a * w.y, b * w.y * w.z + a * w.x, -b * (xx + yy)}};
-}
-/// dL/dw, where e is dL by a further rotation: L(exp([d]) exp([w])) at d = 0 has the gradient e.
+/// dL/dw of rotation_minus_identity(), where e is dL by a further rotation: L(exp([d]) exp([w])) at
+/// d = 0 has the gradient e.
 ///
 ///   dL/dw = J^T e = e - b w x e + c w x (w x e),   c = (t - sin t) / t^3,   J = the left Jacobian
 template <class T>

@@ -5,7 +5,7 @@
 
 #include "gs_core/camera.h"
 #include "gs_core/math/constants.h"
-#include "gs_core/math/lens/rolling_shutter.h"
+#include "gs_core/math/render/rolling_shutter.h"
 #include "gs_core/types.h"
 
 namespace gs {

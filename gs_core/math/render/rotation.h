@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Stage 1: rotation matrix of a quaternion of any length.
+// Stage 1: rotation matrix of a quaternion of any length, and of an axis times an angle.
 #pragma once
 
 #include "gs_core/math/constants.h"
@@ -45,6 +45,28 @@ GS_HD Quat<T> rotation_matrix_vjp(const Quat<T>& q, const Mat3<T>& dR) {
           n * (T(2) * q.x * d_xx + q.y * d_xy + q.z * d_xz + q.w * d_wx - q.x * h),
           n * (T(2) * q.y * d_yy + q.x * d_xy + q.z * d_yz + q.w * d_wy - q.y * h),
           n * (T(2) * q.z * d_zz + q.x * d_xz + q.y * d_yz + q.w * d_wz - q.z * h)};
+}
+
+/// The rotation about the axis w by the angle |w|, minus the identity, so that nothing is rounded
+/// off where it is small.   Rodrigues
+///
+///   exp([w]) - I = a [w] + b [w]^2,   a = sin(t) / t,   b = (1 - cos t) / t^2,   t = |w|
+template <class T>
+GS_HD Mat3<T> rotation_minus_identity(const Vec3<T>& w) {
+  using std::cos;
+  using std::sin;
+  using std::sqrt;
+  const T t2 = inner(w, w);
+  T a = T(1) - t2 / T(6), b = T(0.5) - t2 / T(24);
+  if (t2 > T(kSmallAngle2)) {
+    const T t = sqrt(t2), half = sin(t / T(2));
+    a = sin(t) / t;
+    b = T(2) * half * half / t2;
+  }
+  const T xx = w.x * w.x, yy = w.y * w.y, zz = w.z * w.z;
+  return {{-b * (yy + zz), b * w.x * w.y - a * w.z, b * w.x * w.z + a * w.y},
+          {b * w.x * w.y + a * w.z, -b * (xx + zz), b * w.y * w.z - a * w.x},
+          {b * w.x * w.z - a * w.y, b * w.y * w.z + a * w.x, -b * (xx + yy)}};
 }
 
 }  // namespace gs

@@ -9,7 +9,6 @@
 
 #include "data_loaders/photos/encode/encode_png.h"
 #include "gs_core/error.h"
-#include "gs_core/math/pose/pose.h"
 #include "gs_core/math/random.h"
 #include "gs_core/math/render/rotation.h"
 #include "gs_core/system/text/json.h"

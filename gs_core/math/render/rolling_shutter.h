@@ -5,7 +5,7 @@
 #pragma once
 
 #include "gs_core/math/lens/lens_projection.h"
-#include "gs_core/math/pose/pose.h"
+#include "gs_core/math/render/rotation.h"
 
 namespace gs {
 
