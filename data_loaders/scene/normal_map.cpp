@@ -16,7 +16,9 @@ namespace gs {
 namespace {
 
 constexpr std::size_t kMapsChecked = 8;
-constexpr double kLeastFacing = 0.8;  // of the normals; those of networks err, above all at rims
+// Of the normals that look at their camera: the least share, since those of networks err at rims, and
+// the most that other axes may have more.
+constexpr double kLeastFacing = 0.8, kMostLead = 0.03;
 
 /// The normal between four pixels, of length 1; 0 where less than half of it is known.
 Vec3f normal_at(const ImageF& map, double x, double y) {
@@ -29,8 +31,8 @@ Vec3f normal_at(const ImageF& map, double x, double y) {
     const bool is_right = corner % 2, is_low = corner / 2;
     const double across = column - left, down = row - top;
     const float weight = float((is_right ? across : 1 - across) * (is_low ? down : 1 - down));
-    const float* const n =
-        &map.at(std::min(left + is_right, map.width - 1), std::min(top + is_low, map.height - 1), 0);
+    const float* const n = &map.at(std::min(left + is_right, map.width - 1),
+                                   std::min(top + is_low, map.height - 1), 0);
     const Vec3f normal{n[0], n[1], n[2]};
     if (inner(normal, normal) > 0) known += weight;
     sum += weight * normal;
@@ -56,7 +58,8 @@ void for_each_normal(const Photo& photo, F&& f) {
   });
 }
 
-/// How many normals of the map there are, and how many of them look at the camera with these axes.
+/// How many normals of the map there are, and how many of them look at the camera with each of
+/// NormalAxes.
 struct FacingNormals {
   double known = 0, facing[std::size(Words<NormalAxes>::kTable)] = {};
 };
@@ -69,8 +72,7 @@ void add_facing(const Photo& photo, FacingNormals& sums) {
     FacingNormals& row = rows[std::size_t(y)];
     ++row.known;
     for (std::size_t k = 0; k < std::size(row.facing); ++k)
-      row.facing[k] +=
-          inner(in_camera(normal, Words<NormalAxes>::kTable[k].value, camera), ray) < 0;
+      row.facing[k] += inner(in_camera(normal, NormalAxes(k), camera), ray) < 0;
   });
   for (const FacingNormals& row : rows) {
     sums.known += row.known;
@@ -108,21 +110,24 @@ void check_normal_axes(const std::vector<Photo>& photos, const std::string& plac
   const std::size_t count = std::min(with_map.size(), kMapsChecked);
   for (std::size_t k = 0; k < count; ++k) add_facing(*with_map[k * with_map.size() / count], sums);
   if (!(sums.known > 0)) return;
+  const std::size_t said = std::size_t(with_map[0]->normal_axes);  // rows are in the enum's order
+  std::size_t best = said;
   std::string others;
-  double facing = 1;
   for (std::size_t k = 0; k < std::size(sums.facing); ++k) {
-    const auto& [word, axes] = Words<NormalAxes>::kTable[k];
-    const double share = sums.facing[k] / sums.known;
-    if (axes == with_map[0]->normal_axes)
-      facing = share;
-    else
-      others += fmt::format("{}{:.0f} % with {}", others.empty() ? "" : ", ", 100 * share, word);
+    if (sums.facing[k] > sums.facing[best]) best = k;
+    if (k != said)
+      others += fmt::format("{}{:.0f} % with {}", others.empty() ? "" : ", ",
+                            100 * sums.facing[k] / sums.known, word_of(NormalAxes(k)));
   }
-  if (facing < kLeastFacing)
+  const double least =
+      std::max(kLeastFacing * sums.known, sums.facing[best] - kMostLead * sums.known);
+  if (sums.facing[said] < least)
     throw Error(fmt::format(
         "with dataset.normal_axes = \"{}\" only {:.0f} % of the normals in {} look at their camera "
-        "({}): say which axes they have, for example with --set dataset.normal_axes=rub",
-        word_of(with_map[0]->normal_axes), 100 * facing, place, others));
+        "({}); say which axes they have, for example --set dataset.normal_axes={} "
+        "(docs/method/surfaces.md)",
+        word_of(NormalAxes(said)), 100 * sums.facing[said] / sums.known, place, others,
+        word_of(NormalAxes(best))));
 }
 
 }  // namespace gs

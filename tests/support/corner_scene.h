@@ -11,7 +11,7 @@ namespace gs {
 struct Corner {
   static constexpr float kFloor = 1, kBack = 5, kSide = 2;  // world units
 
-  float depth = 1e9f;    // of what a ray of depth 1 meets first
+  float depth = 1e9f;     // of what a ray of depth 1 meets first
   Vec3f normal{0, 0, 0};  // its normal, in world axes
 
   Corner(const Vec3f& origin, const Vec3f& ray) {
@@ -45,7 +45,8 @@ inline View view_of_corner(const Camera& camera) {
       view.depth.at(x, y, 0) = corner.depth;
       const NormalBytes n =
           bytes_of_normal(multiply(camera.cam_from_world_rotation, corner.normal));
-      view.normals.at(x, y, 0) = n.x, view.normals.at(x, y, 1) = n.y, view.normals.at(x, y, 2) = n.z;
+      view.normals.at(x, y, 0) = n.x, view.normals.at(x, y, 1) = n.y,
+                            view.normals.at(x, y, 2) = n.z;
       const Vec3f color = Corner::color(camera.position() + corner.depth * ray);
       for (int c = 0; c < 3; ++c)
         view.photo.at(x, y, c) = std::uint8_t(std::lround(255 * std::clamp(color[c], 0.0f, 1.0f)));

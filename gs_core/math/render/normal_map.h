@@ -31,8 +31,9 @@ inline NormalBytes bytes_of_normal(const Vec3f& n) {
 
 /// The map of a photo that is reduced so many times.
 struct NormalMap {
-  const std::uint8_t* pixels = nullptr;  // (height, width, 3) of the whole photo; null: there is none
-  int width = 0;                         // of the whole photo, in pixels
+  const std::uint8_t* pixels =
+      nullptr;    // (height, width, 3) of the whole photo; null: there is none
+  int width = 0;  // of the whole photo, in pixels
   int reduction = 1;
 
   /// The mean of the known normals of a block, which is shorter than 1 where they differ; not known

@@ -138,6 +138,19 @@ TEST_F(NormalMaps, ThatLookAwayFromTheirCamerasAreRefused) {
                       HasSubstr("dataset.normal_axes = \"" + std::string(word_of(axes)))));
 }
 
+// Of walls at the left and at the right, mirrored ones look away at the borders.
+TEST_F(NormalMaps, OfARoomAreRefusedIfTheyAreMirrored) {
+  write_photos(1);
+  ImageF map(kWidth, kHeight, 3, 0.5f);
+  for (int y = 0; y < kHeight; ++y)
+    for (int x = 0; x < kWidth; ++x)
+      map.at(x, y, 0) = x < kWidth / 2 ? 0.947f : 0.053f, map.at(x, y, 2) = 0.724f;
+  write_map("a.png", map);
+  EXPECT_TRUE(view(dataset(NormalAxes::rub)).has_normal_map);
+  EXPECT_THAT(error_of(dataset(NormalAxes::lub)),
+              AllOf(HasSubstr("only 83 %"), HasSubstr("--set dataset.normal_axes=rub")));
+}
+
 TEST_F(NormalMaps, OfFloatsAreNormalsAndHaveLayers) {
   if (!can_write_exr()) GTEST_SKIP() << cannot_write_exr();
   write_photos(1);
@@ -225,9 +238,8 @@ TEST_F(NormalMaps, ComeWithPhotosThatAreDecodedInTime) {
 TEST_F(NormalMaps, ThatCannotBeUsedAreRefusedByName) {
   write_photos(1);
   write_map("a.png", ImageF(kWidth, kHeight, 1, 0.5f));
-  EXPECT_THAT(error_of(dataset()),
-              AllOf(HasSubstr("cannot read normal map"), HasSubstr("a.png"), HasSubstr("gray"),
-                    HasSubstr("surface.prior_weight=0")));
+  EXPECT_THAT(error_of(dataset()), AllOf(HasSubstr("cannot read normal map"), HasSubstr("a.png"),
+                                         HasSubstr("gray"), HasSubstr("surface.prior_weight=0")));
   write_map("a.png", ImageF(kHeight, kWidth, 3, 0.5f));
   EXPECT_THAT(error_of(dataset()), AllOf(HasSubstr("normal map"), HasSubstr("16 x 24"),
                                          HasSubstr("24 x 16"), HasSubstr("shapes differ")));
