@@ -25,6 +25,9 @@ struct PinholeCamera {
   CameraLens<T> lens{};  // Lens::none, unless photos train as they were taken (dataset.lens)
 
   GS_HD bool has_lens() const { return lens.lens != Lens::none; }
+  /// Whether it moves while its rows are exposed. Such a camera has a lens, if need be one without
+  /// coefficients.
+  GS_HD bool has_rolling_shutter() const { return has_lens() && lens.motion.is_any(); }
   /// The camera center in world space.
   GS_HD Vec3<T> position() const {
     return -multiply_transposed(cam_from_world_rotation, cam_from_world_translation);
@@ -36,6 +39,15 @@ using Camera = PinholeCamera<float>;
 template <class T>
 PinholeCamera<T> without_lens(PinholeCamera<T> camera) {
   camera.lens = {};
+  return camera;
+}
+
+/// The camera with a lens as it moves from the first row of its picture to the last. Its rows keep
+/// their times where the picture is cut or scaled.
+template <class T>
+PinholeCamera<T> with_motion(PinholeCamera<T> camera, const RigidMotion<T>& motion) {
+  camera.lens.motion = motion;
+  camera.lens.rows = {-camera.cy / camera.fy, (T(camera.height) - camera.cy) / camera.fy};
   return camera;
 }
 

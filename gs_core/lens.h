@@ -56,12 +56,26 @@ struct LensCoefficients {
   bool operator==(const LensCoefficients&) const = default;
 };
 
+/// A motion of what is rigid, in its own axes.
+template <class T>
+struct RigidMotion {
+  Vec3<T> turn{T(0), T(0), T(0)};   // axis times angle, radians
+  Vec3<T> shift{T(0), T(0), T(0)};  // world units
+
+  GS_HD bool is_any() const { return turn != Vec3<T>(T(0)) || shift != Vec3<T>(T(0)); }
+  bool operator==(const RigidMotion&) const = default;
+};
+
 /// The lens of a camera that sees through it, with the part of the chart where the lens describes
 /// the picture. Beyond, the camera goes on with the lens's tangent at the nearest point inside.
 template <class T>
 struct CameraLens : LensCoefficients<T> {
   T radius{};                                 // the largest |u|; radians in the angle chart
   Vec2<T> low{T(0), T(0)}, high{T(0), T(0)};  // the range of u in x and y
+  // Of the camera while rows are exposed, from those at u'.y = rows.x to those at rows.y; its pose is
+  // that between them (math/lens/rolling_shutter.h). Only cameras with a lens have one.
+  RigidMotion<T> motion{};
+  Vec2<T> rows{T(0), T(0)};
 
   bool operator==(const CameraLens&) const = default;
 };
@@ -93,6 +107,8 @@ CameraLens<To> lens_as(const CameraLens<From>& lens) {
   result.radius = To(lens.radius);
   result.low = {To(lens.low.x), To(lens.low.y)};
   result.high = {To(lens.high.x), To(lens.high.y)};
+  result.motion = {Vec3<To>(lens.motion.turn), Vec3<To>(lens.motion.shift)};
+  result.rows = {To(lens.rows.x), To(lens.rows.y)};
   return result;
 }
 

@@ -84,7 +84,7 @@ struct Input {
 // room for 11 with FloatMoments and for 18 with HalfMoments. Gaussians in space and time need
 // more registers than so many blocks would leave, and so do lenses.
 template <bool has_time, bool has_lens, class Stored>
-constexpr int kLeastBlocks = has_lens             ? 8
+constexpr int kLeastBlocks = has_lens             ? (!Stored::kIsRounded ? 8 : has_time ? 10 : 12)
                              : Stored::kIsRounded ? (has_time ? 12 : 16)
                                                   : (has_time ? 8 : 11);
 

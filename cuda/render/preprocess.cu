@@ -140,7 +140,7 @@ struct PhotoInput {
 // Blocks of a multiprocessor, for which shared memory has room. Lenses need more registers than so
 // many would leave.
 template <bool has_lens>
-constexpr int kBlocks = has_lens ? 4 : 7;
+constexpr int kBlocks = has_lens ? 6 : 7;
 
 template <int degree, bool has_time, bool has_lens>
 __global__ void __launch_bounds__(kPreprocessThreads, kBlocks<has_lens>)

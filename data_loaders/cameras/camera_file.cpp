@@ -43,6 +43,8 @@ void for_each_lens_key(CameraLens& lens, F&& f) {
   f("k", lens.k, 6), f("d", lens.d, 3), f("p", lens.p, 2), f("s", lens.s, 4);
   f("radius", &lens.radius, 1);
   if (has_perspective_chart(lens.lens)) f("low", &lens.low.x, 2), f("high", &lens.high.x, 2);
+  f("turn", &lens.motion.turn.x, 3), f("shift", &lens.motion.shift.x, 3);
+  f("rows", &lens.rows.x, 2);
 }
 
 FloatJson to_json(const CameraLens<float>& lens) {
@@ -171,6 +173,8 @@ class CameraReader {
       for (int i = 0; i < count; ++i) numbers[i] = number((*found)[std::size_t(i)], key);
     });
     if (!(result.radius > 0)) fail("has a lens.radius that is not above 0");
+    if (result.motion.is_any() && !(result.rows.x < result.rows.y))
+      fail("has a lens that moves from no row to another in lens.rows");
     if (has_angle_chart(result.lens)) result.radius = std::min(result.radius, float(kLargestAngle));
     return result;
   }

@@ -27,7 +27,8 @@ const char* word_of(Lens lens);
 ///    fy, fx, cx, cy}                   pixels
 /// cx and cy are not in the reference's files, where the center is that of the picture. A camera with
 /// a lens also has
-///   lens {kind, k[6], d[3], p[2], s[4], radius[1], low[2], high[2]}    CameraLens
+///   lens {kind, k[6], d[3], p[2], s[4], radius[1], low[2], high[2],    CameraLens
+///         turn[3], shift[3], rows[2]}                                  its motion
 /// without what is 0 or infinite; other readers see its pinhole. Numbers
 /// have as many digits as their float needs. Positions have the scene's world offset taken off,
 /// like those of the PLY beside it. The file exists whole or not at all. Throws Error if it cannot

@@ -65,14 +65,17 @@ std::vector<NamedCamera> cameras_of(ColmapModel model, const fs::path& path,
   std::vector<Vec3d> positions;
   for (const ColmapImage& image : model.images) positions.push_back(center_of(image));
   if (are_nearer_to(world_offset, positions)) take_off(model, world_offset);
-  std::map<std::uint32_t, PinholeCamera<double>> trained;  // one search per camera
+  std::map<std::pair<std::uint32_t, bool>, PinholeCamera<double>> trained;  // one search each
   std::vector<NamedCamera> cameras;
   for (const ColmapImage& image : model.images) {
-    const auto [found, is_new] = trained.try_emplace(image.camera_id);
+    const bool moves = image.motion.is_any();
+    const auto [found, is_new] = trained.try_emplace({image.camera_id, moves});
     if (is_new)
-      found->second = trained_camera(lens_camera(model.cameras.at(image.camera_id), image.name),
-                                     LensUse::automatic, image.name);
-    cameras.push_back({image.name, single_precision_camera(found->second, image, path)});
+      found->second = (moves ? row_by_row_camera : trained_camera)(
+          lens_camera(model.cameras.at(image.camera_id), image.name), LensUse::automatic,
+          image.name);
+    const auto camera = moves ? with_motion(found->second, image.motion) : found->second;
+    cameras.push_back({image.name, single_precision_camera(camera, image, path)});
   }
   return cameras;
 }

@@ -11,6 +11,7 @@
 #include <string>
 #include <vector>
 
+#include "gs_core/lens.h"
 #include "gs_core/types.h"
 
 namespace gs {
@@ -72,6 +73,7 @@ struct ColmapImage {
   std::filesystem::path mask{};                      // of the photo, if the model names one
   std::filesystem::path depth{};                     // the same of its depth map
   double time = 0;                                   // when it was taken: Camera::time
+  RigidMotion<double> motion{};                      // of a rolling shutter: CameraLens::motion
 };
 
 /// One triangulated point. Of its track only the length is kept.

@@ -165,6 +165,23 @@ PinholeCamera<double> trained_camera(const LensCamera& camera, LensUse use,
   return is_native ? camera_with_lens(camera, photo) : undistorted_pinhole(camera, photo);
 }
 
+PinholeCamera<double> row_by_row_camera(const LensCamera& camera, LensUse use,
+                                        const std::string& photo) {
+  const auto refuse = [&](const char* why) {
+    throw Error(fmt::format(
+        "the camera of photo '{}' moved while its rows were exposed, and {}, or leave the motion "
+        "out with --set dataset.rolling_shutter=false",
+        photo, why));
+  };
+  if (camera.is_hemisphere()) refuse("panoramas are cut without it; take cameras with one lens");
+  LensCamera with_lens = camera;
+  if (camera.lens == Lens::none)
+    with_lens.lens = Lens::radial_tangential;
+  else if (use == LensUse::undistort)
+    refuse("undistorting would mix its rows; train with --set dataset.lens=auto");
+  return camera_with_lens(with_lens, photo);
+}
+
 bool explains_all_pixels(const LensCamera& camera, const CameraLens<double>& seen) {
   // The pixels that it explains are those up to a radius, so that the border decides.
   const int right = camera.pinhole.width - 1, bottom = camera.pinhole.height - 1;

@@ -23,6 +23,12 @@ inline constexpr double kWidestPerspective = 85;  // degrees; the perspective ch
 PinholeCamera<double> trained_camera(const LensCamera& camera, LensUse use,
                                      const std::string& photo);
 
+/// The camera of a photo that was taken while the camera moved, row by row, without the motion: it
+/// trains through its lens, or through one without coefficients. Throws Error as camera_with_lens()
+/// does, and where LensUse::undistort would mix the rows of a photo, or a panorama would.
+PinholeCamera<double> row_by_row_camera(const LensCamera& camera, LensUse use,
+                                        const std::string& photo);
+
 /// Whether every pixel of the photo is one that its lens explains: the others show what no ray of
 /// the model reaches. `camera` is the photo's, `seen` the same with its lens.
 bool explains_all_pixels(const LensCamera& camera, const CameraLens<double>& seen);

@@ -87,7 +87,15 @@ PinholeCamera<double> training_camera(const Photo& photo, int resolution) {
 
 /// Depth maps hold depths along the axis, views through wide lenses have those along rays.
 void check_depth_through_lens(const Photo& photo) {
-  if (photo.depth_file.empty() || !is_wide(photo.undistorted.lens)) return;
+  if (photo.depth_file.empty()) return;
+  if (photo.undistorted.has_rolling_shutter())
+    throw Error(fmt::format(
+        "the camera of photo {} moved while its rows were exposed, and depth map {} is for one "
+        "that "
+        "stands still; train without maps (--set dataset.depth=none), or without the motion (--set "
+        "dataset.rolling_shutter=false)",
+        photo.file.string(), photo.depth_file.string()));
+  if (!is_wide(photo.undistorted.lens)) return;
   throw Error(fmt::format(
       "photo {} trains through its wide lens, and depth map {} is for pinholes; train without maps "
       "(--set dataset.depth=none), or with undistorted photos (--set dataset.lens=undistort)",
@@ -199,12 +207,12 @@ void plan_photos(SceneModel& scene, LensUse lens, int resolution,
                  const std::function<void(std::size_t done, std::size_t total)>& progress) {
   read_headers(scene.photos, progress);
   const std::vector<std::size_t> frames = frame_numbers(scene.model);
-  std::size_t scaled = 0, wide = 0;
+  std::size_t scaled = 0, wide = 0, moving = 0;
   struct Trained {
     PinholeCamera<double> camera;
     bool is_explained;
   };
-  std::map<std::tuple<std::uint32_t, int, int>, Trained> trained;
+  std::map<std::tuple<std::uint32_t, int, int, bool>, Trained> trained;
   for (std::size_t i = 0; i < scene.photos.size(); ++i) {
     Photo& photo = scene.photos[i];
     const ColmapImage& image = scene.model.images[i];
@@ -214,13 +222,17 @@ void plan_photos(SceneModel& scene, LensUse lens, int resolution,
     photo.lens = fitted_to_photo(camera, photo);
     const auto [width, height] = photo.size;
     if (width != camera.width || height != camera.height) ++scaled;
-    const auto [found, is_new] = trained.try_emplace({camera.id, width, height});
+    const bool moves = image.motion.is_any();
+    const auto [found, is_new] = trained.try_emplace({camera.id, width, height, moves});
     if (is_new) {  // a search: once each
-      const auto seen = trained_camera(photo.lens, lens, photo.name);
-      found->second = {seen, !seen.has_lens() || explains_all_pixels(photo.lens, seen.lens)};
+      const auto seen = (moves ? row_by_row_camera : trained_camera)(photo.lens, lens, photo.name);
+      const bool bends = seen.has_lens() && photo.lens.lens != Lens::none;
+      found->second = {seen, !bends || explains_all_pixels(photo.lens, seen.lens)};
     }
     photo.undistorted = found->second.camera;
-    wide += photo.undistorted.has_lens() && !photo.lens.is_hemisphere();
+    if (moves) photo.undistorted = with_motion(photo.undistorted, image.motion);
+    moving += moves;
+    wide += photo.undistorted.has_lens() && !photo.lens.is_hemisphere() && !moves;
     photo.is_explained = found->second.is_explained;
     check_depth_through_lens(photo);
     check_resolution(resolution, photo.undistorted, photo.name);
@@ -232,6 +244,9 @@ void plan_photos(SceneModel& scene, LensUse lens, int resolution,
   if (wide && lens == LensUse::automatic)
     log_info("{} through their lens, because a pinhole would not show all that they do",
              counted(wide, "photo", "trains", "train"));
+  if (moving)
+    log_info("{} row by row by a camera that moved: each row is seen from its own pose",
+             counted(moving, "photo", "was taken", "were taken"));
   if (scaled)
     log_info(
         "{} of {} photos differ in size from their cameras in the model: intrinsics scaled to the "

@@ -12,7 +12,8 @@ namespace gs {
 /// Reads the headers of all photos, masks and depth maps and plans the photos. `progress` counts
 /// headers, from one thread at a time. Throws Error that names the photo and the remedy: a photo,
 /// mask or depth map of another shape than its camera, a lens that cannot become a pinhole and must, a
-/// depth map of a view through a wide lens, a pose beyond single precision. Throws UsageError for a resolution that is none.
+/// depth map of a view through a wide lens or with a rolling shutter, a pose beyond single
+/// precision. Throws UsageError for a resolution that is none.
 void plan_photos(SceneModel& scene, LensUse lens, int resolution,
                  const std::function<void(std::size_t done, std::size_t total)>& progress);
 

@@ -158,6 +158,8 @@ SceneModel read_scene(const DatasetConfig& dataset, const SceneFolders& folders,
   } else {
     transforms = read_transforms(folders.model);
     scene.model = std::move(transforms.model);
+    if (!dataset.rolling_shutter)
+      for (ColmapImage& image : scene.model.images) image.motion = {};
     scene.time_count = transforms.time_count;
     scene.is_split_by_files = transforms.has_split;
   }

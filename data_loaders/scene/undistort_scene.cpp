@@ -180,6 +180,12 @@ UndistortedScene undistort_scene(const DatasetConfig& dataset, const fs::path& o
         "the split of {} is not part of a COLMAP model: --eval will hold out every {}th "
         "photo of {} instead",
         folders.model.string(), dataset.test_every, out.string());
+  for (const ColmapImage& image : scene.model.images)
+    if (image.motion.is_any())
+      throw Error(fmt::format(
+          "the camera of photo '{}' moved while its rows were exposed, and a COLMAP model has one "
+          "pose for each photo; leave the motion out with --set dataset.rolling_shutter=false",
+          image.name));
   plan_photos(scene, LensUse::undistort, 1, {});
   const std::vector<Photo>& photos = scene.photos;
   if (!can_write_exr() &&

@@ -6,6 +6,8 @@
 
 #include <cmath>
 #include <numbers>
+#include <tuple>
+#include <utility>
 
 #include "gs_core/error.h"
 #include "gs_core/geometry/vectors.h"
@@ -39,6 +41,26 @@ std::string fault_of(const Mat3<double>& R) {
 const SortedJson* value_of(const SortedJson& level, const char* key) {
   const auto found = level.find(key);
   return found == level.end() || found->is_null() ? nullptr : &*found;
+}
+
+/// The pose halfway between two, and the motion from the first to the last: the center goes straight,
+/// and the camera turns evenly.
+std::pair<FramePose, RigidMotion<double>> pose_and_motion(const FramePose& first,
+                                                          const FramePose& last) {
+  const Quat<double>&a = first.cam_from_world_rotation, &b = last.cam_from_world_rotation;
+  const Quat<double> turn = product(b, {a.w, -a.x, -a.y, -a.z});
+  const double sign = turn.w < 0 ? -1 : 1;  // of the shorter turn
+  const Vec3d axis = sign * Vec3d(turn.x, turn.y, turn.z);
+  const double sine = length(axis);
+  RigidMotion<double> motion;
+  if (sine > 0) motion.turn = 2 * std::atan2(sine, std::abs(turn.w)) / sine * axis;
+  Quat<double> sum{b.w + sign * a.w, b.x + sign * a.x, b.y + sign * a.y, b.z + sign * a.z};
+  const double norm = std::sqrt(squared_norm(sum));
+  sum = {sum.w / norm, sum.x / norm, sum.y / norm, sum.z / norm};
+  const FramePose middle{sum, 0.5 * (first.center + last.center)};
+  motion.shift =
+      multiply(rotation_matrix(middle.cam_from_world_rotation), last.center - first.center);
+  return {middle, motion};
 }
 
 std::string kind(const SortedJson& value) {
@@ -115,26 +137,53 @@ ColmapCamera TransformsFrame::camera(const std::string& name) const {
   return camera;
 }
 
-// cam_from_world with OpenCV's axes is the inverse of transform_matrix * diag(1, -1, -1, 1). The
-// columns of that matrix's rotation are the camera's axes.
 void TransformsFrame::read_pose(ColmapImage& image) const {
-  const SortedJson* rows = value_of(frame_, "transform_matrix");
-  if (!rows) fail("lacks transform_matrix");
-  if (!rows->is_array() || (rows->size() != 3 && rows->size() != 4)) fail_matrix();
-  const Vec4<double> a = row((*rows)[0]), b = row((*rows)[1]), c = row((*rows)[2]);
-  if (rows->size() == 4 && row((*rows)[3]) != Vec4<double>(0, 0, 0, 1))
-    fail("has a transform_matrix whose last row is not 0 0 0 1");
+  const bool moves =
+      value_of(frame_, "transform_matrix_start") && value_of(frame_, "transform_matrix_end");
+  FramePose middle = pose(moves ? "transform_matrix_start" : "transform_matrix");
+  if (moves) std::tie(middle, image.motion) = pose_and_motion(middle, pose("transform_matrix_end"));
+  image.cam_from_world_rotation = middle.cam_from_world_rotation;
+  image.cam_from_world_translation =
+      -multiply(rotation_matrix(image.cam_from_world_rotation), middle.center);
+  if (!is_finite(image.cam_from_world_translation) || !is_finite(Vec3f(image.motion.shift)))
+    fail("has a translation in transform_matrix that is not finite");
+  if (image.motion.is_any()) check_rolling_shutter();
+}
+
+/// instant-ngp's a + b x + c y + d t: when a pixel is exposed, from the first pose on. x and y are its
+/// place, 0 to 1; t is random.
+void TransformsFrame::check_rolling_shutter() const {
+  const SortedJson* shutter = find("rolling_shutter");
+  if (!shutter) return;
+  const std::size_t count = shutter->is_array() ? shutter->size() : 0;
+  bool is_by_rows = count == 3 || count == 4;
+  for (std::size_t i = 0; i < count && is_by_rows; ++i)
+    is_by_rows = number((*shutter)[i], "an entry of rolling_shutter") == (i == 2 ? 1 : 0);
+  if (!is_by_rows)
+    fail(fmt::format(
+             "has {} as rolling_shutter, which must be [0, 0, 1, 0]: rows from the top down; "
+             "write the poses of its first and its last row with that, or "
+             "transform_matrix alone",
+             shutter->dump()),
+         "");
+}
+
+// cam_from_world with OpenCV's axes is the inverse of the matrix * diag(1, -1, -1, 1). The columns of
+// that matrix's rotation are the camera's axes.
+FramePose TransformsFrame::pose(const char* key) const {
+  const SortedJson* rows = value_of(frame_, key);
+  if (!rows) fail(fmt::format("lacks {}", key));
+  if (!rows->is_array() || (rows->size() != 3 && rows->size() != 4)) fail_matrix(key);
+  const Vec4<double> a = row((*rows)[0], key), b = row((*rows)[1], key), c = row((*rows)[2], key);
+  if (rows->size() == 4 && row((*rows)[3], key) != Vec4<double>(0, 0, 0, 1))
+    fail(fmt::format("has a {} whose last row is not 0 0 0 1", key));
   const Mat3<double> R{{a.x, b.x, c.x}, {-a.y, -b.y, -c.y}, {-a.z, -b.z, -c.z}};
   const std::string fault = fault_of(R);
   if (!fault.empty())
-    fail("has a transform_matrix that " + fault +
-             "; write it again with rotations and translations alone",
+    fail(fmt::format("has a {} that {}; write it again with rotations and translations alone", key,
+                     fault),
          "");
-  image.cam_from_world_rotation = quaternion_of(R);
-  image.cam_from_world_translation =
-      -multiply(rotation_matrix(image.cam_from_world_rotation), Vec3d(a.w, b.w, c.w));
-  if (!is_finite(image.cam_from_world_translation))
-    fail("has a translation in transform_matrix that is not finite");
+  return {quaternion_of(R), Vec3d(a.w, b.w, c.w)};
 }
 
 std::optional<double> TransformsFrame::time() const {
@@ -149,8 +198,8 @@ void TransformsFrame::fail(const std::string& what, const char* remedy) const {
   file_.fail(fmt::format("{} {}{}", place_, what, remedy));
 }
 
-void TransformsFrame::fail_matrix() const {
-  fail("has a transform_matrix that is not 4 rows of 4 numbers");
+void TransformsFrame::fail_matrix(const char* key) const {
+  fail(fmt::format("has a {} that is not 4 rows of 4 numbers", key));
 }
 
 /// The frame's own value, or the one at the top of the file, or nullptr.
@@ -174,9 +223,10 @@ double TransformsFrame::number_or(const char* key, double otherwise) const {
   return value ? number(*value, key) : otherwise;
 }
 
-Vec4<double> TransformsFrame::row(const SortedJson& value) const {
-  if (!value.is_array() || value.size() != 4) fail_matrix();
-  const auto at = [&](int i) { return number(value[i], "an entry of transform_matrix"); };
+Vec4<double> TransformsFrame::row(const SortedJson& value, const char* key) const {
+  if (!value.is_array() || value.size() != 4) fail_matrix(key);
+  const std::string entry = fmt::format("an entry of {}", key);
+  const auto at = [&](int i) { return number(value[i], entry.c_str()); };
   return {at(0), at(1), at(2), at(3)};
 }
 

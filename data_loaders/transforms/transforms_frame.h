@@ -13,6 +13,12 @@
 
 namespace gs {
 
+/// Where a camera was.
+struct FramePose {
+  Quat<double> cam_from_world_rotation;  // unit length
+  Vec3d center;                          // world units
+};
+
 /// Reads the entries of one frame. Each error names the file, the frame and the key. The file
 /// outlives the reader.
 class TransformsFrame {
@@ -27,7 +33,7 @@ class TransformsFrame {
   std::filesystem::path depth() const;
   /// The camera, without an id. `name` is that of the photo.
   ColmapCamera camera(const std::string& name) const;
-  /// Sets rotation and translation.
+  /// Sets rotation and translation, and the motion of a rolling shutter.
   void read_pose(ColmapImage& image) const;
   /// When the photo was taken; nothing if the frame does not say. Scenes that move have it.
   std::optional<double> time() const;
@@ -35,12 +41,14 @@ class TransformsFrame {
  private:
   [[noreturn]] void fail(const std::string& what,
                          const char* remedy = "; correct the entry or write the file again") const;
-  [[noreturn]] void fail_matrix() const;
+  [[noreturn]] void fail_matrix(const char* key) const;
   const SortedJson* find(const char* key) const;
   const std::string& text(const SortedJson& value, const char* key) const;
   double number(const SortedJson& value, const char* key) const;
   double number_or(const char* key, double otherwise) const;
-  Vec4<double> row(const SortedJson& value) const;
+  Vec4<double> row(const SortedJson& value, const char* key) const;
+  FramePose pose(const char* key) const;
+  void check_rolling_shutter() const;
 
   std::string model_name() const;
   int side(double pixels, const char* key) const;

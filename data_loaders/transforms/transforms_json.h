@@ -42,6 +42,10 @@ struct TransformsScene {
 ///            of a camera with OpenGL's axes (x right, y up, z backwards). A file_path without
 ///            extension leads to the .png, .jpg or .jpeg that exists. Photos need not exist if the
 ///            file has their size.
+///   shutter  transform_matrix_start and transform_matrix_end instead of transform_matrix are the poses
+///            while the first and the last row were exposed (instant-ngp); rolling_shutter, of the
+///            frame or at the top, is [0, 0, 1, 0], rows from the top down, or absent. Between them
+///            the center goes straight, and the camera turns evenly.
 ///   points   those of the PLY in ply_file_path, in the cameras' world (nerfstudio applies its
 ///            applied_transform to both); gray if the PLY has no colors; ids from 1. A PLY that
 ///            cannot be read gives none, and points that are not finite are left out, each with a

@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstring>
 #include <string>
 
 namespace gs {
@@ -46,7 +47,9 @@ ViewRecord view_of(const ViewNumbers& numbers) {
   return view;
 }
 
-static_assert(sizeof(CameraLens<float>) == 21 * 4);
+// Numbers of a lens in a file: without its motion, and with it, if any view has one.
+constexpr std::size_t kLensNumbers = 21, kMovingLensNumbers = 29;
+static_assert(sizeof(CameraLens<float>) == kMovingLensNumbers * sizeof(float));
 
 bool is_sound(const CameraLens<float>& lens) {
   float sum = lens.radius + lens.low.x + lens.low.y + lens.high.x + lens.high.y;
@@ -54,7 +57,9 @@ bool is_sound(const CameraLens<float>& lens) {
   for (const float number : lens.d) sum += number;
   for (const float number : lens.p) sum += number;
   for (const float number : lens.s) sum += number;
-  return std::isfinite(sum) && lens.lens >= Lens::none && lens.lens <= Lens::unified;
+  return std::isfinite(sum) && is_finite(lens.motion.turn) && is_finite(lens.motion.shift) &&
+         std::isfinite(lens.rows.x) && (!lens.motion.is_any() || lens.rows.x < lens.rows.y) &&
+         std::isfinite(lens.rows.y) && lens.lens >= Lens::none && lens.lens <= Lens::unified;
 }
 
 }  // namespace
@@ -101,14 +106,22 @@ bool have_lenses(const std::vector<ViewRecord>& views) {
 }
 
 void write_lenses(CheckedWriter& file, const std::vector<ViewRecord>& views) {
-  file.section("view_lenses", views.size() * sizeof(CameraLens<float>));
-  for (const ViewRecord& view : views) file.write(&view.camera.lens, sizeof view.camera.lens);
+  const bool move = std::any_of(views.begin(), views.end(), [](const ViewRecord& view) {
+    return view.camera.has_rolling_shutter();
+  });
+  const std::size_t bytes = (move ? kMovingLensNumbers : kLensNumbers) * sizeof(float);
+  file.section("view_lenses", views.size() * bytes);
+  for (const ViewRecord& view : views) file.write(&view.camera.lens, bytes);
 }
 
 void read_lenses(CheckedReader& file, std::vector<ViewRecord>& views) {
-  const auto lenses = file.values<CameraLens<float>>("view_lenses");
-  if (lenses.size() != views.size()) file.damaged();
-  for (std::size_t i = 0; i < views.size(); ++i) views[i].camera.lens = lenses[i];
+  const auto numbers = file.values<float>("view_lenses");
+  const std::size_t each = numbers.size() / std::max<std::size_t>(views.size(), 1);
+  if (each * views.size() != numbers.size() || (each != kLensNumbers && each != kMovingLensNumbers))
+    file.damaged();
+  for (std::size_t i = 0; i < views.size(); ++i)
+    std::memcpy(static_cast<void*>(&views[i].camera.lens), &numbers[each * i],
+                each * sizeof(float));
 }
 
 bool is_sound(const ViewRecord& view) {

@@ -32,6 +32,7 @@ struct DatasetConfig {
   NormalAxes normal_axes = NormalAxes::world;
   std::string model;  // the COLMAP model's folder; empty: sparse/0, sparse or the scene itself
   LensUse lens = LensUse::automatic;  // undistort, except for lenses too wide for that
+  bool rolling_shutter = true;
   int resolution = 0;  // 1, 2, 4, 8: divides the photos' size; 16 and more: the width in pixels;
                        // 0: kUsualSide for the longer side of larger photos
   std::string photo_list;  // a file with names of photos: the run uses no others; empty: all

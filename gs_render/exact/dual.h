@@ -47,6 +47,8 @@ inline Dual sqrt(const Dual& a) {
   const double value = std::sqrt(a.value);
   return {value, a.slope / (2 * value)};
 }
+inline Dual sin(const Dual& a) { return {std::sin(a.value), std::cos(a.value) * a.slope}; }
+inline Dual cos(const Dual& a) { return {std::cos(a.value), -std::sin(a.value) * a.slope}; }
 inline Dual tan(const Dual& a) {
   const double value = std::tan(a.value);
   return {value, (1 + value * value) * a.slope};

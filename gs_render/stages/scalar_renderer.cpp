@@ -45,7 +45,7 @@ void check_has_rays(const GaussiansSpan& gaussians, const Camera& camera) {
   if (camera.has_lens())
     throw UsageError(
         "cameras with a lens are drawn with render.order = \"z\"; photos have none with "
-        "dataset.lens = \"undistort\"");
+        "dataset.lens = \"undistort\" and dataset.rolling_shutter = false");
 }
 
 std::unique_ptr<PackedScene> Renderer::pack(const GaussiansSpan& gaussians, const RenderSettings&) {

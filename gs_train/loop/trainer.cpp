@@ -259,8 +259,9 @@ void Trainer::prepare_surface_terms() {
   for (const View& view : views)
     if (view.camera.has_lens())
       throw UsageError(
-          "surface terms see through no lens; train with dataset.lens = \"undistort\", or without "
-          "surface.normal_weight, surface.photo_weight and surface.prior_weight");
+          "surface terms see through no lens; train with dataset.lens = \"undistort\" and "
+          "dataset.rolling_shutter = false, or without surface.normal_weight, "
+          "surface.photo_weight and surface.prior_weight");
   if (run_.config.surface.prior_weight > 0 && !have_normal_maps(views))
     throw UsageError(
         "surface.prior_weight is above 0, and no training photo has a normal map; put maps into "

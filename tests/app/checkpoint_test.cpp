@@ -177,16 +177,19 @@ TEST_F(Checkpoints, WithSumsOfDensityControlComeBackBitForBit) {
 }
 
 TEST_F(Checkpoints, KeepTheLensesOfViews) {
-  SceneRecord scene = telling_scene();
-  CameraLens<float>& lens = scene.views[1].camera.lens;
-  lens.lens = Lens::fisheye;
-  lens.k[2] = 0.25f, lens.s[3] = -0.5f, lens.radius = 1.75f, lens.high = {2, 3};
-  const TrainingState state = telling_state(3, 12);
-  ASSERT_TRUE(CheckpointFolder(path(), telling_config(), scene, free_space)
-                  .save(state.progress, state.model));
-  const Checkpoint read = read_checkpoint(file(12));
-  for (std::size_t i = 0; i < scene.views.size(); ++i)
-    EXPECT_EQ(read.scene.views[i].camera.lens, scene.views[i].camera.lens) << i;
+  for (const float turn : {0.0f, 0.125f}) {
+    SceneRecord scene = telling_scene();
+    CameraLens<float>& lens = scene.views[1].camera.lens;
+    lens.lens = Lens::fisheye;
+    lens.k[2] = 0.25f, lens.s[3] = -0.5f, lens.radius = 1.75f, lens.high = {2, 3};
+    lens.motion.turn.y = turn, lens.rows.y = 4 * turn;
+    const TrainingState state = telling_state(3, 12);
+    ASSERT_TRUE(CheckpointFolder(path(), telling_config(), scene, free_space)
+                    .save(state.progress, state.model));
+    const Checkpoint read = read_checkpoint(file(12));
+    for (std::size_t i = 0; i < scene.views.size(); ++i)
+      EXPECT_EQ(read.scene.views[i].camera.lens, scene.views[i].camera.lens) << i;
+  }
 }
 
 using Sections = std::vector<std::pair<std::string, std::string>>;  // names and bytes

@@ -34,7 +34,8 @@ TEST_F(CudaBatch, ABatchIsThatOfTheScalarBackend) {
 
 TEST_F(CudaBatch, ABatchOfLensesAndAPinholeIsThatOfTheScalarBackend) {
   std::vector<View> views = some_views(131, 77, 3);
-  views[0].camera = with_lens(views[0].camera, CameraModel::simple_fisheye, {0.6, 0.5, 0.4});
+  views[0].camera = with_lens(views[0].camera, CameraModel::simple_fisheye, {0.6, 0.5, 0.4},
+                              {{0.08f, -0.1f, 0.12f}, {0.15f, -0.1f, 0.2f}});
   views[1].camera = with_lens(views[1].camera, CameraModel::opencv,
                               {0.9, 0.9, 0.5, 0.5, -0.25, 0.05, 2e-3, -3e-3});
   for (const bool has_time : {false, true}) {

@@ -89,7 +89,7 @@ class CudaRender : public CudaTest {
     for (const LensScene& lens : lens_scenes()) {
       add(lens.name, kTypical, 160, 120);
       Scene& scene = all.back();
-      scene.camera = with_lens(scene.camera, lens.model, lens.params);
+      scene.camera = with_lens(scene.camera, lens.model, lens.params, lens.motion);
       scene.gaussians =
           at_angles(std::move(scene.gaussians), scene.camera, lens.least, lens.most, all.size());
     }

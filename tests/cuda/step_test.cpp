@@ -111,12 +111,13 @@ TEST_F(CudaStep, FusedStepInSpaceAndTimeIsTheScalarOne) {
   }
 }
 
-// Of one pinhole and two lenses, in turns.
+// Of one pinhole and two lenses, one of which moves, in turns.
 TEST_F(CudaStep, FusedStepThroughALensIsTheScalarOne) {
   std::vector<View> views = some_views(131, 77, 3);
   views[1].camera = with_lens(views[1].camera, CameraModel::opencv,
                               {0.9, 0.9, 0.5, 0.5, -0.25, 0.05, 2e-3, -3e-3});
-  views[2].camera = with_lens(views[2].camera, CameraModel::simple_fisheye, {0.6, 0.5, 0.4});
+  views[2].camera = with_lens(views[2].camera, CameraModel::simple_fisheye, {0.6, 0.5, 0.4},
+                              {{0.08f, -0.1f, 0.12f}, {0.15f, -0.1f, 0.2f}});
   for (const int degree : {0, 1, 2, 3}) {
     SCOPED_TRACE(degree);
     RenderSettings settings;

@@ -26,7 +26,7 @@ inline void attach_antialiasing(RenderSettings& settings) {
 template <int scene>
 void see_through(Camera& camera, RenderSettings&, Gaussians& gaussians) {
   const LensScene& lens = lens_scenes()[scene];
-  camera = with_lens(camera, lens.model, lens.params);
+  camera = with_lens(camera, lens.model, lens.params, lens.motion);
   gaussians = at_angles(std::move(gaussians), camera, lens.least, lens.most, 27);
 }
 
@@ -81,6 +81,8 @@ inline const SceneChange kSceneChanges[] = {
     {"a fisheye at 80 degrees", see_through<2>},
     {"a fisheye beyond 90 degrees", see_through<3>},
     {"an equidistant fisheye", see_through<4>},
+    {"a moving pinhole", see_through<5>},
+    {"a moving fisheye", see_through<6>},
 };
 
 /// A camera for all of them.

@@ -9,16 +9,20 @@
 namespace gs {
 
 /// The camera at its place with the lens of a COLMAP model. `params` are those of pictures whose
-/// sides are 1, in COLMAP's order: one or two focal lengths and the center come first.
-inline Camera with_lens(const Camera& at, CameraModel model, std::vector<double> params) {
+/// sides are 1, in COLMAP's order: one or two focal lengths and the center come first. `motion` is
+/// that of a rolling shutter.
+inline Camera with_lens(const Camera& at, CameraModel model, std::vector<double> params,
+                        const RigidMotion<float>& motion = {}) {
   const bool has_one_focal =
       model == CameraModel::simple_fisheye || model == CameraModel::simple_radial;
   const double sides[] = {double(at.width), double(at.height)};
   for (std::size_t i = 0; i < (has_one_focal ? 3 : 4); ++i)
     params[i] *= has_one_focal ? sides[i == 2] : sides[i % 2];
-  PinholeCamera<double> camera =
-      camera_with_lens(lens_camera({1, model, at.width, at.height, params}, "a.jpg"), "a.jpg");
-  Camera result = camera_as<float>(camera);
+  const LensCamera lens = lens_camera({1, model, at.width, at.height, params}, "a.jpg");
+  Camera result =
+      camera_as<float>(motion.is_any() ? row_by_row_camera(lens, LensUse::native, "a.jpg")
+                                       : camera_with_lens(lens, "a.jpg"));
+  if (motion.is_any()) result = with_motion(result, motion);
   result.cam_from_world_rotation = at.cam_from_world_rotation;
   result.cam_from_world_translation = at.cam_from_world_translation;
   result.time = at.time;
@@ -44,12 +48,14 @@ inline Gaussians at_angles(Gaussians gaussians, const Camera& camera, float leas
   return gaussians;
 }
 
-/// What tests see through lenses: a strong one, and fisheyes within and beyond 90 degrees.
+/// What tests see through lenses: a strong one, fisheyes within and beyond 90 degrees, and cameras
+/// that move while their rows are exposed.
 struct LensScene {
   const char* name;
   CameraModel model;
   std::vector<double> params;  // of with_lens()
   float least, most;           // of at_angles()
+  RigidMotion<float> motion{};
 };
 inline const std::vector<LensScene>& lens_scenes() {
   static const std::vector<LensScene> all = {
@@ -74,6 +80,18 @@ inline const std::vector<LensScene>& lens_scenes() {
        1.3f,
        1.95f},
       {"equidistant", CameraModel::simple_fisheye, {0.4, 0.5, 0.1}, 0, 2.0f},
+      {"moving pinhole",
+       CameraModel::pinhole,
+       {0.7, 0.7, 0.5, 0.3},
+       0,
+       0.9f,
+       {{0.08f, -0.1f, 0.12f}, {0.15f, -0.1f, 0.2f}}},
+      {"moving fisheye",
+       CameraModel::opencv_fisheye,
+       {0.38, 0.5, 0.5, 0.1, 0.02, -0.01, 0.003, -4e-4},
+       0.5f,
+       1.95f,
+       {{-0.1f, 0.15f, 0.1f}, {-0.1f, 0.2f, -0.1f}}},
   };
   return all;
 }

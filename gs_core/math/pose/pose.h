@@ -53,14 +53,7 @@ struct RigidFrame {
   Mat3<T> axes;   // rows: the directions of the frame's own axes in the world
   Vec3<T> pivot;  // that it turns about, world units
 };
-/// A small motion of it, in its own axes.
-template <class T>
-struct RigidMotion {
-  Vec3<T> turn;   // radians
-  Vec3<T> shift;  // world units
-};
-
-/// The camera after a motion of its frame. With the axes B and the pivot c of the frame, and the
+/// The camera after a small motion of its frame. With the axes B and the pivot c of the frame, and the
 /// camera's rotation W and center e:
 ///
 ///   E = exp([turn]),   W' = W B^T E B,   e' = c + B^T E^T B (e - c) + B^T shift

@@ -5,7 +5,7 @@
 
 #include "gs_core/camera.h"
 #include "gs_core/math/constants.h"
-#include "gs_core/math/lens/lens_projection.h"
+#include "gs_core/math/lens/rolling_shutter.h"
 #include "gs_core/types.h"
 
 namespace gs {
@@ -79,22 +79,25 @@ GS_HD Vec3<T> projection_jacobian_vjp(const PinholeCamera<T>& camera, const Vec3
   return {d_x / p.z, d_y / p.z, -(jx * d_jx + jy * d_jy + x_free * d_x + y_free * d_y) / p.z};
 }
 
-/// Image-plane mean of a point in camera space that is_in_sight().   pixels
-template <class T>
-GS_HD Vec2<T> pixel_of(const PinholeCamera<T>& camera, const Vec3<T>& p) {
-  return camera.has_lens() ? project_through_lens(camera, p).mean2d : project_mean(camera, p);
-}
-
-/// Where p is seen, through the lens if there is one.
+/// Where p is seen, through the lens if there is one, and when its row is exposed.
 template <class T>
 GS_HD ProjectedPoint<T> project_point(const PinholeCamera<T>& camera, const Vec3<T>& p) {
+  if (camera.has_rolling_shutter()) return project_through_shutter(camera, p);
   if (camera.has_lens()) return project_through_lens(camera, p);
   return {project_mean(camera, p), projection_jacobian(camera, p)};
 }
+/// Image-plane mean of a point in camera space that is_in_sight().   pixels
+template <class T>
+GS_HD Vec2<T> pixel_of(const PinholeCamera<T>& camera, const Vec3<T>& p) {
+  return camera.has_lens() ? project_point(camera, p).mean2d : project_mean(camera, p);
+}
+
 /// dL/dp of project_point().
 template <class T>
 GS_HD Vec3<T> project_point_vjp(const PinholeCamera<T>& camera, const Vec3<T>& p,
                                 const Vec2<T>& dL_dmean2d, const Mat23<T>& dL_dA) {
+  if (camera.has_rolling_shutter())
+    return project_through_shutter_vjp(camera, p, dL_dmean2d, dL_dA);
   if (camera.has_lens()) return project_through_lens_vjp(camera, p, dL_dmean2d, dL_dA);
   return project_mean_vjp(camera, p, dL_dmean2d) + projection_jacobian_vjp(camera, p, dL_dA);
 }

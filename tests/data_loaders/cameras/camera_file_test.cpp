@@ -136,7 +136,8 @@ TEST_F(CameraFile, EmptySceneIsAnEmptyList) {
 TEST_F(CameraFile, KeepsTheLensOfACamera) {
   std::vector<NamedCamera> cameras;
   for (const LensScene& lens : lens_scenes())
-    cameras.push_back({lens.name, with_lens(random_camera(64, 48, 1), lens.model, lens.params)});
+    cameras.push_back(
+        {lens.name, with_lens(random_camera(64, 48, 1), lens.model, lens.params, lens.motion)});
   Camera parallel = random_camera(64, 48, 2);
   parallel.lens = endless_lens<float>(Lens::orthographic);
   cameras.push_back({"parallel", parallel});
@@ -180,6 +181,7 @@ TEST_F(CameraFile, WrongValuesAreNamed) {
       {R"({"lens": {"kind": "teapot"}})", "lens.kind"},
       {R"({"lens": {"kind": "fisheye", "k": [1]}})", "6 numbers in lens.k"},
       {R"({"lens": {"kind": "fisheye", "radius": [-1]}})", "lens.radius"},
+      {R"({"lens": {"kind": "fisheye", "turn": [0, 0, 1]}})", "lens.rows"},
   };
   for (const auto& [change, expected] : cases) {
     EXPECT_THAT(error_reading(reference_text(change)), HasSubstr(expected)) << change;

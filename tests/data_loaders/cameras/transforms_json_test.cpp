@@ -9,6 +9,7 @@
 
 #include "data_loaders/photos/encode/encode_png.h"
 #include "gs_core/error.h"
+#include "gs_core/math/pose/pose.h"
 #include "gs_core/math/random.h"
 #include "gs_core/math/render/rotation.h"
 #include "gs_core/system/text/json.h"
@@ -410,6 +411,43 @@ TEST_F(Transforms, APhotoInBothListsIsForTestingWithAWarning) {
   EXPECT_EQ(scene.model.images.size(), 2u);
 }
 
+// --- Rolling shutters
+
+TEST_F(Transforms, PosesOfTheFirstAndTheLastRowAreAPoseBetweenThemAndAMotion) {
+  const double angle = 0.3, c = std::cos(angle), s = std::sin(angle);  // a turn about the y axis
+  const SortedJson end = {{c, 0, s, 0.4}, {0, 1, 0, 0.2}, {-s, 0, c, -0.6}, {0, 0, 0, 1}};
+  SortedJson file = small_file();
+  SortedJson& frame = file["frames"][1];
+  frame["transform_matrix_start"] = frame["transform_matrix"];
+  frame["transform_matrix_end"] = end;
+  frame.erase("transform_matrix");
+  const ColmapModel model = read(file).model;
+  EXPECT_FALSE(model.images[0].motion.is_any());
+  const ColmapImage& image = model.images[1];
+  const Mat3<double> W = rotation_matrix(image.cam_from_world_rotation);
+  expect_near(-multiply_transposed(W, image.cam_from_world_translation), {0.2, 0.1, -0.3});
+  // The world's x axis seen by a camera with y down and z forward, turned by half of the angle.
+  expect_near(multiply(W, Vec3d(1, 0, 0)), {std::cos(angle / 2), 0, -std::sin(angle / 2)});
+  expect_near(multiply_transposed(W, image.motion.shift), {0.4, 0.2, -0.6});
+  // The first pose turned by the whole motion is the last one.
+  const Mat3<double> E = rotation_minus_identity(image.motion.turn);
+  const Vec3d first = multiply(rotation_matrix(Quat<double>{0, 1, 0, 0}), Vec3d(1, 2, 3));
+  const Mat3<double> last{{c, 0, -s}, {0, -1, 0}, {-s, 0, -c}};
+  expect_near(first + multiply(E, first), multiply(last, Vec3d(1, 2, 3)));
+  for (const char* shutter : {"[0, 0, 1, 0]", "[0, 0, 1]"}) {
+    file["rolling_shutter"] = SortedJson::parse(shutter);
+    EXPECT_TRUE(read(file).model.images[1].motion.turn == image.motion.turn);
+  }
+  for (const char* shutter : {"[0, 1, 0, 0]", "[0, 0, 1, 0.5]", "[0, 0, 0, 0]", "1", "[0, 0]"}) {
+    file["rolling_shutter"] = SortedJson::parse(shutter);
+    EXPECT_THAT(error_reading(file),
+                AllOf(HasSubstr("frame 1"), HasSubstr("as rolling_shutter"),
+                      HasSubstr("[0, 0, 1, 0]"), HasSubstr("transform_matrix")));
+  }
+  frame["transform_matrix_end"] = frame["transform_matrix_start"];  // it stands still
+  EXPECT_FALSE(read(file).model.images[1].motion.is_any());
+}
+
 // --- Points
 
 TEST_F(Transforms, PointsComeFromThePlyInTheCamerasWorld) {
@@ -566,6 +604,9 @@ TEST_F(Transforms, FaultsNameFileFrameKeyAndRemedy) {
       {R"({"val_filenames": [7]})", none, {"entry 0 of val_filenames"}},
       {R"({"test_filenames": ["images/a.png", "images/b.png"]})", none, {"no frame to train on"}},
       {R"({"train_filenames": []})", none, {"train_filenames", "no frame to train on"}},
+      {none,
+       R"({"transform_matrix_start": 7, "transform_matrix_end": 7})",
+       {"frame 1", "transform_matrix_start", "4 rows"}},
       {R"({"ply_file_path": 7})", none, {"ply_file_path", "leave the key out"}},
       {R"({"ply_file_path": "../p.ply"})", none, {"ply_file_path", "copy the PLY"}},
   };
