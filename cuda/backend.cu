@@ -144,6 +144,7 @@ class CudaBackend final : private Gpus, private StepLauncher, private Device, pu
     for_each([&](Gpu& gpu) {
       gpu.photos.upload_views(views, photo_bytes);
       gpu.depth_maps.forget();
+      gpu.normal_maps.forget();
     });
     steps_.forecast().forget();
     if (others_) others_->check_same(hash_of(views), "photos or cameras");
@@ -368,9 +369,13 @@ class CudaBackend final : private Gpus, private StepLauncher, private Device, pu
       gpu.surface.take_neighbor(gpu.context, *neighbor,
                                 gpu.photos.photo(*photo.neighbor, photo.reduction));
     }
+    NormalMap prior;
+    if (weights.prior > 0 && photo.view->has_normal_map)
+      prior = {gpu.normal_maps.of(*photo.view).values.data(), photo.view->camera.width,
+               photo.reduction};
     const Span<const SurfaceRow> dL =
-        gpu.surface.compare(gpu.context, rows.camera, neighbor ? &*neighbor : nullptr, weights,
-                            photo.patch_phase, gpu.pass);
+        gpu.surface.compare(gpu.context, rows.camera, prior, neighbor ? &*neighbor : nullptr,
+                            weights, photo.patch_phase, gpu.pass);
     surface_backward(gpu.context, model_->gaussians.span(), rows.camera, settings, dL,
                      1.0f / float(step.batch.size()), i == 0, gpu.halted(),
                      gpu.renderer.workspace(), gpu.pass);
@@ -406,7 +411,7 @@ class CudaBackend final : private Gpus, private StepLauncher, private Device, pu
       return dL;
     }
     const View& view = *photo.view;
-    const DepthMaps::Map* const map = settings.blends_depth ? &gpu.depth_maps.of(view) : nullptr;
+    const auto* const map = settings.blends_depth ? &gpu.depth_maps.of(view) : nullptr;
     if (!map || map->values.empty()) return dL;
     return gpu.depth.compare(
         gpu.context,

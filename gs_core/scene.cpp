@@ -39,14 +39,16 @@ std::size_t photo_bytes(const View& view) {
          std::size_t(view.camera.height);
 }
 
-std::size_t depth_bytes(const View& view) {
-  if (!view.has_depth_map) return 0;
-  return sizeof(float) * std::size_t(view.camera.width) * std::size_t(view.camera.height);
+std::size_t map_bytes(const View& view) {
+  return ((view.has_depth_map ? sizeof(float) : 0) + (view.has_normal_map ? 3 : 0)) *
+         std::size_t(view.camera.width) * std::size_t(view.camera.height);
 }
 
 bool have_depth_maps(const std::vector<View>& views) {
-  return std::any_of(views.begin(), views.end(),
-                     [](const View& view) { return view.has_depth_map; });
+  return std::ranges::any_of(views, &View::has_depth_map);
+}
+bool have_normal_maps(const std::vector<View>& views) {
+  return std::ranges::any_of(views, &View::has_normal_map);
 }
 
 std::string text_of_moving_scene(std::size_t time_count) {

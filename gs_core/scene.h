@@ -34,6 +34,9 @@ struct View {
   ImageF depth = {};
   DepthKind depth_kind = DepthKind::metric;  // what they mean, once they are there; not `automatic`
   bool has_depth_map = false;                // also before the map is read
+  // (height, width, 3) of that size: NormalBytes of a normal map. Empty: as for `depth`
+  Image8 normals = {};
+  bool has_normal_map = false;  // also before the map is read
   Vec3f exposure{1};  // per channel: the photo shows exposure * the scene's colors (display sRGB)
   std::shared_ptr<PhotoSource> source = {};
   std::size_t index = 0;        // in `source`
@@ -88,8 +91,8 @@ void release_photo(const View& view);
 /// Bytes of the view's photo and mask once they are decoded. If it is not known whether there is a
 /// mask, it counts.
 std::size_t photo_bytes(const View& view);
-/// Bytes of a view's depth map.
-std::size_t depth_bytes(const View& view);
+/// Bytes of a view's maps of depth and of normals.
+std::size_t map_bytes(const View& view);
 
 /// How many photos ahead to call prefetch_decode(): decoding takes some tenths of a second, a step
 /// on a fast GPU some milliseconds.
@@ -129,8 +132,9 @@ struct CameraRefinement {
   double seconds = 0;
 };
 
-/// Whether any of the views has a depth map.
+/// Whether any of the views has a depth map, or a normal map.
 bool have_depth_maps(const std::vector<View>& views);
+bool have_normal_maps(const std::vector<View>& views);
 
 /// All views with their split, and the sparse points. Views are sorted by name in byte order.
 struct Scene {

@@ -16,7 +16,8 @@ namespace {
 void check_surface(const Config& config, const Features& features) {
   const auto refuse = [](const char* remedy) {
     throw UsageError(fmt::format(
-        "surface terms (surface.normal_weight, surface.photo_weight) {}; or set both to 0",
+        "surface terms (surface.normal_weight, surface.photo_weight, surface.prior_weight) {}; or "
+        "set all of them to 0",
         remedy));
   };
   if (config.model.dynamic) refuse("are for scenes that stand still; train without model.dynamic");

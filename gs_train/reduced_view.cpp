@@ -3,6 +3,7 @@
 
 #include "gs_core/error.h"
 #include "gs_core/math/loss/area_filter.h"
+#include "gs_core/math/render/normal_map.h"
 #include "gs_core/threads/parallel.h"
 #include "gs_render/stage_clock.h"
 
@@ -22,6 +23,9 @@ View reduced_view(const View& view, int factor) {
   result.depth_kind = view.depth_kind;
   result.has_depth_map = view.has_depth_map;
   if (!view.depth.empty()) result.depth = ImageF(result.camera.width, result.camera.height, 1);
+  result.has_normal_map = view.has_normal_map;
+  if (!view.normals.empty()) result.normals = Image8(result.camera.width, result.camera.height, 3);
+  const NormalMap normals{view.normals.pixels.data(), width, factor};
   const PhotoBytes from{view.photo.pixels.data(),
                         view.mask.empty() ? nullptr : view.mask.pixels.data()};
   parallel_for(std::size_t(result.camera.height), 8, [&](std::size_t row) {
@@ -32,6 +36,11 @@ View reduced_view(const View& view, int factor) {
       if (from.mask) result.mask.at(x, y, 0) = reduced_mask(from, width, factor, x, y);
       if (!view.depth.empty())
         result.depth.at(x, y, 0) = reduced_depth(view.depth.pixels.data(), width, factor, x, y);
+      if (!view.normals.empty()) {
+        const NormalBytes n = normals.at(x, y);
+        std::uint8_t* const to = &result.normals.at(x, y, 0);
+        to[0] = n.x, to[1] = n.y, to[2] = n.z;
+      }
     }
   });
   return result;

@@ -39,7 +39,8 @@ Schedule::Schedule(const Config& config, const GrowthMethod& method, float scene
       photometric_rate_(config.photometric.rate),
       pose_rate_(config.poses.refine ? config.poses.rate : 0),
       depth_weight_(config.loss.depth_weight), surface_weights_{config.surface.normal_weight,
-                                                                config.surface.photo_weight},
+                                                                config.surface.photo_weight,
+                                                                config.surface.prior_weight},
       extent_(scene_extent) {
   steps_ =
       std::max(1, int(std::lround(double(config.train.iterations) * config.train.steps_scaler)));

@@ -27,7 +27,7 @@ struct LoadedScene {
 // pybind11 2.10 holds no shared_ptr to const: nothing writes by way of it.
 using ScenePointer = std::shared_ptr<LoadedScene>;
 /// Throws as load_scene() does. Call it without the GIL.
-ScenePointer load(const DatasetConfig& dataset);
+ScenePointer load(const Config& config);
 
 /// gemsplat.Evaluation: (psnr, ssim, flip, lpips, [(name, psnr, ssim, flip, lpips) of a view, ...]).
 pybind11::tuple figures_of(const Evaluation& evaluation);

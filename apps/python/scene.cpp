@@ -82,7 +82,7 @@ ScenePointer load_from(const std::filesystem::path& path, const std::string& set
   apply_settings(config, Json::parse(settings));
   config.dataset.source = std::filesystem::absolute(path).lexically_normal().string();
   validate(config);
-  return load(config.dataset);
+  return load(config);
 }
 
 void bind_view(py::module_& module) {
@@ -113,10 +113,14 @@ copy. If the scene does not fit into memory, the photo is decoded now.)");
 
 }  // namespace
 
-ScenePointer load(const DatasetConfig& dataset) {
+ScenePointer load(const Config& config) {
   const Work work;
   auto loaded = std::make_shared<LoadedScene>();
-  loaded->scene = load_scene(dataset);
+  // A scene may be loaded before its run is known, so normal maps that are named are read as well.
+  const DatasetConfig& dataset = config.dataset;
+  const SceneNeeds needs{.normal_maps =
+                             config.surface.prior_weight > 0 || !dataset.normals.empty()};
+  loaded->scene = load_scene(dataset, {}, PhotoLoading::as_they_fit, needs);
   loaded->dataset = dataset;
   return loaded;
 }

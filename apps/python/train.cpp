@@ -66,7 +66,7 @@ Result run_in_memory(const Arguments& arguments, CallbackObserver& observer) {
   const Config config = config_of(arguments, {});
   if (!config.model.start_from.empty())
     throw UsageError("model.start_from needs a run with a folder: give output=FOLDER");
-  const ScenePointer loaded = arguments.scene ? arguments.scene : load(config.dataset);
+  const ScenePointer loaded = arguments.scene ? arguments.scene : load(config);
   const Scene& scene = loaded->scene;
   const std::unique_ptr<Lpips> lpips = make_lpips(config.eval);
   if (lpips) lpips->check_sizes(scene.test_views);

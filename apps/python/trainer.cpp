@@ -138,7 +138,7 @@ class TrainerCore {
     config_ = config_of_run(scene, config, verb);
     check_can_be_called();
     const py::gil_scoped_release release;
-    scene_ = scene ? scene : load(config_.dataset);
+    scene_ = scene ? scene : load(config_);
     lpips_ = make_lpips(config_.eval);
     if (lpips_) lpips_->check_sizes(scene_->scene.test_views);
     if (config_.train.threads) set_threads(config_.train.threads);

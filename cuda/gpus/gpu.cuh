@@ -9,6 +9,7 @@
 #include "cuda/gpus/shard.h"
 #include "cuda/photo_terms/depth.cuh"
 #include "cuda/photo_terms/surface.cuh"
+#include "cuda/photo_terms/view_maps.cuh"
 #include "cuda/render/renderer.cuh"
 #include "cuda/step/photo_rows.cuh"
 #include "gs_train/training_model.h"
@@ -93,7 +94,8 @@ struct Gpu {
   PhotoBuffers photo_buffers;  // of the photos that it draws, with the rows of the whole model
   std::unique_ptr<Loss> loss;
   Buffer<float> dL_dimage;
-  DepthMaps depth_maps;
+  ViewMaps<float> depth_maps;
+  ViewMaps<std::uint8_t> normal_maps;
   DepthStage depth;
   SurfaceStage surface;
   // The shard of one of several GPUs. A GPU that is alone trains the model itself, and these are

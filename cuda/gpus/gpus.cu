@@ -61,8 +61,8 @@ void copy_rows(Way way, const Gpu& gpu, const TrainingModel& model) {
 
 Gpu::Gpu(int device, Streams& streams)
     : context(device), memory(context, streams), photos(context, memory), renderer(context, memory),
-      pass(memory), photo_buffers(memory), dL_dimage(memory), depth_maps(memory), depth(memory),
-      surface(memory), shard(memory) {
+      pass(memory), photo_buffers(memory), dL_dimage(memory), depth_maps(memory, &View::depth),
+      normal_maps(memory, &View::normals), depth(memory), surface(memory), shard(memory) {
   streams.add(context);
   check(cudaEventCreateWithFlags(&launched, cudaEventDisableTiming), "making an event");
 }

@@ -91,15 +91,6 @@ __global__ void __launch_bounds__(kThreads)
 
 }  // namespace
 
-const DepthMaps::Map& DepthMaps::of(const View& view) {
-  const auto known = maps_.find(&view);
-  if (known != maps_.end()) return known->second;
-  const std::shared_ptr<const View> loaded = with_photo(view);
-  Map map{Buffer<float>(memory_), loaded->depth_kind};
-  map.values.upload(loaded->depth.pixels);
-  return maps_.emplace(&view, std::move(map)).first->second;
-}
-
 PictureGradient DepthStage::compare(Context& context, const DepthMapOnDevice& map, float weight,
                                     Span<const float> dL_dimage, const RenderPass& pass) {
   const std::size_t pixel_count = pass.pixel_count();

@@ -1,13 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
-// Photos with a depth map on the GPU: the maps, and the gradient of the depth loss.
+// Photos with a depth map on the GPU: the gradient of the depth loss.
 #pragma once
-
-#include <unordered_map>
 
 #include "cuda/device/context.cuh"
 #include "gs_core/buffer.h"
 #include "gs_core/math/loss/depth_loss.h"
-#include "gs_core/scene.h"
 #include "gs_render/render_pass.h"
 
 namespace gs::cuda {
@@ -19,24 +16,6 @@ struct DepthMapOnDevice {
   int width = 0;                       // of the whole photo, in pixels
   int reduction = 1;
   DepthKind kind = DepthKind::metric;
-};
-
-/// The depth maps of the views that steps have used so far. A map is uploaded when its view is
-/// first trained on, which waits for the device, and stays: 4 bytes a pixel of all photos together.
-class DepthMaps {
- public:
-  explicit DepthMaps(Memory& memory) : memory_(memory) {}
-  struct Map {
-    Buffer<float> values;  // (height, width)
-    DepthKind kind;
-  };
-  /// That of a view that has one. Throws Error where memory runs out.
-  const Map& of(const View& view);
-  void forget() { maps_.clear(); }
-
- private:
-  Memory& memory_;
-  std::unordered_map<const View*, Map> maps_;
 };
 
 /// The depth loss of one photo after the other.

@@ -80,8 +80,9 @@ void SurfaceStage::take_neighbor(Context& context, const Camera& camera, const P
 }
 
 Span<const SurfaceRow> SurfaceStage::compare(Context& context, const Camera& camera,
-                                             const Camera* neighbor, const SurfaceWeights& weights,
-                                             int patch_phase, const RenderPass& pass) {
+                                             const NormalMap& prior, const Camera* neighbor,
+                                             const SurfaceWeights& weights, int patch_phase,
+                                             const RenderPass& pass) {
   const StageScope scope(context, "surface loss");
   const std::size_t pixels = pixels_of(camera);
   GS_CHECK(pass.surface_image.size() == pixels && gray_.size() == pixels);
@@ -92,7 +93,8 @@ Span<const SurfaceRow> SurfaceStage::compare(Context& context, const Camera& cam
                          pass.surface_image.data(),
                          inverse_depth_.data(),
                          {gray_.data(), camera.width, camera.height},
-                         weights_of_each(weights, camera)};
+                         weights_of_each(weights, camera),
+                         prior};
   const unsigned blocks = blocks_for(pixels, kPixelThreads);
   context.launch("inverse depth", inverse_depth_kernel, blocks, kPixelThreads, picture,
                  inverse_depth_.data());

@@ -23,9 +23,9 @@ class SurfaceStage {
   void take_neighbor(Context& context, const Camera& camera, const PhotoBytes& photo);
   /// Twin of compare_surface() of the scalar backend, after take_photo() and, with `neighbor`, which
   /// may be null, after take_neighbor(). Returns dL/d(surface_image), valid until the next call.
-  Span<const SurfaceRow> compare(Context& context, const Camera& camera, const Camera* neighbor,
-                                 const SurfaceWeights& weights, int patch_phase,
-                                 const RenderPass& pass);
+  Span<const SurfaceRow> compare(Context& context, const Camera& camera, const NormalMap& prior,
+                                 const Camera* neighbor, const SurfaceWeights& weights,
+                                 int patch_phase, const RenderPass& pass);
   void release();
 
  private:

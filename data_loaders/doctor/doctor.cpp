@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // The order of an examination: folders, model, files, headers, pictures, cameras, points, sight,
-// depth maps, forecast, blocks, light. Photos without a model have an order of their own.
+// maps, forecast, blocks, light. Photos without a model have an order of their own.
 #include "data_loaders/doctor/doctor.h"
 
 #include <algorithm>
@@ -19,7 +19,8 @@ using Level = Finding::Level;
 void check_the_rest(Examination& examination) {
   if (!examination.diagnosis.can_train()) return;
   try {
-    check_scene(examination.config.dataset);
+    check_scene(examination.config.dataset,
+                {.normal_maps = examination.config.surface.prior_weight > 0});
   } catch (const Error& error) {
     examination.add(Level::fatal, "scene", error.what());
   }
@@ -37,6 +38,7 @@ SceneSize size_of(const Examination& examination) {
     pixels += of_photo;
     if (!photo.is_test) training_pixels += of_photo;
     if (!photo.depth_file.empty()) scene.depth_maps += 1;
+    if (!photo.normal_file.empty()) scene.normal_maps += 1;
     scene.largest_megapixels = std::max(scene.largest_megapixels, 1e-6 * of_photo);
   }
   scene.train_share = training_pixels / std::max(pixels, 1.0);
@@ -85,6 +87,7 @@ Diagnosis examine(const Config& config, bool look_at_pictures, const ProgressFn&
   examine_points(examination);
   examine_sight(examination);
   examine_depth(examination, look_at_pictures);
+  examine_normals(examination, look_at_pictures);
   add_forecast(examination, device);
   add_advice_on_blocks(examination, device);
   check_the_rest(examination);

@@ -67,13 +67,14 @@ void examine_pictures(Examination& examination);
 void report_quality(Examination& examination, const std::vector<std::string>& names,
                     const std::vector<PictureQuality>& qualities);
 
-/// Finds the masks or the depth maps, and reports how many photos have one. `without` says what is
+/// Finds the files of a kind, and reports how many photos have one. `without` says what is
 /// done with the others. False if none has.
-bool match_files_of(const CompanionKind& kind, const char* noun, Examination::Level of_missing,
-                    const char* without, Examination& examination);
+bool match_files_of(const CompanionKind& kind, Examination::Level of_missing, const char* without,
+                    Examination& examination);
 
-// examine_depth.cpp: after the headers. With `look_at_maps` it reads each map.
+// examine_maps.cpp: after the headers. With `look_at_maps` they read each map.
 void examine_depth(Examination& examination, bool look_at_maps);
+void examine_normals(Examination& examination, bool look_at_maps);
 
 // examine_light.cpp: after all others, because it decodes all photos once more.
 void examine_light(Examination& examination);

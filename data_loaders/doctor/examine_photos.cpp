@@ -178,11 +178,10 @@ void match_photo_files(Examination& examination) {
   for (const std::size_t i : lost.cut_short) scene.photos[i].file.clear();
 }
 
-bool match_files_of(const CompanionKind& kind, const char* noun, Level of_missing,
-                    const char* without, Examination& examination) {
+bool match_files_of(const CompanionKind& kind, Level of_missing, const char* without,
+                    Examination& examination) {
   SceneModel& scene = examination.scene;
-  const bool is_mask = &kind == &kMasks;
-  const char* const topic = is_mask ? "masks" : "depth";
+  const char* const topic = kind.folder;
   try {
     match_companions(kind, examination.config.dataset, scene);
   } catch (const Error& error) {
@@ -191,24 +190,22 @@ bool match_files_of(const CompanionKind& kind, const char* noun, Level of_missin
   }
   std::vector<std::size_t> missing;
   for (std::size_t i = 0; i < scene.photos.size(); ++i)
-    if ((is_mask ? scene.photos[i].mask_file : scene.photos[i].depth_file).empty())
-      missing.push_back(i);
+    if ((scene.photos[i].*kind.file).empty()) missing.push_back(i);
   const std::size_t count = scene.photos.size();
   if (missing.size() == count) return false;
-  examination.add(
-      Level::good, topic,
-      fmt::format("{} of {} have a {} in {}", count - missing.size(), counted(count, "photo"), noun,
-                  (is_mask ? scene.masks : scene.depth).place()));
+  examination.add(Level::good, topic,
+                  fmt::format("{} of {} have a {} in {}", count - missing.size(),
+                              counted(count, "photo"), kind.noun, (scene.*kind.source).place()));
   if (!missing.empty())
     examination.add(of_missing, topic,
                     fmt::format("{} no {} there{}", counted(missing.size(), "photo", "has", "have"),
-                                noun, without),
+                                kind.noun, without),
                     examination.names_of(missing));
   return true;
 }
 
 void match_mask_files(Examination& examination) {
-  match_files_of(kMasks, "mask", Level::warning,
+  match_files_of(kMasks, Level::warning,
                  ": all their pixels are trained, except where alpha masks them", examination);
 }
 

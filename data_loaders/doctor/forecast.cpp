@@ -66,6 +66,7 @@ TrainingSize size_on_gpu(const Config& config, const SceneSize& scene, double ga
   pictures.photo_bytes = scene.train_share * scene.photo_bytes;
   pictures.largest_photo_bytes = 4 * pictures.pixels;
   pictures.depth_pixels = 1e6 * scene.megapixels * scene.train_share * scene.depth_maps;
+  pictures.normal_pixels = 1e6 * scene.megapixels * scene.train_share * scene.normal_maps;
   return training_size(config, pictures, gaussians);
 }
 

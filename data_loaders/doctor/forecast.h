@@ -19,6 +19,7 @@ struct SceneSize {
   std::size_t start = 0;          // Gaussians of a model that training starts from instead; 0: none
   double train_share = 1;         // of the photos, those that are trained on
   double depth_maps = 0;          // photos that have one
+  double normal_maps = 0;         // photos that have one
   double largest_megapixels = 0;  // of a photo; 0: as in the mean
 
   /// Of all photos that are trained on.

@@ -9,7 +9,7 @@
 #include <string>
 #include <vector>
 
-#include "data_loaders/photos/depth_file.h"
+#include "data_loaders/photos/map_file.h"
 #include "data_loaders/photos/photos.h"
 
 namespace gs {
@@ -26,8 +26,8 @@ void check_photo_size(const std::filesystem::path& path, const PhotoSize& size);
 /// A file that exists, decoded in stored order to 1 to 4 channels: gray, gray and alpha, color, or
 /// color and alpha. Throw Error for anything but a whole photo.
 Image8 decode_photo(const std::filesystem::path& path);
-/// A file that exists, as read_depth_file() gives it.
-DepthFile decode_depth(const std::filesystem::path& path);
+/// A file that exists: the channels that the kind reads.
+MapFile decode_map(const MapKind& kind, const std::filesystem::path& path);
 PhotoSize decode_photo_size(const std::filesystem::path& path);
 int decode_photo_orientation(const std::filesystem::path& path);
 std::optional<Geodetic> decode_photo_place(const std::filesystem::path& path);

@@ -75,26 +75,16 @@ std::optional<double> gps_altitude(const OIIO::ImageSpec& spec) {
   return double(altitude->get_float()) * (is_below ? -1 : 1);
 }
 
-/// The channel of a depth map that has the depths; none where it has several that differ in kind.
-std::optional<int> depth_channel(const OIIO::ImageSpec& spec) {
-  if (spec.nchannels == 1) return 0;
-  for (const char* const wanted : {"Z", "depth", "Depth", "Y"})
-    for (int c = 0; c < spec.nchannels; ++c) {
-      const std::string& name = spec.channelnames[std::size_t(c)];
-      if (name == wanted || name.ends_with(std::string(".") + wanted)) return c;
-    }
-  return std::nullopt;
-}
-
-/// The values of channels of a picture of integers or floats, as they stand in the file.
+/// The values of channels of a map, as they stand in the file.
 template <class T>
-std::vector<float> values_of(OIIO::ImageInput& input, const std::filesystem::path& path,
-                             OIIO::TypeDesc type, int first, int count) {
+std::vector<float> values_of(OIIO::ImageInput& input, const MapKind& kind,
+                             const std::filesystem::path& path, OIIO::TypeDesc type, int first,
+                             int count) {
   const OIIO::ImageSpec& spec = input.spec();
   std::vector<T> values(std::size_t(spec.width) * std::size_t(spec.height) * std::size_t(count));
   const bool done = input.read_image(0, 0, first, first + count, type, values.data());
   const std::string complaint = input.geterror();
-  if (!done || !complaint.empty()) cannot_read_depth(path, complaint);
+  if (!done || !complaint.empty()) cannot_read_map(kind, path, complaint);
   return {values.begin(), values.end()};
 }
 
@@ -130,30 +120,26 @@ Image8 decode_photo(const std::filesystem::path& path) {
   return image;
 }
 
-DepthFile decode_depth(const std::filesystem::path& path) {
+MapFile decode_map(const MapKind& kind, const std::filesystem::path& path) {
   const OpenPhoto photo = open_photo(path);
   const OIIO::ImageSpec& spec = photo.input->spec();
-  const std::optional<int> channel = depth_channel(spec);
-  const int first = channel.value_or(0), count = channel ? 1 : std::min(spec.nchannels, 3);
-  DepthFile depth{ImageF(spec.width, spec.height, 1), true, 8 * int(spec.format.size())};
-  std::vector<float> values;
+  const auto [first, count] = kind.channels(spec.channelnames);
+  MapFile map{ImageF(spec.width, spec.height, count), true, 8 * int(spec.format.size())};
+  const auto read = [&]<class T>(OIIO::TypeDesc type) {
+    map.values.pixels = values_of<T>(*photo.input, kind, path, type, first, count);
+  };
   switch (spec.format.basetype) {
-    case OIIO::TypeDesc::UINT8:
-      values = values_of<std::uint8_t>(*photo.input, path, OIIO::TypeDesc::UINT8, first, count);
-      break;
-    case OIIO::TypeDesc::UINT16:
-      values = values_of<std::uint16_t>(*photo.input, path, OIIO::TypeDesc::UINT16, first, count);
-      break;
+    case OIIO::TypeDesc::UINT8: read.operator()<std::uint8_t>(OIIO::TypeDesc::UINT8); break;
+    case OIIO::TypeDesc::UINT16: read.operator()<std::uint16_t>(OIIO::TypeDesc::UINT16); break;
     case OIIO::TypeDesc::HALF:
     case OIIO::TypeDesc::FLOAT:
-      values = values_of<float>(*photo.input, path, OIIO::TypeDesc::FLOAT, first, count);
-      depth.has_steps = false;
+      read.operator()<float>(OIIO::TypeDesc::FLOAT);
+      map.has_steps = false;
       break;
     default:
-      cannot_read_depth(path, fmt::format("its values have the type {}", spec.format.c_str()));
+      cannot_read_map(kind, path, fmt::format("its values have the type {}", spec.format.c_str()));
   }
-  take_gray(path, values, count, depth.values);
-  return depth;
+  return map;
 }
 
 PhotoSize decode_photo_size(const std::filesystem::path& path) { return open_photo(path).size; }

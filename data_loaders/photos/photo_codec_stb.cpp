@@ -156,29 +156,32 @@ Image8 decode_photo(const std::filesystem::path& path) {
   return image;
 }
 
-DepthFile decode_depth(const std::filesystem::path& path) {
+MapFile decode_map(const MapKind& kind, const std::filesystem::path& path) {
   check_photo_size(path, decode_photo_size(path));
   ByteReader file(path);
-  if (file.size() > INT_MAX) cannot_read_depth(path, "it is larger than 2 GiB");
+  if (file.size() > INT_MAX) cannot_read_map(kind, path, "it is larger than 2 GiB");
   const std::size_t size = file.size();
   const std::uint8_t* const bytes = file.take(size);
   if (!is_png(bytes, size))
-    cannot_read_depth(path, "it is no PNG, and this build has no OpenImageIO for other formats");
-  if (!is_whole_png(bytes, size)) cannot_read_depth(path, "the PNG data is cut short");
+    cannot_read_map(kind, path,
+                    "it is no PNG, and this build has no OpenImageIO for other formats");
+  if (!is_whole_png(bytes, size)) cannot_read_map(kind, path, "the PNG data is cut short");
   const bool is_wide = stbi_is_16_bit_from_memory(bytes, int(size)) != 0;
   int width = 0, height = 0, channels = 0;
   const std::unique_ptr<stbi_us, decltype(&stbi_image_free)> pixels(  // bytes v become 257 v
       stbi_load_16_from_memory(bytes, int(size), &width, &height, &channels, 0), stbi_image_free);
-  if (!pixels) cannot_read_depth(path, stbi_failure_reason());
-  std::vector<float> values;
-  const int colors = std::min(channels, 3) == 2 ? 1 : std::min(channels, 3);
-  for (std::size_t i = 0; i < std::size_t(width) * std::size_t(height); ++i)
-    for (int c = 0; c < colors; ++c)
-      values.push_back(float(pixels.get()[i * std::size_t(channels) + std::size_t(c)]) /
-                       (is_wide ? 1.0f : 257.0f));
-  DepthFile depth{ImageF(width, height, 1), true, is_wide ? 16 : 8};
-  take_gray(path, values, colors, depth.values);
-  return depth;
+  if (!pixels) cannot_read_map(kind, path, stbi_failure_reason());
+  static const std::vector<std::string> kNames[] = {
+      {"Y"}, {"Y", "A"}, {"R", "G", "B"}, {"R", "G", "B", "A"}};
+  const auto [first, count] = kind.channels(kNames[channels - 1]);
+  MapFile map{ImageF(width, height, count), true, is_wide ? 16 : 8};
+  for (std::size_t i = 0; i < map.values.pixels.size(); ++i) {
+    const std::size_t pixel = i / std::size_t(count), channel = i % std::size_t(count);
+    map.values.pixels[i] =
+        float(pixels.get()[pixel * std::size_t(channels) + std::size_t(first) + channel]) /
+        (is_wide ? 1.0f : 257.0f);
+  }
+  return map;
 }
 
 PhotoSize decode_photo_size(const std::filesystem::path& path) {

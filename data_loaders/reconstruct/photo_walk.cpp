@@ -15,8 +15,8 @@ namespace {
 
 namespace fs = std::filesystem;
 
-// Folders of other pictures beside the photos (dataset.masks, dataset.depth).
-constexpr const char* kOtherPictures[] = {"masks/", "depth/"};
+// Folders of other pictures beside the photos (dataset.masks, dataset.depth, dataset.normals).
+constexpr const char* kOtherPictures[] = {"masks/", "depth/", "normals/"};
 
 bool is_hidden(const fs::path& path) { return path.filename().string().starts_with('.'); }
 

@@ -17,19 +17,6 @@ namespace gs {
 
 namespace fs = std::filesystem;
 
-struct CompanionKind {
-  const char *suffix, *noun;         // of file names, and in messages
-  const char *folder, *flag, *none;  // where they are found, and how to say where
-  std::string DatasetConfig::*setting;
-  fs::path ColmapImage::*of_model;
-  fs::path Photo::*file;
-  Companions SceneModel::*source;
-  // The names that the file of a photo could have; {0} is the photo, {1} its name without ending.
-  const char* names;
-  // Warns of photos without a file, of which there are {0}; null: that is nothing special.
-  const char* partial;
-};
-
 const CompanionKind kMasks{
     "mask",
     "mask",
@@ -52,6 +39,18 @@ const CompanionKind kDepthMaps{
     &ColmapImage::depth,
     &Photo::depth_file,
     &SceneModel::depth,
+    "that of {0} would be {1}.png there, or {0}.png, or .exr in place of .png",
+    nullptr};
+const CompanionKind kNormalMaps{
+    "normal",
+    "normal map",
+    "normals",
+    "--set dataset.normals=FOLDER",
+    "--set surface.prior_weight=0",
+    &DatasetConfig::normals,
+    nullptr,
+    &Photo::normal_file,
+    &SceneModel::normals,
     "that of {0} would be {1}.png there, or {0}.png, or .exr in place of .png",
     nullptr};
 
@@ -136,7 +135,7 @@ Companions find_companions(const CompanionKind& kind, const DatasetConfig& datas
 
 void match_companions(const CompanionKind& kind, const DatasetConfig& dataset, SceneModel& scene) {
   const Companions& source = scene.*kind.source = find_companions(kind, dataset);
-  if (source.is_used && !source.is_named)
+  if (source.is_used && !source.is_named && kind.of_model)
     for (std::size_t i = 0; i < scene.photos.size(); ++i)
       scene.photos[i].*kind.file = scene.model.images[i].*kind.of_model;
   if (source.folder.empty() || scene.photos.empty()) return;

@@ -1,16 +1,27 @@
 // SPDX-License-Identifier: Apache-2.0
-// The files that other programs make for photos, one for each: masks and depth maps.
+// The files that other programs make for photos, one for each: masks, depth maps and normal maps.
 #pragma once
 
 #include "data_loaders/scene/scene_model.h"
 
 namespace gs {
 
-/// A kind of such files, and its words in messages. Two exist: kMasks and kDepthMaps.
-struct CompanionKind;
-extern const CompanionKind kMasks, kDepthMaps;
+/// A kind of such files, and its words in messages.
+struct CompanionKind {
+  const char *suffix, *noun;         // of file names, and in messages
+  const char *folder, *flag, *none;  // where they are found, and how to say where
+  std::string DatasetConfig::*setting;
+  std::filesystem::path ColmapImage::*of_model;  // null: models name none
+  std::filesystem::path Photo::*file;
+  Companions SceneModel::*source;
+  // The names that the file of a photo could have; {0} is the photo, {1} its name without ending.
+  const char* names;
+  // Warns of photos without a file, of which there are {0}; null: that is nothing special.
+  const char* partial;
+};
+extern const CompanionKind kMasks, kDepthMaps, kNormalMaps;
 
-/// Where dataset.masks or dataset.depth says that they are. Throws Error if that is no folder.
+/// Where dataset.masks, dataset.depth or dataset.normals says that they are. Throws Error if that is no folder.
 Companions find_companions(const CompanionKind& kind, const DatasetConfig& dataset);
 
 /// find_companions(), and the file of each photo, empty if it has none. For a photo a/b.jpg and the

@@ -12,6 +12,7 @@
 #include "data_loaders/photos/photo_pool.h"
 #include "data_loaders/scene/cached_picture.h"
 #include "data_loaders/scene/depth/depth_map.h"
+#include "data_loaders/scene/normal_map.h"
 #include "data_loaders/scene/view_picture.h"
 #include "data_loaders/video/film_frames.h"
 #include "gs_core/error.h"
@@ -44,6 +45,7 @@ View empty_view(const Photo& photo) {
   view.may_be_masked = photo.may_be_masked;
   view.over_background = photo.masks.over_background && view.may_be_masked;
   view.has_depth_map = !photo.depth_file.empty();
+  view.has_normal_map = !photo.normal_file.empty();
   view.depth_kind = photo.depth_kind;
   if (photo.lens.is_hemisphere() && !photo.is_back)
     view.panorama = [photo] { return whole_panorama(photo); };
@@ -60,6 +62,7 @@ View view_with(Picture picture, const Photo& photo) {
     view.depth = std::move(map.values);
     view.depth_kind = map.kind;
   }
+  if (view.has_normal_map) view.normals = make_normals(photo);
   return view;
 }
 

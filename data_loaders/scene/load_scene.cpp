@@ -15,6 +15,7 @@
 #include "data_loaders/scene/decode_photos.h"
 #include "data_loaders/scene/depth/depth_anchors.h"
 #include "data_loaders/scene/depth/depth_kind_of.h"
+#include "data_loaders/scene/normal_map.h"
 #include "data_loaders/scene/photo_list.h"
 #include "data_loaders/scene/place_scene.h"
 #include "data_loaders/scene/plan_photos.h"
@@ -142,6 +143,26 @@ void settle_depth(const DatasetConfig& dataset, SceneModel& scene) {
   }
 }
 
+/// Finds the normal maps, and says how many there are.
+void find_normal_maps(const DatasetConfig& dataset, SceneModel& scene) {
+  match_companions(kNormalMaps, dataset, scene);
+  for (Photo& photo : scene.photos) photo.normal_axes = dataset.normal_axes;
+  const auto count = std::ranges::count_if(
+      scene.photos, [](const Photo& photo) { return !photo.normal_file.empty(); });
+  if (count > 0)
+    log_info("{} of {} have a normal map in {}", count, counted(scene.photos.size(), "photo"),
+             scene.normals.place());
+}
+
+/// The plan, with the maps that are needed.
+void plan_with_maps(const DatasetConfig& dataset, const SceneNeeds& needs, SceneModel& scene,
+                    const LoadProgress& progress) {
+  if (needs.normal_maps) find_normal_maps(dataset, scene);
+  plan_scene(dataset, scene, progress);
+  settle_depth(dataset, scene);
+  if (needs.normal_maps) check_normal_axes(scene.photos, scene.normals.place());
+}
+
 std::vector<bool> flags_of(const std::vector<Photo>& photos, bool Photo::*flag) {
   std::vector<bool> flags;
   for (const Photo& photo : photos) flags.push_back(photo.*flag);
@@ -246,10 +267,9 @@ DepthAgreement measure_depth_maps(const DatasetConfig& dataset) {
   return depth_agreement(scene.photos, scene.points);
 }
 
-void check_scene(const DatasetConfig& dataset) {
+void check_scene(const DatasetConfig& dataset, const SceneNeeds& needs) {
   SceneModel scene = placed_scene(dataset, false);
-  plan_scene(dataset, scene, {});
-  settle_depth(dataset, scene);
+  plan_with_maps(dataset, needs, scene, {});
 }
 
 SceneOutline outline_scene(const DatasetConfig& dataset, const LoadProgress& progress) {
@@ -271,10 +291,9 @@ SceneOutline outline_scene(const DatasetConfig& dataset, const LoadProgress& pro
 }
 
 Scene load_scene(const DatasetConfig& dataset, const LoadProgress& progress, PhotoLoading loading,
-                 const LightNeeds& needs) {
+                 const SceneNeeds& needs) {
   SceneModel model = refined_scene(dataset, progress, false);
-  plan_scene(dataset, model, progress);
-  settle_depth(dataset, model);
+  plan_with_maps(dataset, needs, model, progress);
   model.model = {};  // its memory is needed
   const auto seen = take_seen(model.photos);
   std::vector<bool> is_test = flags_of(model.photos, &Photo::is_test);

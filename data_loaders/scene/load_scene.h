@@ -25,9 +25,10 @@ using LoadProgress = std::function<void(LoadStage stage, std::size_t done, std::
 /// decoded before it is asked for, however many would fit; for programs that show a few of them.
 enum class PhotoLoading { as_they_fit, when_asked };
 
-/// What a photometric model wants to know of the light.
-struct LightNeeds {
+/// What not every run wants to know.
+struct SceneNeeds {
   bool exposure_stops = false;  // View::exposure_stops, from the photos' headers
+  bool normal_maps = false;     // View::normals, where there are some
 };
 
 /// Finds the model and the photos, undistorts and resizes every photo to dataset.resolution, and
@@ -39,7 +40,7 @@ struct LightNeeds {
 /// dataset.photo_list the scene has the photos of the list and the points that they show; its
 /// split, refined cameras and exposures are those of the whole scene.
 Scene load_scene(const DatasetConfig& dataset, const LoadProgress& progress = {},
-                 PhotoLoading loading = PhotoLoading::as_they_fit, const LightNeeds& needs = {});
+                 PhotoLoading loading = PhotoLoading::as_they_fit, const SceneNeeds& needs = {});
 
 /// Why load_scene() could not solve for the exposures of this scene, as the end of a sentence;
 /// empty if it could. Reads the model, and no photo. Throws like load_scene().
@@ -70,6 +71,6 @@ DepthAgreement measure_depth_maps(const DatasetConfig& dataset);
 
 /// All checks of load_scene() before it decodes the first photo, without refining cameras. Throws
 /// like load_scene().
-void check_scene(const DatasetConfig& dataset);
+void check_scene(const DatasetConfig& dataset, const SceneNeeds& needs = {});
 
 }  // namespace gs

@@ -13,6 +13,7 @@
 #include "data_loaders/refine/tracks.h"
 #include "gs_core/camera.h"
 #include "gs_core/math/loss/depth_kind.h"
+#include "gs_core/math/render/normal_axes.h"
 
 namespace gs {
 
@@ -36,30 +37,31 @@ struct Photo {
   MaskUse masks;
   DepthKind depth_kind = DepthKind::automatic;  // never so once the scene is loaded
   float depth_unit = 1;                         // world units of a step of its integers
+  NormalAxes normal_axes = NormalAxes::world;
 
   // After place_scene().
   std::filesystem::path file;  // or the video that it is a frame of; empty: missing
   bool is_frame = false;
-  std::int64_t frame = 0;                       // its number in the video, from 0
-  bool is_back = false;                         // of a panorama: the half behind
-  std::filesystem::path mask_file, depth_file;  // empty: none
+  std::int64_t frame = 0;                                    // its number in the video, from 0
+  bool is_back = false;                                      // of a panorama: the half behind
+  std::filesystem::path mask_file, depth_file, normal_file;  // empty: none
 
   // After plan_scene().
   std::uint32_t camera_id = 0;
-  std::uint32_t rig_frame = 0;             // View::rig_frame
-  PhotoSize size, depth_size;              // of the files
-  LensCamera lens;                         // at the photo's size
-  PinholeCamera<double> undistorted;       // without its lens, or native; at full resolution
-  bool is_explained = true;                // its lens explains every pixel (lens_range.h)
-  PinholeCamera<double> target;            // at the resolution of training
-  Camera camera;                           // the target with its pose, in single precision
-  bool may_be_masked = false;              // by a file or by alpha; only decoding tells of alpha
-  PhotoCost cost;                          // bytes of the picture, and of making it
-  std::vector<DepthAnchor> depth_anchors;  // where it has a depth map
-  bool is_used = true;                     // by dataset.photo_list
-  std::vector<SeenPoint> seen;             // with dataset.exposure
-  std::vector<std::uint32_t> shown;        // indices of points; after find_shown_points()
-  std::optional<float> exposure_stops;     // of the view; after read_exposure_stops()
+  std::uint32_t rig_frame = 0;              // View::rig_frame
+  PhotoSize size, depth_size, normal_size;  // of the files
+  LensCamera lens;                          // at the photo's size
+  PinholeCamera<double> undistorted;        // without its lens, or native; at full resolution
+  bool is_explained = true;                 // its lens explains every pixel (lens_range.h)
+  PinholeCamera<double> target;             // at the resolution of training
+  Camera camera;                            // the target with its pose, in single precision
+  bool may_be_masked = false;               // by a file or by alpha; only decoding tells of alpha
+  PhotoCost cost;                           // bytes of the picture, and of making it
+  std::vector<DepthAnchor> depth_anchors;   // where it has a depth map
+  bool is_used = true;                      // by dataset.photo_list
+  std::vector<SeenPoint> seen;              // with dataset.exposure
+  std::vector<std::uint32_t> shown;         // indices of points; after find_shown_points()
+  std::optional<float> exposure_stops;      // of the view; after read_exposure_stops()
 
   /// Whether the lens is taken out of the photo; else it trains as it is.
   bool is_undistorted() const { return lens.lens != Lens::none && !undistorted.has_lens(); }

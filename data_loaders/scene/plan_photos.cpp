@@ -10,7 +10,7 @@
 
 #include "data_loaders/counted.h"
 #include "data_loaders/lenses/lens_range.h"
-#include "data_loaders/photos/depth_file.h"
+#include "data_loaders/photos/map_file.h"
 #include "data_loaders/photos/photo_fit.h"
 #include "data_loaders/photos/photo_names.h"
 #include "data_loaders/video/film_frames.h"
@@ -26,16 +26,16 @@ namespace {
 
 namespace fs = std::filesystem;
 
-/// The size of a mask or depth map, which has the shape of its photo.
-PhotoSize checked_size(const PhotoSize& size, const fs::path& file, const Photo& photo) {
+/// The size of a mask or map, which has the shape of its photo.
+PhotoSize checked_size(const PhotoSize& size, const fs::path& file, const char* noun,
+                       const char* remedy, const Photo& photo) {
   if (has_shape_of(size, photo.size)) return size;
-  const bool is_mask = file == photo.mask_file;
-  throw Error(fmt::format(
-      "{} {} has {} x {} pixels, but its photo {} has {} x {}: the shapes differ, so the {} was "
-      "made for another picture; make it again from this photo, or {}",
-      is_mask ? "mask" : "depth map", file.string(), size.width, size.height, photo.file.string(),
-      photo.size.width, photo.size.height, is_mask ? "mask" : "map",
-      is_mask ? "remove it" : "train without maps (--set dataset.depth=none)"));
+  throw Error(
+      fmt::format("{} {} has {} x {} pixels, but its photo {} has {} x {}: the shapes differ, so "
+                  "it was made for "
+                  "another picture; make it again from this photo, or {}",
+                  noun, file.string(), size.width, size.height, photo.file.string(),
+                  photo.size.width, photo.size.height, remedy));
 }
 
 /// The model's camera at the size of the photo file.
@@ -128,7 +128,8 @@ bool may_be_masked(const Photo& photo) {
 /// refer to, and a picture of 3 bytes before it is turned into ours.
 constexpr std::size_t kBytesOfDecoder = 16 * 3 / 2 + 3;
 
-constexpr std::size_t kBytesOfDepth = 3 * sizeof(float);  // most for a pixel of a map being read
+// Most for a pixel of a map being read: as it stands in the file, as floats, and as those it takes.
+constexpr std::size_t kBytesOfDepth = 3 * sizeof(float), kBytesOfNormals = 11 * sizeof(float);
 
 template <class Size>
 std::size_t pixels(const Size& size) {
@@ -147,10 +148,13 @@ PhotoCost cost_of(const Photo& photo) {
   if (photo.lens.is_hemisphere())
     cost.decoding = std::max(cost.decoding, 2 * decoded + undistorted);
   if (photo.is_resized()) cost.decoding = std::max(cost.decoding, undistorted + target);
-  if (photo.depth_file.empty()) return cost;
-  // The map is read when the photo is ready: as it stands in the file, and as floats.
-  cost.held += sizeof(float) * pixels(photo.target);
-  cost.decoding = std::max(cost.decoding, cost.held + kBytesOfDepth * pixels(photo.depth_size));
+  // Maps are read when the photo is ready.
+  const auto add_map = [&](std::size_t bytes, std::size_t reading, const PhotoSize& size) {
+    cost.held += bytes * pixels(photo.target);
+    cost.decoding = std::max(cost.decoding, cost.held + reading * pixels(size));
+  };
+  if (!photo.depth_file.empty()) add_map(sizeof(float), kBytesOfDepth, photo.depth_size);
+  if (!photo.normal_file.empty()) add_map(3, kBytesOfNormals, photo.normal_size);
   return cost;
 }
 
@@ -183,9 +187,15 @@ void read_headers(std::vector<Photo>& photos,
     Photo& photo = photos[i];
     photo.size = sizes.of(photo);
     if (!photo.mask_file.empty())
-      checked_size(read_photo_size(photo.mask_file), photo.mask_file, photo);
+      checked_size(read_photo_size(photo.mask_file), photo.mask_file, "mask", "remove it", photo);
     if (!photo.depth_file.empty())
-      photo.depth_size = checked_size(read_depth_size(photo.depth_file), photo.depth_file, photo);
+      photo.depth_size =
+          checked_size(read_map_size(kDepthMap, photo.depth_file), photo.depth_file, kDepthMap.noun,
+                       "train without maps (--set dataset.depth=none)", photo);
+    if (!photo.normal_file.empty())
+      photo.normal_size =
+          checked_size(read_map_size(kNormalMap, photo.normal_file), photo.normal_file,
+                       kNormalMap.noun, "train without maps (--set surface.prior_weight=0)", photo);
     const std::lock_guard lock(mutex);
     if (progress) progress(++done, photos.size());
   });

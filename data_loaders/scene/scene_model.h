@@ -15,7 +15,7 @@
 
 namespace gs {
 
-/// Where the masks or the depth maps of a scene are.
+/// Where the masks, the depth maps or the normal maps of a scene are.
 struct Companions {
   std::filesystem::path folder;  // empty: there are none, or only those that the model names
   bool is_named = false;         // by the setting; else the folder was only found
@@ -33,7 +33,7 @@ struct SceneModel {
   bool is_split_by_files = false;     // transforms.json or Blender's files name the test photos
   std::size_t time_count = 0;         // different times of the photos; 2 and more: it moves
   Vec3d world_offset{0.0, 0.0, 0.0};  // taken off the model's coordinates (world_offset.h)
-  Companions masks, depth;
+  Companions masks, depth, normals;
   std::vector<ScenePoint> points;  // of the model, in single precision; after plan_scene()
   std::optional<CameraRefinement> refinement;
 

@@ -113,7 +113,7 @@ TrainingSize benchmark_size(const Gaussians& gaussians, const std::vector<View>&
   TrainingSize size = training_size(config, picture_sizes(views), double(gaussians.count()));
   size.growth = RowGrowth::none;
   size.has_sums = size.has_score_pass = size.has_depth_maps = false;
-  size.depth_pixels = 0;
+  size.map_bytes = 0;
   size.has_time = gaussians.has_time;
   size.has_filter = gaussians.has_filter;
   return size;

@@ -21,7 +21,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-// The scene is made in another folder. Masks and depth maps beside the photos stay where they are.
+// The scene is made in another folder. Masks and maps beside the photos stay where they are.
 void move_source(DatasetConfig& dataset, const fs::path& scene) {
   const auto keep_place = [&](std::string& folder, const char* usual) {
     const bool is_named = !folder.empty();
@@ -30,6 +30,7 @@ void move_source(DatasetConfig& dataset, const fs::path& scene) {
   };
   keep_place(dataset.masks, "masks");
   keep_place(dataset.depth, "depth");
+  keep_place(dataset.normals, "normals");
   dataset.source = scene.string();
 }
 
@@ -77,7 +78,7 @@ bool reconstruct_bare_photos(Config& config, const RunFolder& folder,
   return true;
 }
 
-Scene load_run_scene(const DatasetConfig& dataset, SessionHooks& hooks, const LightNeeds& needs) {
+Scene load_run_scene(const DatasetConfig& dataset, SessionHooks& hooks, const SceneNeeds& needs) {
   const auto show = [&](LoadStage stage, std::size_t done, std::size_t total) {
     hooks.show_loading(stage, done, total);
   };
@@ -93,7 +94,7 @@ Scene load_run_scene(const DatasetConfig& dataset, SessionHooks& hooks, const Li
 Scene load_run_scene(Config& config, SessionHooks& hooks) {
   const PhotometricConfig& photometric = config.photometric;
   const bool is_learned = photometric.model != kNoPhotometricModel;
-  const LightNeeds needs{is_learned};
+  const SceneNeeds needs{is_learned, config.surface.prior_weight > 0};
   if (photometric.model != kAutoPhotometricModel)
     return load_run_scene(config.dataset, hooks, needs);
   DatasetConfig dataset = config.dataset;
@@ -121,14 +122,17 @@ void log_forecast(const Config& config, const Scene& scene, Backend& backend, st
   for (const std::vector<View>* views : {&scene.train_views, &scene.test_views})
     for (const View& view : *views) {
       size.photo_bytes += double(photo_bytes(view));
-      if (!view.source) size.loaded_bytes += double(photo_bytes(view) + depth_bytes(view));
+      if (!view.source) size.loaded_bytes += double(photo_bytes(view) + map_bytes(view));
       size.megapixels += 1e-6 * double(view.camera.width) * double(view.camera.height);
     }
   size.megapixels /= double(scene.train_views.size() + scene.test_views.size());
   const PictureSizes pictures = picture_sizes(scene.train_views);
   size.train_share = pictures.photo_bytes / std::max(size.photo_bytes, 1.0);
   size.largest_megapixels = 1e-6 * pictures.pixels;
-  for (const View& view : scene.train_views) size.depth_maps += view.has_depth_map;
+  for (const View& view : scene.train_views) {
+    size.depth_maps += view.has_depth_map;
+    size.normal_maps += view.has_normal_map;
+  }
   const Forecast run = forecast(config, size, forecast_device(backend));
   log_info("forecast: {}", run.text);
   for (const std::string& warning : run.warnings) log_warning("{}", warning);

@@ -23,7 +23,7 @@ bool reconstruct_bare_photos(Config& config, const RunFolder& folder,
 
 /// Loads the scene at dataset.source, and logs its size. Throws as load_scene() does.
 Scene load_run_scene(const DatasetConfig& dataset, SessionHooks& hooks,
-                     const LightNeeds& needs = {});
+                     const SceneNeeds& needs = {});
 
 /// The same for a run. Where photometric.model is "auto" and exposures can be solved for, they
 /// choose the model, and the config then names it. Exposures that were solved for that choice alone

@@ -27,6 +27,9 @@ struct DatasetConfig {
   std::string depth;
   DepthKind depth_kind = DepthKind::automatic;
   float depth_unit = 1e-3f;  // world units of a step of the integers in PNG files
+  // The folder of normal maps; empty: `normals` in the scene; none: no maps
+  std::string normals;
+  NormalAxes normal_axes = NormalAxes::world;
   std::string model;  // the COLMAP model's folder; empty: sparse/0, sparse or the scene itself
   LensUse lens = LensUse::automatic;  // undistort, except for lenses too wide for that
   bool rolling_shutter = true;
@@ -106,9 +109,10 @@ struct PosesConfig {
 struct SurfaceConfig {
   float normal_weight = 0;  // of the loss of normals
   float photo_weight = 0;   // of the loss of neighboring photos
+  float prior_weight = 0;   // of the loss of normal maps
   int from_step = 7000;     // of a 30,000-step run: the first step with them
 
-  bool is_on() const { return normal_weight > 0 || photo_weight > 0; }
+  bool is_on() const { return normal_weight > 0 || photo_weight > 0 || prior_weight > 0; }
 };
 
 /// Learning rates of Adam; position rates are multiplied by the scene's extent.

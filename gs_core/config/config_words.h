@@ -12,6 +12,7 @@
 #include "gs_core/error.h"
 #include "gs_core/math/density/growth.h"
 #include "gs_core/math/loss/depth_kind.h"
+#include "gs_core/math/render/normal_axes.h"
 #include "gs_core/math/render/render_rules.h"
 #include "gs_core/math/update/moment_storage.h"
 
@@ -95,6 +96,13 @@ struct Words<DepthKind> {
                                                {"scaled", DepthKind::scaled},
                                                {"relative", DepthKind::relative},
                                                {"inverse", DepthKind::inverse}};
+};
+template <>
+struct Words<NormalAxes> {
+  static constexpr Word<NormalAxes> kTable[] = {{"world", NormalAxes::world},
+                                                {"rdf", NormalAxes::rdf},
+                                                {"rub", NormalAxes::rub},
+                                                {"lub", NormalAxes::lub}};
 };
 template <>
 struct Words<Matching> {

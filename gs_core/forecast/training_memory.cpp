@@ -107,7 +107,7 @@ double picture_bytes(const TrainingSize& size) {
   if (size.has_score_pass) bytes += sizeof(float);
   if (size.has_depth_maps) bytes += kBytesOfDepthPixel;
   if (size.has_surface) bytes += kBytesOfSurfacePixel;
-  return bytes * size.pixels + size.photo_bytes + sizeof(float) * size.depth_pixels;
+  return bytes * size.pixels + size.photo_bytes + size.map_bytes;
 }
 
 }  // namespace
@@ -121,6 +121,7 @@ PictureSizes picture_sizes(const std::vector<View>& train_views) {
     sizes.photo_bytes += photo;
     sizes.largest_photo_bytes = std::max(sizes.largest_photo_bytes, photo);
     if (view.has_depth_map) sizes.depth_pixels += pixels;
+    if (view.has_normal_map) sizes.normal_pixels += pixels;
   }
   return sizes;
 }
@@ -148,8 +149,9 @@ TrainingSize training_size(const Config& config, const PictureSizes& pictures, d
   size.has_score_pass = sums_pixel_values(method.score);
   size.is_absolute = method.absolute_gradient;
   size.has_depth_maps = config.loss.depth_weight > 0 && pictures.depth_pixels > 0;
-  size.depth_pixels = size.has_depth_maps ? pictures.depth_pixels : 0;
   size.has_surface = config.surface.is_on();
+  if (size.has_depth_maps) size.map_bytes += sizeof(float) * pictures.depth_pixels;
+  if (config.surface.prior_weight > 0) size.map_bytes += 3 * pictures.normal_pixels;
   size.is_deterministic = config.train.deterministic;
   size.is_by_pixel = config.render.order == RenderOrder::pixel;
   return size;

@@ -34,15 +34,16 @@ struct PictureSizes {
   double photo_bytes = 0;          // of all training photos with their masks
   double largest_photo_bytes = 0;  // of these
   double depth_pixels = 0;         // of all depth maps
+  double normal_pixels = 0;        // of all normal maps
 };
 PictureSizes picture_sizes(const std::vector<View>& train_views);
 
 /// What training takes memory for.
 struct TrainingSize {
   double gaussians = 0;
-  double pixels = 0;        // of the largest picture
-  double photo_bytes = 0;   // of photos and masks on the GPU, resident and in flight
-  double depth_pixels = 0;  // of depth maps, all of which stay on the GPU
+  double pixels = 0;       // of the largest picture
+  double photo_bytes = 0;  // of photos and masks on the GPU, resident and in flight
+  double map_bytes = 0;    // of maps that teach, all of which stay on the GPU
   double instance_places = kInstancePlaces;  // for each Gaussian
   RowGrowth growth = RowGrowth::by_need;
   bool relocates = false;  // mcmc's row operations, in place of those that clone and split

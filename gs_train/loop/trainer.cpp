@@ -117,7 +117,7 @@ Trainer::Trainer(const Scene& scene, const Config& config, Backend& backend, Tra
         "dataset.times where the times are (docs/guide/moving_scenes.md)");
   backend.device().upload_views(scene.train_views,
                                 std::size_t(double(config.train.photo_gib) * kBytesPerGib));
-  find_neighbors();
+  prepare_surface_terms();
   run_.settings.sh_degree = 0;  // raised by the schedule
   std::int64_t& cap = run_.config.density.max_gaussians;
   const bool is_auto = cap == kAutoCount;
@@ -253,15 +253,20 @@ const View* Trainer::neighbor_of(std::size_t row, int step) const {
                                                         std::uint64_t(step))]];
 }
 
-void Trainer::find_neighbors() {
+void Trainer::prepare_surface_terms() {
   if (!run_.config.surface.is_on()) return;
   const std::vector<View>& views = run_.scene.train_views;
   for (const View& view : views)
     if (view.camera.has_lens())
       throw UsageError(
           "surface terms see through no lens; train with dataset.lens = \"undistort\" and "
-          "dataset.rolling_shutter = false, or without surface.normal_weight and "
-          "surface.photo_weight");
+          "dataset.rolling_shutter = false, or without surface.normal_weight, "
+          "surface.photo_weight and surface.prior_weight");
+  if (run_.config.surface.prior_weight > 0 && !have_normal_maps(views))
+    throw UsageError(
+        "surface.prior_weight is above 0, and no training photo has a normal map; put maps into "
+        "the folder normals of the scene, name theirs with --set dataset.normals=FOLDER, or set "
+        "surface.prior_weight to 0");
   if (!(run_.config.surface.photo_weight > 0)) return;
   neighbors_ = neighbor_views(views, run_.scene.points);
   const auto alone = std::count_if(neighbors_.begin(), neighbors_.end(),

@@ -112,7 +112,7 @@ class Trainer {
   void advance(int last_step);
   void take_batch(int last_step);
   TrainingPhoto photo_of(std::size_t row, int step);
-  void find_neighbors();
+  void prepare_surface_terms();
   const View* neighbor_of(std::size_t row, int step) const;  // null: no photo is compared with one
   RenderSettings settings_of(int step);
   void control_density(int step);

@@ -28,8 +28,8 @@ struct SurfaceGradient {
   std::vector<PixelSurface<float>> surfaces;
   std::vector<float> inverse_depth, gray, other_gray;
 };
-/// 5  surface_loss.cpp: compares the surface_image of a pass with itself and, by the photo, with a
-/// neighbor, which may be null. Both views are reduced as the pass is. Writes the gradient, and
+/// 5  surface_loss.cpp: compares the surface_image of a pass with itself, with the view's normals if
+/// it has some and, by the photo, with a neighbor, which may be null. Both views are reduced as the pass is. Writes the gradient, and
 /// returns the loss.
 double compare_surface(const View& view, const View* neighbor, const SurfaceWeights& weights,
                        int patch_phase, const RenderPass& pass, SurfaceGradient& dL);

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Stage 5 for surfaces: the losses of a picture's normals and of a neighboring photo, and their
-// gradient (math/surface_loss.h).
+// Stage 5 for surfaces: the losses of a picture's normals, of a map of normals and of a neighboring
+// photo, and their gradient (math/surface_loss.h).
 #include "gs_core/math/render/surface_loss.h"
 
 #include <numeric>
@@ -48,6 +48,7 @@ double compare_surface(const View& view, const View* neighbor, const SurfaceWeig
   dL.inverse_depth.resize(pixels);
   SurfacePicture picture{camera, pass.surface_image.data(), dL.inverse_depth.data(),
                          gray_photo(view, dL.gray), weights_of_each(weights, camera)};
+  if (!view.normals.empty()) picture.prior = {view.normals.pixels.data(), camera.width};
   const auto over_pixels = [&](auto&& f) { return sum_over_rows(camera.width, camera.height, f); };
   over_pixels([&](int x, int y) {
     const std::size_t i = picture.index(x, y);

@@ -60,6 +60,25 @@ int largest_difference(const fs::path& a, const fs::path& b) {
   return most;
 }
 
+TEST_F(Render, NormalsCanTeachAnotherRun) {
+  const auto taught = [&](const std::string& maps, const std::string& axes) {
+    return train(maps + axes, "-q --set surface.prior_weight=0.1 --set dataset.normals=" +
+                                  text(maps) + " --set dataset.normal_axes=" + axes);
+  };
+  expect_done("--split all --write normal -o " + text("world"));
+  expect_done("--split all --write normal --normal-space camera -o " + text("camera"));
+  for (const auto& [maps, axes] : {std::pair{"world", "world"}, {"camera", "rub"}}) {
+    const Outcome outcome = taught(maps, axes);
+    EXPECT_EQ(outcome.code, 0) << outcome.err;
+    EXPECT_NE(
+        read_bytes(path(std::string(maps) + axes + "/point_cloud/iteration_20/point_cloud.ply")),
+        read_bytes(path("run/point_cloud/iteration_20/point_cloud.ply")));
+  }
+  const Outcome refused = taught("camera", "rdf");
+  EXPECT_EQ(refused.code, 3);
+  EXPECT_THAT(refused.err, AllOf(HasSubstr("% with rub"), HasSubstr("dataset.normal_axes")));
+}
+
 TEST_F(Render, TheColmapModelOfTheSceneGivesThePicturesOfTheRun) {
   expect_done("-o " + text("a"));
   expect_done("--cameras " + text("scene/sparse/0") + " -o " + text("b"));

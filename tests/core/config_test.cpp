@@ -69,7 +69,7 @@ Config everything_changed() {
   config.density.opacity_regularizer = config.density.scale_regularizer = 0.5f;
   config.density.prune_scale = config.density.camera_clearance = 0.5f;
   config.density.time_scale_regularizer = config.density.velocity_regularizer = 0.5f;
-  config.surface.normal_weight = config.surface.photo_weight = 0.5f;
+  config.surface.normal_weight = config.surface.photo_weight = config.surface.prior_weight = 0.5f;
   config.density.gaussians_per_point = 2;
   config.density.region = "1,0,0,-2.5";
   config.train.resolution_ramp = {4, 2};
@@ -409,7 +409,7 @@ TEST(ConfigWords, EachWordStandsForItsOwnValueAndOthersAreRefused) {
                         HasSubstr("one of " + std::string(joined_words<T>()))));
     }
   });
-  EXPECT_EQ(settings, 13u);
+  EXPECT_EQ(settings, 14u);
 }
 
 TEST(Setting, TakesTomlValuesAndBareWords) {

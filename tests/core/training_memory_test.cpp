@@ -169,6 +169,15 @@ TEST(TrainingMemory, DepthMapsCountWhereTheyTeach) {
   EXPECT_NEAR(with - without, 4 * 5e6 + 12 * 1e6 + checkpoints, 1e5);
 }
 
+TEST(TrainingMemory, NormalMapsCountWhereTheyTeach) {
+  Config config;
+  const PictureSizes pictures{1e6, 0, 0, 0, 5e6};
+  config.surface.normal_weight = 0.1f;
+  const double without = training_bytes(training_size(config, pictures, 1000));
+  config.surface.prior_weight = 0.1f;
+  EXPECT_NEAR(training_bytes(training_size(config, pictures, 1000)) - without, 3 * 5e6, 1);
+}
+
 TEST(TrainingMemory, SettingsDecideWhichArraysThereAre) {
   Config config;
   config.density.max_gaussians = 1000;

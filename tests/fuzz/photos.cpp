@@ -8,7 +8,7 @@
 #include <array>
 #include <cmath>
 
-#include "data_loaders/photos/depth_file.h"
+#include "data_loaders/photos/map_file.h"
 #include "data_loaders/photos/orientation.h"
 #include "data_loaders/photos/picture_header.h"
 #include "tests/fuzz/fuzz_target.h"
@@ -59,9 +59,14 @@ void decode(const std::filesystem::path& file) {
             "an alpha has another size than its photo");
   });
   takes([&] {
-    const DepthFile depth = read_depth_file(file);
+    const MapFile depth = read_depth_file(file);
     require(depth.values.width == size.width && depth.values.height == size.height,
             "a depth map has another size than its header says");
+  });
+  takes([&] {
+    const ImageF normals = read_normal_file(file);
+    require(normals.width == size.width && normals.height == size.height,
+            "a normal map has another size than its header says");
   });
 }
 

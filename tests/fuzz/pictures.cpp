@@ -3,7 +3,7 @@
 // OpenImageIO is not the target, so only small JPEG and PNG are decoded, and their size is compared.
 #include "data_loaders/photos/picture_header.h"
 
-#include "data_loaders/photos/depth_file.h"
+#include "data_loaders/photos/map_file.h"
 #include "data_loaders/photos/photos.h"
 #include "tests/fuzz/fuzz_target.h"
 #include "tests/support/foreign_leaks.h"
@@ -22,9 +22,14 @@ void decode(const std::filesystem::path& file, const PictureHeader& header) {
   require(photo.photo.width == size.width && photo.photo.height == size.height,
           "a photo has another size than its header");
   takes([&] {  // most pictures are no depth maps
-    const DepthFile depth = read_depth_file(file);
+    const MapFile depth = read_depth_file(file);
     require(depth.values.width == size.width && depth.values.height == size.height,
             "a depth map has another size than its header");
+  });
+  takes([&] {
+    const ImageF normals = read_normal_file(file);
+    require(normals.width == size.width && normals.height == size.height,
+            "a normal map has another size than its header");
   });
 }
 

@@ -85,6 +85,21 @@ TEST(SurfaceLoss, GradientOfNormalsMatchesJet) {
   EXPECT_LT(worst, kJetTolerance);
 }
 
+TEST(SurfaceLoss, GradientOfThePriorMatchesJet) {
+  const Vec3d prior{0.3, -0.4, -0.7};
+  const double worst = worst_gradient_error(
+      [&](const auto& x) {
+        using T = typename std::remove_cvref_t<decltype(x)>::value_type;
+        Unflatten in(x);
+        return std::array{prior_error(in.vec3(), Vec3<T>(T(prior.x), T(prior.y), T(prior.z)))};
+      },
+      [&](const auto& x, const auto& g) {
+        return flatten(prior_error_vjp(Unflatten(x).vec3(), prior, g[0]));
+      },
+      [](TestRandom& random) { return flatten(random.uniform3(-1.0, 1.0)); });
+  EXPECT_LT(worst, kJetTolerance);
+}
+
 TEST(SurfaceLoss, NormalOfAPlaneIsExact) {
   const PlaneScene scene;
   const auto o = [&](int x, int y) { return scene.surface(x, y).o; };

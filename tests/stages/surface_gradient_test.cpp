@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // The gradient of surface terms through the whole pipeline, in float and by tiles, equals the slope
 // of a brute-force sum over fragments in double, together with the gradient of a picture.
+#include "gs_core/geometry/vectors.h"
 #include "gs_core/math/render/surface_loss.h"
 #include "gs_render/renderer.h"
 #include "gs_train/stages/scalar_stages.h"
@@ -135,6 +136,14 @@ struct BumpyPicture {
     view.photo = random_photo(kWidth, kHeight, 1);
     view.mask = Image8(kWidth, kHeight, 1, 255);
     for (int k = 0; k < 5; ++k) view.mask.pixels[std::size_t(draws.uniform(0, kPixels - 1))] = 0;
+    view.normals = Image8(kWidth, kHeight, 3);
+    Draws of_prior(4);
+    for (std::size_t i = 0; i < kPixels; ++i) {
+      const Vec3f n = of_prior.uniform3(-1, 1);
+      const NormalBytes bytes = i % 5 ? bytes_of_normal(n / length(n)) : NormalBytes{};
+      std::uint8_t* const to = &view.normals.pixels[3 * i];
+      to[0] = bytes.x, to[1] = bytes.y, to[2] = bytes.z;
+    }
     neighbor = view;
     neighbor.mask = {};
     neighbor.camera.cam_from_world_translation.x += 0.02f;
@@ -155,7 +164,8 @@ struct BumpyPicture {
 
 // Each number of a pixel also moves the normals of the four around it.
 TEST(SurfaceGradient, OfTheLossesIsTheirSlope) {
-  for (const SurfaceWeights weights : {SurfaceWeights{100, 0}, SurfaceWeights{0, 100}}) {
+  for (const SurfaceWeights weights :
+       {SurfaceWeights{100, 0}, SurfaceWeights{0, 100}, SurfaceWeights{0, 0, 100}}) {
     BumpyPicture picture;
     SurfaceGradient dL, unused;
     const double loss = picture.compare(weights, dL);

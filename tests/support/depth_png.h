@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Writes depth maps as gray PNG files of 16 or 8 bits, byte by byte, so that tests depend on no
+// Writes maps as PNG files of 16 or 8 bits, byte by byte, so that tests depend on no
 // encoder.
 #pragma once
 
@@ -56,7 +56,7 @@ inline std::string stored(const std::string& data) {
 
 }  // namespace depth_png
 
-/// Writes values, rounded to integers, of `channels` equal or different channels.
+/// Writes values, rounded to integers, of 1, 3 or 4 channels.
 inline void write_depth_png(const std::filesystem::path& path, const ImageF& values,
                             int bits = 16) {
   std::string rows;
@@ -72,7 +72,7 @@ inline void write_depth_png(const std::filesystem::path& path, const ImageF& val
   std::string header, file("\x89PNG\r\n\x1a\n");
   depth_png::add_big(header, std::uint32_t(values.width));
   depth_png::add_big(header, std::uint32_t(values.height));
-  header += {char(bits), char(values.channels == 3 ? 2 : 0), 0, 0, 0};
+  header += {char(bits), char(values.channels == 4 ? 6 : values.channels == 3 ? 2 : 0), 0, 0, 0};
   depth_png::add_chunk(file, "IHDR", header);
   depth_png::add_chunk(file, "IDAT", depth_png::stored(rows));
   depth_png::add_chunk(file, "IEND", "");

@@ -29,7 +29,7 @@ namespace gs {
 struct PhotoModule {
   void (*set_log_sink)(void (*)(detail::LogLevel, std::string_view));
   Image8 (*decode_photo)(const std::filesystem::path&);
-  DepthFile (*decode_depth)(const std::filesystem::path&);
+  MapFile (*decode_map)(const MapKind&, const std::filesystem::path&);
   PhotoSize (*decode_photo_size)(const std::filesystem::path&);
   int (*decode_photo_orientation)(const std::filesystem::path&);
   std::optional<Geodetic> (*decode_photo_place)(const std::filesystem::path&);

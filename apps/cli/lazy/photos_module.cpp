@@ -6,7 +6,7 @@
 extern "C" __attribute__((visibility("default")))
 const gs::PhotoModule gs_photo_module = {gs::detail::set_log_sink,
                                          gs::decode_photo,
-                                         gs::decode_depth,
+                                         gs::decode_map,
                                          gs::decode_photo_size,
                                          gs::decode_photo_orientation,
                                          gs::decode_photo_place,

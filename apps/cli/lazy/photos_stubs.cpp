@@ -16,7 +16,9 @@ const PhotoModule& module() {
 }  // namespace
 
 Image8 decode_photo(const std::filesystem::path& path) { return module().decode_photo(path); }
-DepthFile decode_depth(const std::filesystem::path& path) { return module().decode_depth(path); }
+MapFile decode_map(const MapKind& kind, const std::filesystem::path& path) {
+  return module().decode_map(kind, path);
+}
 PhotoSize decode_photo_size(const std::filesystem::path& path) {
   return module().decode_photo_size(path);
 }

@@ -6,8 +6,9 @@
 #include <algorithm>
 #include <cmath>
 
-#include "data_loaders/photos/depth_file.h"
+#include "data_loaders/photos/map_file.h"
 #include "data_loaders/scene/depth/depth_anchors.h"
+#include "data_loaders/scene/map_positions.h"
 #include "gs_core/error.h"
 #include "gs_core/math/loss/depth_loss.h"
 #include "gs_core/threads/parallel.h"
@@ -16,29 +17,6 @@ namespace gs {
 namespace {
 
 constexpr float kOneSurface = 1.1f;  // the largest ratio of neighbors that are interpolated
-
-/// Where the map of a view has what its camera sees at a pixel. All positions have pixel centers at
-/// + 0.5.
-class MapPositions {
- public:
-  explicit MapPositions(const Photo& photo) : photo_(photo) {}
-
-  Vec2d at(double x, double y) const {
-    const PinholeCamera<double>&target = photo_.target, &whole = photo_.undistorted;
-    Vec2d at(x * whole.width / target.width, y * whole.height / target.height);
-    if (photo_.is_undistorted()) {
-      const PinholeCamera<double>& lens = photo_.lens.pinhole;
-      const Vec2d landed =
-          distorted(photo_.lens, {(at.x - whole.cx) / whole.fx, (at.y - whole.cy) / whole.fy});
-      at = {lens.fx * landed.x + lens.cx, lens.fy * landed.y + lens.cy};
-    }
-    return {at.x * photo_.depth_size.width / photo_.size.width,
-            at.y * photo_.depth_size.height / photo_.size.height};
-  }
-
- private:
-  const Photo& photo_;
-};
 
 }  // namespace
 
@@ -60,13 +38,13 @@ float depth_at(const ImageF& map, double x, double y) {
 }
 
 ImageF make_depth(const Photo& photo) {
-  const DepthFile file = read_depth_file(photo.depth_file);
+  const MapFile file = read_depth_file(photo.depth_file);
   if (file.values.width != photo.depth_size.width || file.values.height != photo.depth_size.height)
     throw Error(fmt::format("{} has changed since the scene was loaded; start again",
                             photo.depth_file.string()));
   const bool has_unit = file.has_steps && photo.depth_kind == DepthKind::metric;
   const float unit = has_unit ? photo.depth_unit : 1.0f;
-  const MapPositions positions(photo);
+  const MapPositions positions(photo, photo.depth_size);
   ImageF depth(photo.target.width, photo.target.height, 1);
   parallel_for(std::size_t(depth.height), 16, [&](std::size_t y) {
     for (int x = 0; x < depth.width; ++x) {

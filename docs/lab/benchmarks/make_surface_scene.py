@@ -6,8 +6,8 @@
 
 writes OUT/images/*.png, a COLMAP model in OUT/sparse/0 with points and their tracks where the
 pictures have texture, the surface OUT/truth.ply as far as two views see it, in triangles whose edges
-are shorter than four pixels, and OUT/truth_depth/*.png, depth along the viewing axis in units of
-1e-4. `seed` moves the cameras. Rendered photos are kept, so that the same command goes on after an
+are shorter than four pixels, OUT/truth_depth/*.png, depth along the viewing axis in units of 1e-4,
+and OUT/truth_normals/*.png, in the axes of the world. `seed` moves the cameras. Rendered photos are kept, so that the same command goes on after an
 interruption.
 
     statue   a head with a fine relief on a disc, all with texture
@@ -350,17 +350,19 @@ def with_short_edges(triangles, longest):
     return np.concatenate(done)
 
 
-def depth_of(tree, pose, size, focal):
-    """(H, W) along the viewing axis through the centers of pixels; 0 where nothing is."""
+def surface_of(tree, pose, size, focal):
+    """Through the centers of pixels: depth along the viewing axis, (H, W), and normals towards the
+    camera, (H, W, 3); 0 where nothing is."""
     axes, place = pose.to_3x3(), pose.translation
-    depth = np.zeros((size, size), np.float32)
+    depth, normals = np.zeros((size, size), np.float32), np.zeros((size, size, 3), np.float32)
     for y in range(size):
         for x in range(size):
             ray = axes @ Vector(((x + .5 - size / 2) / focal, (size / 2 - y - .5) / focal, -1))
-            hit = tree.ray_cast(place, ray)[3]
+            _, normal, _, hit = tree.ray_cast(place, ray)
             if hit is not None:
                 depth[y, x] = hit / ray.length
-    return depth
+                normals[y, x] = -normal if normal.dot(ray) > 0 else normal
+    return depth, normals
 
 
 class Views:
@@ -388,16 +390,17 @@ class Views:
 
 # --- Files
 
-def write_gray(path, values):
-    """A PNG of 16 bits."""
+def write_numbers(path, values):
+    """A PNG of 16 bits, (H, W) or (H, W, 3)."""
     def chunk(kind, data):
         return (struct.pack(">I", len(data)) + kind + data +
                 struct.pack(">I", zlib.crc32(kind + data)))
-    height, width = values.shape
+    height, width = values.shape[:2]
+    kind = 2 if values.ndim == 3 else 0
     rows = b"".join(b"\0" + row.astype(">u2").tobytes() for row in values)
     with open(path, "wb") as file:
         file.write(b"\x89PNG\r\n\x1a\n" +
-                   chunk(b"IHDR", struct.pack(">IIBBBBB", width, height, 16, 0, 0, 0, 0)) +
+                   chunk(b"IHDR", struct.pack(">IIBBBBB", width, height, 16, kind, 0, 0, 0)) +
                    chunk(b"IDAT", zlib.compress(rows, 6)) + chunk(b"IEND", b""))
 
 
@@ -468,10 +471,14 @@ def main():
     tree = BVHTree.FromPolygons(triangles.reshape(-1, 3).tolist(),
                                 np.arange(3 * len(triangles)).reshape(-1, 3).tolist())
     render_photos(scene, options, poses, names)
-    views = Views(poses, [depth_of(tree, pose, options.size, focal) for pose in poses], focal)
-    os.makedirs(f"{options.out}/truth_depth", exist_ok=True)
-    for name, depth in zip(names, views.depths):
-        write_gray(f"{options.out}/truth_depth/{name}", np.round(depth / DEPTH_UNIT))
+    surfaces = [surface_of(tree, pose, options.size, focal) for pose in poses]
+    views = Views(poses, [depth for depth, _ in surfaces], focal)
+    for kind in ("truth_depth", "truth_normals"):
+        os.makedirs(f"{options.out}/{kind}", exist_ok=True)
+    for name, (depth, normals) in zip(names, surfaces):
+        write_numbers(f"{options.out}/truth_depth/{name}", np.round(depth / DEPTH_UNIT))
+        write_numbers(f"{options.out}/truth_normals/{name}",
+                      np.round(65535 * (.5 + .5 * normals)) * (depth > 0)[..., None])
     photos = [pixels_of(f"{options.out}/images/{name}") for name in names]
     write_model(f"{options.out}/sparse/0", options, views, photos, names)
     triangles = with_short_edges(triangles, EDGE_PIXELS * view[1] / focal)

@@ -6,26 +6,29 @@
 //   normal   1 - N^ . n_d     n_d is the normal of the inverse depths around the pixel
 //   photo    1 - q            q is the squared correlation of a patch with a neighboring photo, into
 //                             which the plane of o and N^ takes it   (Furukawa & Ponce 2010; PGSR)
+//   prior    1 - N^ . n_p     n_p is the normal of a map that somebody has given
 #pragma once
 
+#include "gs_core/math/render/normal_map.h"
 #include "gs_core/math/render/surface.h"
 
 namespace gs {
 
 inline constexpr float kLeastCoverage = 0.55f;  // of a pixel with a surface
 inline constexpr float kMostJump = 0.1f;  // of the inverse depth, between pixels of one surface
-inline constexpr int kPatchRadius = 3;    // pixels; a patch has 7x7
-inline constexpr int kPatchStride = 4;    // pixels from one patch of a step to the next, both ways
+inline constexpr float kLeastNormal = 1e-12f;  // squared length of N
+inline constexpr int kPatchRadius = 3;         // pixels; a patch has 7x7
+inline constexpr int kPatchStride = 4;  // pixels from one patch of a step to the next, both ways
 inline constexpr float kLeastCosine = 0.1f;   // between a patch's ray and normal
 inline constexpr float kMostMismatch = 0.9f;  // a patch that fits less is hidden, or glitters
 inline constexpr float kLeastGrayVariance =
     5e-6f;  // of a patch's gray values; smoother ones say nothing
 
-/// How much of the loss the two terms are; zeros: none.
+/// How much of the loss the terms are; zeros: none.
 struct SurfaceWeights {
-  float normal = 0, photo = 0;
+  float normal = 0, photo = 0, prior = 0;
 
-  GS_HD bool any() const { return normal > 0 || photo > 0; }
+  GS_HD bool any() const { return normal > 0 || photo > 0 || prior > 0; }
 };
 
 /// The surface that a pixel shows. As a gradient, dL by each.
@@ -85,6 +88,20 @@ GS_HD PixelSurface<T> normal_error_vjp(const PinholeCamera<T>& camera, const Vec
   return {-M.z,
           {x.x * M.z - camera.fx * M.x, x.y * M.z - camera.fy * M.y},
           (n - N * cosine) * (-dL / length)};
+}
+
+/// 1 - N^ . prior, where the prior is a constant of any length.
+template <class T>
+GS_HD T prior_error(const Vec3<T>& normal, const Vec3<T>& prior) {
+  using std::sqrt;
+  return T(1) - inner(normal, prior) / sqrt(inner(normal, normal));
+}
+template <class T>
+GS_HD Vec3<T> prior_error_vjp(const Vec3<T>& normal, const Vec3<T>& prior, const T& dL) {
+  using std::sqrt;
+  const T length = sqrt(inner(normal, normal));
+  const Vec3<T> N = normal / length;
+  return (prior - N * inner(N, prior)) * (-dL / length);
 }
 
 // ---- photos ------------------------------------------------------------------------------------
@@ -245,6 +262,7 @@ struct SurfacePicture {
   const float* inverse_depth;  // (H, W)  mean_inverse_depth()
   GrayPhoto photo;
   SurfaceWeights weights = {};  // of one pixel, and of one patch
+  NormalMap prior = {};
   // For weights.photo > 0.
   NeighborCamera<float> neighbor = {};
   GrayPhoto other = {};
@@ -266,16 +284,31 @@ struct SurfacePicture {
     at = {o[0],
           {0.5f * (around[1] - around[0]), 0.5f * (around[3] - around[2])},
           sums[index(x, y)].of.normal};
-    return inner(at.normal, at.normal) > 1e-12f;
+    return inner(at.normal, at.normal) > kLeastNormal;
   }
-  /// The share of a pixel in the loss of normals, and its gradient.
+  /// The share of a pixel in the losses of normals and of the prior, and its gradient.
   GS_HD float compare_normals(int x, int y, PixelSurface<float>& dL) const {
     PixelSurface<float> at;
     dL = {};
-    if (!(weights.normal > 0) || !find(x, y, at)) return 0;
-    const Vec2f from = from_axis(camera, x, y);
-    dL = normal_error_vjp(camera, from, at, weights.normal);
-    return weights.normal * normal_error(camera, from, at);
+    float loss = 0;
+    if (weights.normal > 0 && find(x, y, at)) {
+      const Vec2f from = from_axis(camera, x, y);
+      dL = normal_error_vjp(camera, from, at, weights.normal);
+      loss = weights.normal * normal_error(camera, from, at);
+    }
+    return loss + compare_with_prior(x, y, dL.normal);
+  }
+  /// The share of a pixel in the loss of the prior; adds its gradient.
+  GS_HD float compare_with_prior(int x, int y, Vec3f& dL_dnormal) const {
+    const std::size_t i = index(x, y);
+    const Vec3f& normal = sums[i].of.normal;
+    if (!(weights.prior > 0) || !prior.pixels || !(inverse_depth[i] > 0) || photo.at(x, y) < 0 ||
+        !(inner(normal, normal) > kLeastNormal))
+      return 0;
+    const NormalBytes known = prior.at(x, y);
+    if (!known.is_known()) return 0;
+    dL_dnormal += prior_error_vjp(normal, known.normal(), weights.prior);
+    return weights.prior * prior_error(normal, known.normal());
   }
   GS_HD int patches_across() const { return (camera.width + kPatchStride - 1) / kPatchStride; }
   GS_HD int patches_down() const { return (camera.height + kPatchStride - 1) / kPatchStride; }
@@ -309,7 +342,8 @@ struct SurfacePicture {
 /// Weights of one pixel and of one patch, so that the loss is a sum of means over the whole picture.
 GS_HD SurfaceWeights weights_of_each(const SurfaceWeights& weights, const Camera& camera) {
   const float pixels = float(camera.width) * float(camera.height);
-  return {weights.normal / pixels, weights.photo * float(kPatchStride * kPatchStride) / pixels};
+  return {weights.normal / pixels, weights.photo * float(kPatchStride * kPatchStride) / pixels,
+          weights.prior / pixels};
 }
 
 }  // namespace gs

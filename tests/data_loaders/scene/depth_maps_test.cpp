@@ -6,7 +6,6 @@
 
 #include "data_loaders/doctor/doctor.h"
 #include "data_loaders/lenses/undistort.h"
-#include "data_loaders/photos/depth_file.h"
 #include "data_loaders/photos/encode/encode_png.h"
 #include "data_loaders/photos/exr.h"
 #include "data_loaders/scene/depth/depth_map.h"
@@ -222,7 +221,7 @@ TEST_F(DepthMaps, ComeWithPhotosThatAreDecodedInTime) {
   const Scene scene = load_scene(small);
   ASSERT_TRUE(scene.train_views[0].source);
   EXPECT_TRUE(scene.train_views[0].depth.empty());
-  EXPECT_EQ(depth_bytes(scene.train_views[0]), 4u * kWidth * kHeight);
+  EXPECT_EQ(map_bytes(scene.train_views[0]), 4u * kWidth * kHeight);
   for (std::size_t i = 0; i < 6; ++i) {
     EXPECT_TRUE(scene.train_views[i].has_depth_map);
     EXPECT_THAT(with_photo(scene.train_views[i])->depth.pixels, Each(float('a' + int(i))));

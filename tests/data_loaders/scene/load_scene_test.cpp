@@ -59,7 +59,7 @@ TEST_F(LoadScene, ExposuresOfExifAreReadWhereAskedFor) {
   write(model);
   write_bytes(image("a.jpg"), exposed_photo(12, 8, {0.25, 2, 16}));
   const DatasetConfig dataset = dataset_at(folder());
-  const LightNeeds needs{true};
+  const SceneNeeds needs{true};
   const Scene scene = load_scene(dataset, {}, PhotoLoading::as_they_fit, needs);
   ASSERT_TRUE(scene.train_views[0].exposure_stops);
   EXPECT_NEAR(*scene.train_views[0].exposure_stops, 0, 1e-5);  // log2(0.25 * 16 / 4)

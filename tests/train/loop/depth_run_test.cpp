@@ -5,6 +5,7 @@
 #include "gs_eval/depth_error.h"
 #include "gs_render/surface_renderer.h"
 #include "gs_train/reduced_view.h"
+#include "tests/support/corner_scene.h"
 #include "tests/support/scene_run.h"
 
 namespace gs {
@@ -163,83 +164,14 @@ TEST(DepthError, IsThatOfTheDepth) {
   EXPECT_EQ(depth_error(rendered, view), std::nullopt);
 }
 
-// A corner of a room: a floor and two walls, seen from a camera near the origin. Its colors change
-// so slowly that photos hardly tell how far away they are.
-struct Corner {
-  static constexpr float kFloor = 1, kBack = 5, kSide = 2;  // world units
-
-  /// The depth of what a ray of depth 1 meets first.
-  static float depth(const Vec3f& origin, const Vec3f& ray) {
-    float depth = 1e9f;
-    const auto meet = [&](float distance, float along) {
-      if (along > 0) depth = std::min(depth, distance / along);
-    };
-    meet(kFloor - origin.y, ray.y);
-    meet(kBack - origin.z, ray.z);
-    meet(kSide - origin.x, ray.x);
-    return depth;
-  }
-  static Vec3f color(const Vec3f& p) {
-    return {0.5f + 0.1f * p.x, 0.5f + 0.15f * p.y, 0.75f - 0.1f * p.z};
-  }
-};
-
-/// A view with its photo and exact depth.
-View view_of_corner(const Camera& camera) {
-  View view;
-  view.camera = camera;
-  view.photo = Image8(camera.width, camera.height, 3);
-  view.depth = ImageF(camera.width, camera.height, 1);
-  view.has_depth_map = true;
-  for (int y = 0; y < camera.height; ++y)
-    for (int x = 0; x < camera.width; ++x) {
-      const Vec3f p{(float(x) + 0.5f - camera.cx) / camera.fx,
-                    (float(y) + 0.5f - camera.cy) / camera.fy, 1};
-      const Vec3f ray = multiply_transposed(camera.cam_from_world_rotation, p);
-      view.depth.at(x, y, 0) = Corner::depth(camera.position(), ray);
-      const Vec3f color = Corner::color(camera.position() + view.depth.at(x, y, 0) * ray);
-      for (int c = 0; c < 3; ++c)
-        view.photo.at(x, y, c) = std::uint8_t(std::lround(255 * std::clamp(color[c], 0.0f, 1.0f)));
-    }
-  return view;
-}
-
-Camera corner_camera(float turn, float shift) {
-  Camera camera = orbit_camera(turn);
-  camera.cam_from_world_translation = {shift, 0.1f * shift, 0.3f};
-  return camera;
-}
-
 void disturb_map(View& view, DepthKind kind, Draws& draws) {
   const float scale = draws.uniform(0.5f, 2), shift = draws.uniform(0.1f, 0.5f);
   disturb_map(view, kind, scale, shift);
 }
 
-/// Four views to train on, and two that are held out, with maps of the kind. The points are off by
-/// a tenth of their depth.
-Scene corner_scene(DepthKind kind, std::uint64_t seed) {
-  Scene scene;
-  scene.source = "a scene of the test";
-  Draws draws(seed);
-  for (std::size_t k = 0; k < 4; ++k) {
-    View view = view_of_corner(corner_camera(0.15f * float(k) - 0.2f, 0.2f * float(k) - 0.3f));
-    view.name = "view " + std::to_string(k);
-    for (std::size_t i = 0; i < view.depth.pixels.size(); i += 29) {
-      const float u = float(i % 48) + 0.5f, v = float(i / 48) + 0.5f;
-      const float depth = view.depth.pixels[i] * (1 + 0.1f * draws.normal());
-      scene.points.push_back({behind_pixel(view.camera, u, v, depth), {128, 128, 128}});
-    }
-    disturb_map(view, kind, draws);
-    scene.train_views.push_back(std::move(view));
-  }
-  for (const float at : {-0.1f, 0.1f}) {
-    View view = view_of_corner(corner_camera(0.7f * at, at));
-    view.name = "held out " + std::to_string(scene.test_views.size());
-    disturb_map(view, kind, draws);
-    scene.test_views.push_back(std::move(view));
-  }
-  scene.extent = camera_extent(scene.train_views);
-  return scene;
+/// The corner, with maps of the kind.
+Scene corner_with_maps(DepthKind kind, std::uint64_t seed) {
+  return corner_scene(seed, [&](View& view, Draws& draws) { disturb_map(view, kind, draws); });
 }
 
 struct Measured {
@@ -247,16 +179,8 @@ struct Measured {
 };
 
 Measured trained_on_corner(DepthKind kind, float weight, std::uint64_t seed) {
-  const Scene scene = corner_scene(kind, seed);
-  Config config = short_run();
-  config.train.iterations = 300;
-  config.train.seed = seed;
-  config.optimizer.moments = MomentStorage::floats;  // beyond 45 dB half moments are too coarse
-  config.model.sh_degree = 0;
-  config.optimizer.position_lr_initial = 3e-3f;
-  config.density.until_step = 0;
-  config.density.reset_opacity_until = 0;
-  config.density.camera_clearance = 0;
+  const Scene scene = corner_with_maps(kind, seed);
+  Config config = corner_run(seed);
   config.loss.depth_weight = weight;
   const auto backend = make_scalar_backend();
   Trainer trainer(scene, config, *backend);
