@@ -90,10 +90,9 @@ void check_depth_through_lens(const Photo& photo) {
   if (photo.depth_file.empty()) return;
   if (photo.undistorted.has_rolling_shutter())
     throw Error(fmt::format(
-        "the camera of photo {} moved while its rows were exposed, and depth map {} is for one "
-        "that "
-        "stands still; train without maps (--set dataset.depth=none), or without the motion "
-        "(--set dataset.rolling_shutter=false)",
+        "the camera of photo {} moved while its rows were exposed, and depth map {} is of one "
+        "pose; train without maps (--set dataset.depth=none), or without the motion (--set "
+        "dataset.rolling_shutter=false)",
         photo.file.string(), photo.depth_file.string()));
   if (!is_wide(photo.undistorted.lens)) return;
   throw Error(fmt::format(
