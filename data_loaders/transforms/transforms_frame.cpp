@@ -12,6 +12,7 @@
 #include "gs_core/error.h"
 #include "gs_core/geometry/vectors.h"
 #include "gs_core/math/render/quaternion.h"
+#include "gs_core/math/render/rolling_shutter.h"
 #include "gs_core/math/render/rotation.h"
 #include "gs_core/system/text/json.h"
 
@@ -147,6 +148,8 @@ void TransformsFrame::read_pose(ColmapImage& image) const {
       -multiply(rotation_matrix(image.cam_from_world_rotation), middle.center);
   if (!is_finite(image.cam_from_world_translation) || !is_finite(Vec3f(image.motion.shift)))
     fail("has a translation in transform_matrix that is not finite");
+  if (length(image.motion.turn) > kMostShutterTurn)
+    fail("turns by more than a radian from transform_matrix_start to transform_matrix_end");
   if (image.motion.is_any()) check_rolling_shutter();
 }
 

@@ -9,6 +9,7 @@
 
 namespace gs {
 
+inline constexpr double kMostShutterTurn = 1;     // radians, of RigidMotion::turn
 inline constexpr int kShutterSteps = 4;           // of Newton's method: 1e-5 is squared by each
 inline constexpr double kLeastShutterLead = 0.1;  // of rows over a point, in their own speed
 
@@ -43,7 +44,7 @@ GS_HD ExposedPoint<T> exposed_point(const PinholeCamera<T>& camera, const Vec3<T
   bool is_due = true;
   T tau(0);
   for (int step = 0;; ++step) {
-    const Mat3<T> E = rotation_minus_identity(tau * motion.turn);
+    const Mat3<T> E = small_rotation_minus_identity(tau * motion.turn);
     point.x = p - tau * motion.shift;
     point.q = point.x + multiply(E, point.x);
     point.turned.cam_from_world_rotation = {Vec3<T>(T(1), T(0), T(0)) + E.row0,

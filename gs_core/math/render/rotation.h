@@ -47,6 +47,15 @@ GS_HD Quat<T> rotation_matrix_vjp(const Quat<T>& q, const Mat3<T>& dR) {
           n * (T(2) * q.z * d_zz + q.x * d_xz + q.y * d_yz + q.w * d_wz - q.z * h)};
 }
 
+/// a [w] + b [w]^2, where [w] v = w x v.
+template <class T>
+GS_HD Mat3<T> cross_products(const Vec3<T>& w, const T& a, const T& b) {
+  const T xx = w.x * w.x, yy = w.y * w.y, zz = w.z * w.z;
+  return {{-b * (yy + zz), b * w.x * w.y - a * w.z, b * w.x * w.z + a * w.y},
+          {b * w.x * w.y + a * w.z, -b * (xx + zz), b * w.y * w.z - a * w.x},
+          {b * w.x * w.z - a * w.y, b * w.y * w.z + a * w.x, -b * (xx + yy)}};
+}
+
 /// The rotation about the axis w by the angle |w|, minus the identity, so that nothing is rounded
 /// off where it is small.   Rodrigues
 ///
@@ -63,10 +72,20 @@ GS_HD Mat3<T> rotation_minus_identity(const Vec3<T>& w) {
     a = sin(t) / t;
     b = T(2) * half * half / t2;
   }
-  const T xx = w.x * w.x, yy = w.y * w.y, zz = w.z * w.z;
-  return {{-b * (yy + zz), b * w.x * w.y - a * w.z, b * w.x * w.z + a * w.y},
-          {b * w.x * w.y + a * w.z, -b * (xx + zz), b * w.y * w.z - a * w.x},
-          {b * w.x * w.z - a * w.y, b * w.y * w.z + a * w.x, -b * (xx + yy)}};
+  return cross_products(w, a, b);
+}
+
+/// The same of |w| up to 1 by its series, to 3e-7. It needs neither sine nor cosine, which cost a
+/// kernel many registers.
+template <class T>
+GS_HD Mat3<T> small_rotation_minus_identity(const Vec3<T>& w) {
+  const T t2 = inner(w, w), one(1);
+  const T a =
+      one - t2 * T(1.0 / 6) *
+                (one - t2 * T(1.0 / 20) * (one - t2 * T(1.0 / 42) * (one - t2 * T(1.0 / 72))));
+  const T b =
+      T(0.5) * (one - t2 * T(1.0 / 12) * (one - t2 * T(1.0 / 30) * (one - t2 * T(1.0 / 56))));
+  return cross_products(w, a, b);
 }
 
 }  // namespace gs

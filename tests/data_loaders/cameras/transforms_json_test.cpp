@@ -606,6 +606,10 @@ TEST_F(Transforms, FaultsNameFileFrameKeyAndRemedy) {
       {none,
        R"({"transform_matrix_start": 7, "transform_matrix_end": 7})",
        {"frame 1", "transform_matrix_start", "4 rows"}},
+      {none,
+       R"({"transform_matrix_start": [[1,0,0,0],[0,1,0,0],[0,0,1,0],[0,0,0,1]],
+           "transform_matrix_end": [[-1,0,0,0],[0,-1,0,0],[0,0,1,0],[0,0,0,1]]})",
+       {"frame 1", "more than a radian", "correct"}},
       {R"({"ply_file_path": 7})", none, {"ply_file_path", "leave the key out"}},
       {R"({"ply_file_path": "../p.ply"})", none, {"ply_file_path", "copy the PLY"}},
   };
