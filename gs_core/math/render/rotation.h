@@ -75,8 +75,7 @@ GS_HD Mat3<T> rotation_minus_identity(const Vec3<T>& w) {
   return cross_products(w, a, b);
 }
 
-/// The same of |w| up to 1 by its series, to 3e-7. It needs neither sine nor cosine, which cost a
-/// kernel many registers.
+/// The same of |w| up to 1 by its series, to 3e-7, for kernels that take it several times a Gaussian.
 template <class T>
 GS_HD Mat3<T> small_rotation_minus_identity(const Vec3<T>& w) {
   const T t2 = inner(w, w), one(1);
