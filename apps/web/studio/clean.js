@@ -6,7 +6,8 @@ import {bytes, whole} from '../shared/format.js';
 import {currentModel, modelAt, modelWords, noModel, viewOfModel} from './frame.js';
 import {button, isActive, jobList} from './jobs.js';
 
-// A value that a slider sets: label, the option for a value, and what it means.
+// A value that a slider sets: label, the option for a value, what it means, its range, and what the
+// viewer hides of the model for a value at once, if it can tell.
 const SLIDERS = [
   [
     'Faint ones',
@@ -16,6 +17,7 @@ const SLIDERS = [
     0.5,
     0.01,
     0.05,
+    opacity => ({opacity}),
   ],
   [
     'Large ones',
@@ -25,6 +27,7 @@ const SLIDERS = [
     3,
     0.01,
     1,
+    size => ({size}),
   ],
   [
     'Floaters',
@@ -108,7 +111,8 @@ export function showClean(app) {
       ),
     );
 
-  const slider = ([label, option, meaning, min, max, step, value]) => {
+  const hide = async what => (await view.viewer()).filter(what);
+  const slider = ([label, option, meaning, min, max, step, value, hidden]) => {
     const number = el('output', {}, String(value)),
       id = `slide-${label}`;
     const field = el('input', {
@@ -118,7 +122,10 @@ export function showClean(app) {
       max,
       step,
       value,
-      oninput: () => (number.textContent = field.value),
+      oninput: () => {
+        number.textContent = field.value;
+        hide(hidden?.(Number(field.value)) ?? {}).catch(() => {}); // without a viewer there is none
+      },
       onchange: () => preview(option(Number(field.value))),
     });
     return el(
@@ -131,6 +138,7 @@ export function showClean(app) {
         {},
         button('Count', () => preview(option(Number(field.value)))),
         button('Apply', () => apply(option(Number(field.value)))),
+        hidden && button('Show all', () => hide({})),
       ),
     );
   };

@@ -5,6 +5,7 @@
 import assert from 'node:assert/strict';
 import {chmodSync, existsSync, mkdirSync, readdirSync, writeFileSync} from 'node:fs';
 import {join} from 'node:path';
+import {psnr} from './pictures.mjs';
 import {
   Desk,
   STEPS,
@@ -65,6 +66,21 @@ const tests = {
     await frame.waitForFunction(() =>
       window.gemsplatViewer?.ready.then(() => gemsplatViewer.settled()).then(() => true),
     );
+    const picture = async () => {
+      await frame.waitForFunction(() => gemsplatViewer.settled().then(() => true));
+      return (await desk.page.$('.viewer iframe')).screenshot();
+    };
+    const all = await picture(),
+      size = desk.page.locator('.operation', {hasText: 'Large'});
+    await size.locator('input').fill('0.02');
+    await frame.waitForTimeout(100);
+    const small = await psnr(desk.page, all, await picture());
+    await desk.shot('filter');
+    await size.getByText('Show all').click();
+    await frame.waitForTimeout(100);
+    const again = await psnr(desk.page, all, await picture());
+    assert.ok(small < 25 && again > 60, `a filter left ${small} dB, and no filter ${again} dB`);
+
     const card = desk.page.locator('section.card', {hasText: 'Click corners around'});
     await card.getByText('Show the tool').click();
     const place = await (await desk.page.$('.viewer iframe')).boundingBox();

@@ -2,6 +2,7 @@
 // Entry point of the viewer: asks the server for the scene (docs/reference/viewer_http.md) and
 // builds the page, or says why that failed.
 import {el} from '../shared/dom.js';
+import {NO_SIZE} from './picture/shaders.js';
 import {askForScene} from './server.js';
 import {Viewer} from './viewer.js';
 
@@ -37,6 +38,11 @@ window.gemsplatViewer = {
   lasso: async () => {
     const {lasso} = (await started).tools;
     return lasso?.isClosed ? {file: lasso.file, drops: lasso.drops} : null;
+  },
+  filter: async ({opacity = 0, size = NO_SIZE}) => {
+    const {splats} = (await started).stage;
+    splats.setEffect('filterOpacity', opacity);
+    splats.setEffect('filterSize', size);
   },
   path: async () => {
     const {path} = (await started).tools;

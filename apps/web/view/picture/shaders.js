@@ -7,6 +7,8 @@ import {lookShader} from './look.js';
 // The Jacobian is evaluated no farther out than this (1 is the edge of the picture):
 // kFrustumMargin.
 const JACOBIAN_LIMIT = '1.3';
+/// No Gaussian is so large.   world units
+export const NO_SIZE = 1e30;
 
 // [a line of Spark's vertex shader, its replacement]
 const CHANGES = [
@@ -22,7 +24,7 @@ const CHANGES = [
     'adjustedStdDev = maxStdDev;',
     'adjustedStdDev = min(maxStdDev, sqrt(2.0 * log(max(rgba.a / minAlpha, 1.0))));',
   ],
-  // What tools ask for: the depth of a splat, the size of splats, points, a crop.
+  // What tools ask for: the depth of a splat, the size of splats, points, a crop, a filter.
   [
     'out vec3 vNdc;',
     `out vec3 vNdc;
@@ -35,6 +37,8 @@ uniform vec3 cropLow;
 uniform vec3 cropHigh;
 uniform mat3 cropTurn;
 uniform mat4 worldFromView;
+uniform float filterOpacity;
+uniform float filterSize;
 bool isCropped(vec3 mean) {
     if (cropKind == 0) return false;
     vec3 turned = cropTurn * mean;
@@ -47,6 +51,8 @@ bool isCropped(vec3 mean) {
     'if (viewCenter.z >= 0.0) {',
     `vDepth = -viewCenter.z;
     if (isCropped((worldFromView * vec4(viewCenter, 1.0)).xyz)) return;
+    if (rgba.a <= filterOpacity) return;
+    if (!enableCovSplats && max(scales.x, max(scales.y, scales.z)) >= filterSize) return;
     if (viewCenter.z >= 0.0) {`,
   ],
   [
@@ -65,7 +71,8 @@ bool isCropped(vec3 mean) {
 ];
 
 /// The uniforms that these changes read. Kinds of crops: 0 none, 1 a box between two corners of the
-/// world under cropTurn, 2 a sphere about cropLow with the radius cropHigh.x.
+/// world under cropTurn, 2 a sphere about cropLow with the radius cropHigh.x. A filter hides what has at
+/// most that opacity, and what is at least as large in world units.
 export const effectUniforms = () => ({
   splatScale: {value: 1},
   pointRadius: {value: 0},
@@ -76,6 +83,8 @@ export const effectUniforms = () => ({
   cropHigh: {value: new Vector3()},
   cropTurn: {value: new Matrix3()},
   worldFromView: {value: new Matrix4()},
+  filterOpacity: {value: 0},
+  filterSize: {value: NO_SIZE},
 });
 
 /// Spark's vertex shader with the changes. Throws Error if a line to be replaced is not in it
