@@ -19,6 +19,7 @@ constexpr int kPhotometricWarmup = 500;  // steps; PPISP 2026, code
 constexpr double kPhotometricFinal = 0.01;  // of the rate, at the first and at the last step
 constexpr int kPoseWarmup = 1000;           // steps; the first Gaussians say little of poses
 constexpr double kPoseFinal = 0.01;         // of the rate, at the last step
+constexpr int kSurfaceInterval = 2;          // updates from one with surface terms to the next
 constexpr double kDepthWeightFinal = 0.01;  // of the weight: photos decide in the end
 constexpr float kTimeMeanRate = 8e-4f;      // of the duration
 constexpr int kRecoveryShare = 3;           // 1 / share of the steps between two resets
@@ -57,6 +58,7 @@ Schedule::Schedule(const Config& config, const GrowthMethod& method, float scene
   photometric_warmup_ = scaled(kPhotometricWarmup);
   pose_warmup_ = scaled(kPoseWarmup);
   surface_from_ = scaled(config.surface.from_step);
+  batch_ = config.train.batch;
   decay_from_ =
       std::min(method_.waits_for_whole_photos ? int(ramp_.size()) * ramp_every_ : 0, steps_ - 1);
   cooldown_from_ = std::min(scaled_or_none(rates_.cooldown_from), steps_ - 1);
@@ -133,7 +135,11 @@ float Schedule::depth_weight(int step) const {
 }
 
 SurfaceWeights Schedule::surface_weights(int step) const {
-  return step >= surface_from_ ? surface_weights_ : SurfaceWeights{};
+  const int update = (step + batch_ - 1) / batch_;
+  if (step < surface_from_ || update % kSurfaceInterval != 0) return {};
+  const float share = float(kSurfaceInterval);
+  return {share * surface_weights_.normal, share * surface_weights_.photo,
+          share * surface_weights_.prior};
 }
 
 bool Schedule::recovers_from_reset(int step) const {

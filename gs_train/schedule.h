@@ -100,7 +100,7 @@ class Schedule {
   double depth_weight_;
   int pose_warmup_;
   SurfaceWeights surface_weights_;
-  int surface_from_;
+  int surface_from_, batch_;
   float extent_;
 };
 

@@ -47,6 +47,20 @@ TEST_F(StandardSchedule, ResetsOpacitiesOnceMoreOnWhite) {
               ElementsAre(500, 3000, 6000, 9000, 12'000));
 }
 
+TEST_F(StandardSchedule, ComparesSurfacesInEverySecondUpdate) {
+  Config config = adaptive_config();
+  config.surface = {.normal_weight = 1, .photo_weight = 3, .from_step = 29'990};
+  const auto compares = [](const Schedule& schedule, int step) {
+    const SurfaceWeights weights = schedule.surface_weights(step);
+    EXPECT_TRUE(!weights.any() || (weights.normal == 2 && weights.photo == 6));
+    return weights.any();
+  };
+  EXPECT_EQ(steps_where(Schedule(config, 2.0f), compares), from_to_every(29'990, 30'000, 2));
+  config.train.batch = 3;  // updates end at 29,991, 29,994, 29,997 and 30,000
+  EXPECT_THAT(steps_where(Schedule(config, 2.0f), compares),
+              ElementsAre(29'992, 29'993, 29'994, 29'998, 29'999, 30'000));
+}
+
 // The trainer stops at the degree of the config, so later steps do not count.
 TEST_F(StandardSchedule, RaisesTheShDegreeAt1000And2000And3000) {
   std::vector<int> steps = steps_where(schedule_, &Schedule::raise_sh_degree);
