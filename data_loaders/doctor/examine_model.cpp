@@ -148,6 +148,12 @@ void examine_lenses(Examination& examination) {
     text +=
         (text.empty() ? "" : ", ") + (count > 1 ? fmt::format("{} times {}", count, lens) : lens);
   examination.add(Level::good, "lenses", text);
+  const auto moving = std::size_t(std::ranges::count_if(
+      examination.model().images, [](const ColmapImage& image) { return image.motion.is_any(); }));
+  if (moving > 0)
+    examination.add(Level::good, "lenses",
+                    fmt::format("{} seen row by row, from a pose for the first and the last row",
+                                counted(moving, "photo", "is", "are")));
   if (!refused.empty()) examination.add(Level::fatal, "lenses", refused);
 }
 

@@ -350,6 +350,20 @@ TEST_F(Doctor, WarnsOfASceneThatMoves) {
   EXPECT_THAT(warnings, testing::Contains(HasSubstr("the scene moves")));
 }
 
+TEST_F(Doctor, CountsPhotosWithARollingShutter) {
+  write_png(folder() / "r_0.png", plain_photo(12, 12, 9));
+  const auto pose = [](const char* when, double x) {
+    return fmt::format(", \"transform_matrix_{}\": [[1,0,0,{}],[0,1,0,0],[0,0,1,4],[0,0,0,1]]",
+                       when, x);
+  };
+  write_bytes(folder() / "transforms.json",
+              blender_file("r_0", pose("start", 0) + pose("end", 0.1)));
+  std::vector<std::string> said;
+  for (const Finding& finding : examined(false).findings)
+    if (finding.topic == "lenses") said.push_back(finding.text);
+  EXPECT_THAT(said, testing::Contains(HasSubstr("1 photo is seen row by row")));
+}
+
 /// Noise, which is sharp, blurred by `smoothing` means over neighbors, times `gain`.
 Image8 noise(int smoothing, double gain, unsigned seed) {
   std::mt19937 engine(seed);

@@ -12,9 +12,9 @@
 namespace gs {
 namespace {
 
-constexpr int kSide = 48;      // pixels
-constexpr double kFocal = 26;  // pixels
-constexpr std::size_t kPhotos = 24;
+constexpr int kShutterSide = 48;      // pixels
+constexpr double kShutterFocal = 26;  // pixels
+constexpr std::size_t kShutterPhotos = 24;
 
 /// A camera that turns evenly about its center, which goes straight.
 struct MovingPose {
@@ -42,14 +42,15 @@ struct MovingPose {
     return rows;
   }
   Image8 photo() const {
-    ImageF image(kSide, kSide, 3);
-    for (int y = 0; y < kSide; ++y)
+    ImageF image(kShutterSide, kShutterSide, 3);
+    for (int y = 0; y < kShutterSide; ++y)
       for (const double dy : {0.25, 0.75}) {
-        const double time = (y + dy) / kSide;
+        const double time = (y + dy) / kShutterSide;
         const Mat3<double> W = axes_at(time);
-        for (int x = 0; x < kSide; ++x)
+        for (int x = 0; x < kShutterSide; ++x)
           for (const double dx : {0.25, 0.75}) {
-            const Vec3d ray((x + dx - kSide / 2) / kFocal, (y + dy - kSide / 2) / kFocal, 1);
+            const Vec3d ray((x + dx - kShutterSide / 2) / kShutterFocal,
+                            (y + dy - kShutterSide / 2) / kShutterFocal, 1);
             const Vec3d color = room_color(center_at(time), multiply_transposed(W, ray));
             for (int c = 0; c < 3; ++c) image.at(x, y, c) += 0.25f * float(color[c]);
           }
@@ -62,8 +63,11 @@ class RollingShutterRun : public SceneTest {
  protected:
   RollingShutterRun() {
     Draws draws(5);
-    const ColmapModel room = room_model(kPhotos, 96, 4000);
-    file_ = {{"fl_x", kFocal}, {"w", kSide}, {"h", kSide}, {"ply_file_path", "points.ply"}};
+    const ColmapModel room = room_model(kShutterPhotos, 96, 4000);
+    file_ = {{"fl_x", kShutterFocal},
+             {"w", kShutterSide},
+             {"h", kShutterSide},
+             {"ply_file_path", "points.ply"}};
     for (const ColmapImage& image : room.images) {
       MovingPose& pose = poses_.emplace_back();
       pose.cam_from_world = rotation_matrix(image.cam_from_world_rotation);
@@ -201,7 +205,7 @@ TEST_F(RollingShutterRun, PhotosWithALensTrainThroughIt) {
 TEST_F(RollingShutterRun, WhatNeedsOnePoseForAPhotoIsRefused) {
   const auto is_of_motion = AllOf(HasSubstr("images/"), HasSubstr("dataset.rolling_shutter=false"));
   EXPECT_THAT(error_of([&] { undistort_scene(dataset(), folder() / "out", 0); }), is_of_motion);
-  write_png(folder() / "depth/images/a.png", Image8(kSide, kSide, 1, 50));
+  write_png(folder() / "depth/images/a.png", Image8(kShutterSide, kShutterSide, 1, 50));
   EXPECT_THAT(error(), AllOf(is_of_motion, HasSubstr("dataset.depth=none")));
   std::filesystem::remove_all(folder() / "depth");
   for (const std::string& name : names_) write_png(folder() / name, Image8(96, 48, 3, 100));
