@@ -235,7 +235,7 @@ case "$*" in *"use_gpu 1"*) echo no device; exit 1;; esac
   EXPECT_EQ(run_colmap(job(), kSilent).registered, 3u);
   EXPECT_THAT(logged.text(), HasSubstr("COLMAP failed on the GPU while finding features"));
   EXPECT_THAT(take_calls(), HasSubstr("feature_extractor\nfeature_extractor\nexhaustive"));
-  EXPECT_THAT(read_bytes(scene() / "colmap.log"), HasSubstr("--SiftMatching.use_gpu 0"));
+  EXPECT_THAT(read_bytes(scene() / "colmap.log"), HasSubstr("--SiftExtraction.use_gpu 0"));
 }
 
 TEST_F(FakeColmap, RetrievalMatchesPhotosThatLookAlike) {
