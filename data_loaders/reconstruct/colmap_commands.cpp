@@ -4,6 +4,7 @@
 #include <spdlog/fmt/fmt.h>
 
 #include <algorithm>
+#include <functional>
 #include <map>
 
 #include "data_loaders/reconstruct/colmap_log.h"
@@ -22,6 +23,12 @@ void write_photo_list(const std::vector<PhotoFile>& photos, const fs::path& file
   list.commit();
 }
 
+// Of Matching::retrieval. A word needs 10 features or more; newer versions of COLMAP compare each
+// feature with each word, so that few words and features keep the vocabulary a matter of seconds.
+constexpr int kWords = 4096, kWordFeatures = 64 * kWords;
+constexpr std::size_t kWordPhotos = 50;  // whose features are taken, in older versions
+constexpr const char* kAlike = "50";     // photos that each is compared with
+
 std::string text(bool value) { return value ? "1" : "0"; }
 /// Where the pictures lie that COLMAP sees.
 fs::path pictures_of(const ColmapPlan& plan) {
@@ -29,6 +36,27 @@ fs::path pictures_of(const ColmapPlan& plan) {
 }
 std::string thread_text(const ColmapPlan& plan) {
   return fmt::format("{}", plan.threads ? plan.threads : -1);
+}
+
+ColmapCommand mapper_command(const ColmapPlan& plan, const char* name, const std::string& group,
+                             const fs::path& database) {
+  ColmapCommand command(plan.program, name);
+  command.add("--database_path", database.string());
+  command.add("--image_path", pictures_of(plan).string());
+  command.add("--output_path", plan.files.attempt().string());
+  if (plan.has_panoramas())  // the lens and the turns of their views are known
+    for (const char* what : {"focal_length", "extra_params", "sensor_from_rig"})
+      command.add_known(
+          {(group + ".ba_refine_" + what).c_str(), (group + ".refine_" + what).c_str()}, "0");
+  command.add_known({(group + ".num_threads").c_str()}, thread_text(plan));
+  return command;
+}
+
+/// Whether a line of the program's help fits.
+bool helps(const ColmapPlan& plan, const std::function<bool(std::string_view)>& fits) {
+  bool is_there = false;
+  run_process({plan.program, "help"}, {}, [&](std::string_view line) { is_there |= fits(line); });
+  return is_there;
 }
 
 }  // namespace
@@ -78,14 +106,36 @@ ColmapCommand feature_command(const ColmapPlan& plan, const std::vector<PhotoFil
 ColmapCommand match_command(const ColmapPlan& plan) {
   // Small blocks make COLMAP report its progress more often; they change nothing else.
   const std::size_t block = std::clamp<std::size_t>(plan.photos.size() / 8, 5, 50);
-  ColmapCommand command(plan.program, fmt::format("{}_matcher", word_of(plan.matching)));
+  const bool is_by_words = plan.matching == Matching::retrieval;
+  ColmapCommand command(plan.program, is_by_words
+                                          ? "vocab_tree_matcher"
+                                          : fmt::format("{}_matcher", word_of(plan.matching)));
   command.add("--database_path", plan.files.database().string());
   if (plan.matching == Matching::exhaustive)
     command.add_known({"--ExhaustiveMatching.block_size", "--ExhaustivePairing.block_size"},
                       fmt::format("{}", block));
+  if (is_by_words) {
+    command.add("--VocabTreeMatching.vocab_tree_path", plan.files.vocabulary().string());
+    command.add("--VocabTreeMatching.num_images", kAlike);
+  }
   command.add_known({"--FeatureMatching.use_gpu", "--SiftMatching.use_gpu"}, text(plan.use_gpu));
   command.add_known({"--FeatureMatching.num_threads", "--SiftMatching.num_threads"},
                     thread_text(plan));
+  return command;
+}
+
+ColmapCommand vocabulary_command(const ColmapPlan& plan) {
+  ColmapCommand command(plan.program, "vocab_tree_builder");
+  command.add("--database_path", plan.files.database().string());
+  command.add("--vocab_tree_path", plan.files.vocabulary().string());
+  command.add("--num_visual_words", fmt::format("{}", kWords));
+  command.add("--num_iterations", "10");
+  command.add_known({"--branching"}, "64");  // kWords in two levels
+  command.add_known({"--num_rounds"}, "1");
+  command.add_known({"--num_threads"}, thread_text(plan));
+  command.add_known({"--max_num_descriptors"}, fmt::format("{}", kWordFeatures));
+  command.add_known({"--max_num_images"},  // COLMAP ends if there are fewer
+                    fmt::format("{}", std::min(plan.photos.size() / 2, kWordPhotos)));
   return command;
 }
 
@@ -120,24 +170,28 @@ ColmapCommand model_command(const ColmapPlan& plan) {
     command.add_known({"--Mapper.num_threads"}, thread_text(plan));
     return command;
   }
-  ColmapCommand command(plan.program, "mapper");
-  command.add("--database_path", plan.files.database().string());
-  command.add("--image_path", pictures_of(plan).string());
-  command.add("--output_path", plan.files.attempt().string());
-  if (plan.has_panoramas())  // the lens and the turns of their views are known
-    for (const char* what : {"focal_length", "extra_params", "sensor_from_rig"})
-      command.add_known({fmt::format("--Mapper.ba_refine_{}", what).c_str()}, "0");
-  command.add_known({"--Mapper.num_threads"}, thread_text(plan));
+  return mapper_command(plan, "mapper", "--Mapper", plan.files.database());
+}
+
+ColmapCommand calibration_command(const ColmapPlan& plan) {
+  ColmapCommand command(plan.program, "view_graph_calibrator");
+  command.add("--database_path", plan.files.global_database().string());
   return command;
 }
 
+ColmapCommand global_model_command(const ColmapPlan& plan) {
+  return mapper_command(plan, kGlobalMapper, "--GlobalMapper", plan.files.global_database());
+}
+
 bool has_command(const ColmapPlan& plan, const std::string& command) {
-  bool is_known = false;
-  run_process({plan.program, "help"}, {}, [&](std::string_view line) {
+  return helps(plan, [&](std::string_view line) {
     const std::size_t begin = line.find_first_not_of(" \t");
-    is_known |= begin != line.npos && line.substr(begin).starts_with(command);
+    return begin != line.npos && line.substr(begin).starts_with(command);
   });
-  return is_known;
+}
+
+bool has_cuda(const ColmapPlan& plan) {
+  return helps(plan, [](std::string_view line) { return line.find("with CUDA") != line.npos; });
 }
 
 ColmapCommand rig_command(const ColmapPlan& plan) {

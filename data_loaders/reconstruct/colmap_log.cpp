@@ -78,7 +78,7 @@ ColmapLog read_colmap_log(const std::filesystem::path& file) {
       tried = take_number(*id).value_or(0);
     } else if (auto seen = after(line, "Image sees ")) {
       log.seen_points[std::uint32_t(tried)] = int(take_number(*seen).value_or(0));
-    } else if (line.find("failed to create sparse model") != line.npos) {
+    } else if (line.find("ailed to create sparse model") != line.npos) {
       log.no_model = true;
     } else if (line.find("colmap mapper") != line.npos) {  // a new attempt
       log.seen_points.clear();

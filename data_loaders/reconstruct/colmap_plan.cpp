@@ -7,6 +7,7 @@
 #include <map>
 #include <utility>
 
+#include "data_loaders/reconstruct/colmap_commands.h"
 #include "gs_core/error.h"
 #include "gs_core/system/files/move_aside.h"
 #include "gs_core/system/fnv1a.h"
@@ -17,7 +18,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-// With more, `auto` matches neighbors by name only.
+// With more, `auto` does not match all pairs; COLMAP's automatic_reconstructor has the same limit.
 constexpr std::size_t kExhaustivePhotos = 200, kExhaustivePanoramas = 100;
 
 std::string found_program(const ColmapPlan& plan, const std::string& name) {
@@ -87,12 +88,11 @@ void complete_plan(ColmapPlan& plan, const fs::path& source) {
     throw Error(
         fmt::format("{} has {} photo(s); a scene needs at least {}, and looks good with 30 or more",
                     source.string(), plan.photos.size(), kFewestPhotos));
+  const std::size_t most = plan.has_panoramas() ? kExhaustivePanoramas : kExhaustivePhotos;
   if (plan.matching == Matching::automatic)
-    plan.matching =
-        plan.videos.empty() && plan.photos.size() <=
-                                   (plan.has_panoramas() ? kExhaustivePanoramas : kExhaustivePhotos)
-            ? Matching::exhaustive
-            : Matching::sequential;
+    plan.matching = !plan.videos.empty()         ? Matching::sequential
+                    : plan.photos.size() <= most ? Matching::exhaustive
+                                                 : Matching::retrieval;
   plan.single_camera = plan.single_camera_setting == SingleCamera::automatic
                            ? same_size(plan.photos)
                            : plan.single_camera_setting == SingleCamera::yes;
@@ -103,6 +103,7 @@ ColmapPlan plan_of(const ColmapJob& job) {
   ColmapPlan plan;
   plan.files.root = job.scene;
   plan.matching = settings.matching;
+  plan.mapper = settings.mapper;
   plan.single_camera_setting = settings.single_camera;
   plan.camera_model = settings.camera_model;
   plan.max_features = settings.max_features;
@@ -113,6 +114,11 @@ ColmapPlan plan_of(const ColmapJob& job) {
   if (!plan.poses) plan.videos = find_videos(job.photos);
   plan.has_short_flags = job.has_short_flags;
   plan.program = found_program(plan, settings.colmap);
+  if (plan.mapper == Mapper::global && !has_command(plan, kGlobalMapper))
+    throw Error(fmt::format(
+        "{} has no command {}, which COLMAP 4 has; name such a program with {}, or take {}",
+        plan.program, kGlobalMapper, plan.flag("colmap", "PATH"),
+        plan.flag("mapper", "incremental")));
   const bool same_folder = fs::weakly_canonical(job.photos) == fs::weakly_canonical(job.scene);
   if (!plan.videos.empty()) {
     if (same_folder)
@@ -150,20 +156,23 @@ std::string made_of(const ColmapPlan& plan) {
   Fnv1a hash;
   for (const fs::path& video : plan.videos)
     hash.add(fmt::format("{}\n{}\n", video.filename().string(), fs::file_size(video)));
+  // `auto` has no text, so that a scene stays finished when COLMAP is replaced by a newer one.
+  const std::string mapper =
+      plan.mapper == Mapper::automatic ? "" : fmt::format(", {} mapper", word_of(plan.mapper));
   if (!plan.videos.empty())
-    return fmt::format("{} frames of {} videos {:016x}, {}, {} camera(s), {} matching, {} features",
-                       plan.frames, plan.videos.size(), hash.value(), plan.camera_model,
-                       word_of(plan.single_camera_setting), word_of(plan.matching),
-                       plan.max_features);
+    return fmt::format(
+        "{} frames of {} videos {:016x}, {}, {} camera(s), {} matching, {} features{}", plan.frames,
+        plan.videos.size(), hash.value(), plan.camera_model, word_of(plan.single_camera_setting),
+        word_of(plan.matching), plan.max_features, mapper);
   for (const PhotoFile& photo : plan.photos)
     hash.add(fmt::format("{}\n{}\n{}", photo.name, fs::file_size(photo.path),
                          photo.is_copied ? "upright\n" : ""));
-  return fmt::format("{} photos {:016x}, {}, {} camera(s), {} matching, {} features{}",
+  return fmt::format("{} photos {:016x}, {}, {} camera(s), {} matching, {} features{}{}",
                      plan.photos.size(), hash.value(), plan.camera_model,
                      plan.has_panoramas() ? "views of panoramas, no"
                      : plan.single_camera ? "one"
                                           : "own",
-                     word_of(plan.matching), plan.max_features,
+                     word_of(plan.matching), plan.max_features, mapper,
                      plan.poses ? text_of_poses(*plan.poses) : "");
 }
 

@@ -31,6 +31,8 @@ struct SceneFiles {
   std::filesystem::path known() const { return work / "known"; }     // poses that are known
   std::filesystem::path views() const { return work / "views"; }     // of panoramas
   std::filesystem::path rig() const { return work / "rig.json"; }    // of these views
+  std::filesystem::path vocabulary() const { return work / "vocabulary.bin"; }
+  std::filesystem::path global_database() const { return work / "global.db"; }
   std::filesystem::path photo_list() const { return work / "photos.txt"; }
   std::filesystem::path database() const { return root / "database.db"; }
   std::filesystem::path log() const { return root / "colmap.log"; }
@@ -44,8 +46,9 @@ struct ColmapPlan {
   bool photos_in_place = false;               // the photos are in the scene's images/ already
   std::string program, camera_model;
   Matching matching = Matching::automatic;
+  Mapper mapper = Mapper::automatic;
   bool single_camera = false;  // one lens took all photos: see camera_groups()
-  bool use_gpu = false;
+  bool use_gpu = false;        // until COLMAP turns out to have no CUDA, or to fail with it
   int max_features = 0, frames = 0, threads = 0;
   SingleCamera single_camera_setting = SingleCamera::automatic;
   bool has_short_flags = false;                        // as in ColmapJob

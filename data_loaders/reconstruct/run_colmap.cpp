@@ -30,6 +30,9 @@ namespace {
 namespace fs = std::filesystem;
 
 constexpr std::size_t kLinesShown = 8;  // of COLMAP's log in an error
+// With more, `auto` takes the global mapper. The incremental one is more robust, and its time grows
+// faster than the number of photos.
+constexpr std::size_t kIncrementalPhotos = 500;
 
 struct Stage {
   ColmapStage stage;
@@ -53,8 +56,8 @@ std::set<std::string> stage_names() {
         "COLMAP could not place the cameras: no two photos share enough detail from places far "
         "enough apart; take more photos, each with two thirds of the one before in it{}. The "
         "output of COLMAP is in {}",
-        plan.matching == Matching::sequential ? ", or try " + plan.flag("matching", "exhaustive")
-                                              : "",
+        plan.matching == Matching::exhaustive ? ""
+                                              : ", or try " + plan.flag("matching", "exhaustive"),
         log));
   throw Error(fmt::format(
       "COLMAP failed while {} ({}); the same command continues from here. The end of {}:\n{}",
@@ -65,8 +68,8 @@ std::set<std::string> stage_names() {
 }
 
 // `before` photos of the stage are done by earlier commands.
-void run_stage(const Stage& stage, const ColmapCommand& command, const ColmapPlan& plan,
-               const ColmapProgress& progress, std::int64_t before = 0) {
+ProcessEnd end_of(const Stage& stage, const ColmapCommand& command, const ColmapPlan& plan,
+                  const ColmapProgress& progress, std::int64_t before = 0) {
   const auto photos =
       std::int64_t(plan.photos.size()) * (plan.has_panoramas() ? kPanoramaViews : 1);
   if (before == 0) {
@@ -76,9 +79,8 @@ void run_stage(const Stage& stage, const ColmapCommand& command, const ColmapPla
   std::ofstream(plan.files.log(), std::ios::app)
       << "\n## " << fmt::format("{}", fmt::join(command.arguments(), " ")) << "\n"
       << "## colmap " << command.arguments()[1] << "\n";
-  ProcessEnd end;
   try {
-    end = run_process(command.arguments(), plan.files.log(), [&](std::string_view line) {
+    return run_process(command.arguments(), plan.files.log(), [&](std::string_view line) {
       const auto count = colmap_count(line);
       if (!count) return;
       const bool counts_photos = count->total == 0 || stage.stage == ColmapStage::features;
@@ -90,7 +92,27 @@ void run_stage(const Stage& stage, const ColmapCommand& command, const ColmapPla
                             error.what(), plan.files.root.string()),
                 ExitCode::interrupted);
   }
+}
+
+void run_stage(const Stage& stage, const ColmapCommand& command, const ColmapPlan& plan,
+               const ColmapProgress& progress, std::int64_t before = 0) {
+  const ProcessEnd end = end_of(stage, command, plan, progress, before);
   if (!end.good()) fail_in(stage, plan, end);
+}
+
+// CUDA may be there without a GPU, or with one that has too little memory.
+template <class MakeCommand>
+void run_on_gpu_or_cpu(const Stage& stage, const MakeCommand& command, ColmapPlan& plan,
+                       const ColmapProgress& progress, std::int64_t before = 0) {
+  if (plan.use_gpu) {
+    if (end_of(stage, command(plan), plan, progress, before).good()) return;
+    log_warning(
+        "COLMAP failed on the GPU while {}, and goes on without it; {} says why, and "
+        "--set reconstruct.use_gpu=false does not try it",
+        stage.headline, plan.files.log().string());
+    plan.use_gpu = false;
+  }
+  run_stage(stage, command(plan), plan, progress, before);
 }
 
 // The mapper's models become sparse/0, sparse/1, ..., the one with most photos first.
@@ -131,36 +153,78 @@ void make_panorama_models(const Stage& stage, const ColmapPlan& plan,
   }
 }
 
+void empty_attempt(const SceneFiles& files) {
+  fs::remove_all(files.attempt());  // of an earlier command
+  fs::create_directories(files.attempt());
+}
+
+bool is_mapped_globally(const ColmapPlan& plan) {
+  if (plan.poses || plan.mapper == Mapper::incremental) return false;
+  return plan.mapper == Mapper::global ||
+         (plan.photos.size() > kIncrementalPhotos && has_command(plan, kGlobalMapper));
+}
+
+// Whether it placed half of the photos or more.
+bool map_globally(const Stage& stage, const ColmapPlan& plan, const ColmapProgress& progress) {
+  const fs::path database = plan.files.global_database();
+  fs::copy_file(plan.files.database(), database, fs::copy_options::overwrite_existing);
+  if (!plan.has_panoramas() && has_command(plan, "view_graph_calibrator"))
+    end_of(stage, calibration_command(plan), plan, progress);  // without it, the result is worse
+  const bool is_good = end_of(stage, global_model_command(plan), plan, progress).good();
+  fs::remove(database);
+  std::size_t placed = 0;
+  if (is_good)
+    for (const fs::path& model : colmap_models_in(plan.files.attempt()))
+      placed = std::max(placed, read_colmap_model(model).images.size());
+  const auto photos = plan.photos.size() * (plan.has_panoramas() ? kPanoramaViews : 1);
+  if (2 * placed >= photos) return true;
+  log_warning("the global mapper {}; the incremental one places the cameras instead",
+              is_good ? fmt::format("placed {} of {} photos", placed, photos) : "failed");
+  empty_attempt(plan.files);
+  return false;
+}
+
 void make_model(const Stage& stage, const ColmapPlan& plan, SceneFolder& folder,
                 const ColmapProgress& progress) {
-  fs::remove_all(plan.files.attempt());  // of an earlier command
-  fs::create_directories(plan.files.attempt());
+  empty_attempt(plan.files);
   if (plan.poses) {
     fs::create_directories(plan.files.attempt() / "0");  // point_triangulator does not
     write_colmap_model(plan.files.known(), known_model(plan));
   }
-  run_stage(stage, model_command(plan), plan, progress);
+  if (!is_mapped_globally(plan) || !map_globally(stage, plan, progress))
+    run_stage(stage, model_command(plan), plan, progress);
   if (plan.has_panoramas()) make_panorama_models(stage, plan, progress);
   keep_models(plan.files);
   folder.finish(stage.name);
 }
 
 // COLMAP gives one camera to all photos of a call, so each group has a call.
-void find_features(const Stage& stage, const ColmapPlan& plan, const ColmapProgress& progress) {
+void find_features(const Stage& stage, ColmapPlan& plan, const ColmapProgress& progress) {
+  const auto extract = [&](const std::vector<PhotoFile>& photos, std::int64_t before) {
+    run_on_gpu_or_cpu(
+        stage, [&](const ColmapPlan& now) { return feature_command(now, photos); }, plan, progress,
+        before);
+  };
   if (plan.has_panoramas()) {
-    run_stage(stage, feature_command(plan, panorama_views(plan)), plan, progress);
+    extract(panorama_views(plan), 0);
     if (!has_command(plan, "rig_configurator")) return;
     write_rig_of_views(plan.files.rig());
     return run_stage(stage, rig_command(plan), plan, progress, 1);
   }
   std::int64_t before = 0;
   for (const std::vector<PhotoFile>& photos : camera_groups(plan)) {
-    run_stage(stage, feature_command(plan, photos), plan, progress, before);
+    extract(photos, before);
     before += std::int64_t(photos.size());
   }
 }
 
-void run_stages(const ColmapPlan& plan, SceneFolder& folder, const ColmapProgress& progress) {
+void match_photos(const Stage& stage, ColmapPlan& plan, const ColmapProgress& progress) {
+  if (plan.matching == Matching::retrieval)
+    run_stage(stage, vocabulary_command(plan), plan, progress);
+  run_on_gpu_or_cpu(stage, match_command, plan, progress);
+}
+
+void run_stages(ColmapPlan& plan, SceneFolder& folder, const ColmapProgress& progress) {
   for (const Stage& stage : kStages) {
     if (folder.has(stage.name)) {
       log_info("{}: done before", stage.headline);
@@ -170,7 +234,7 @@ void run_stages(const ColmapPlan& plan, SceneFolder& folder, const ColmapProgres
       case ColmapStage::frames:
       case ColmapStage::copies: break;  // taken above
       case ColmapStage::features: find_features(stage, plan, progress); break;
-      case ColmapStage::matches: run_stage(stage, match_command(plan), plan, progress); break;
+      case ColmapStage::matches: match_photos(stage, plan, progress); break;
       case ColmapStage::model: make_model(stage, plan, folder, progress); continue;
     }
     folder.complete(stage.name);
@@ -211,8 +275,9 @@ Reconstruction run_colmap(const ColmapJob& job, const ColmapProgress& progress) 
   else if (!folder->has("model"))
     take_photos(plan, *folder, progress);
   if (plan.has_panoramas() && !folder->has("model")) cut_panoramas(plan, progress);
-  log_info("{} photos, {}, {} matching", plan.photos.size(), text_of_cameras(plan),
-           word_of(plan.matching));
+  plan.use_gpu = plan.use_gpu && !folder->has("matches") && has_cuda(plan);
+  log_info("{} photos, {}, {} matching{}", plan.photos.size(), text_of_cameras(plan),
+           word_of(plan.matching), plan.use_gpu ? " on the GPU" : "");
   run_stages(plan, *folder, progress);
   return verdict_of(plan);
 }

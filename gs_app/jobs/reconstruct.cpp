@@ -29,6 +29,7 @@ void visit_options(ReconstructJob& job, OptionList& option) {
       .group("Output");
   option.setting("--frames", "reconstruct.frames", "COLMAP");
   option.setting("--matching", "reconstruct.matching", "COLMAP");
+  option.setting("--mapper", "reconstruct.mapper", "COLMAP");
   option.setting("--camera-model", "reconstruct.camera_model", "COLMAP");
   option.setting("--single-camera", "reconstruct.single_camera", "COLMAP");
   option.setting("--max-features", "reconstruct.max_features", "COLMAP");

@@ -51,11 +51,12 @@ struct DatasetConfig {
 struct ReconstructConfig {
   std::string colmap = "colmap";  // the program
   Matching matching = Matching::automatic;
+  Mapper mapper = Mapper::automatic;
   std::string camera_model = "SIMPLE_RADIAL";  // COLMAP's name
   SingleCamera single_camera = SingleCamera::automatic;
   int max_features = 8192;  // in one photo
   int frames = 200;         // taken from all videos together
-  bool use_gpu = false;
+  bool use_gpu = true;      // if the program was built with CUDA
 };
 
 /// What is learned, and where it starts.

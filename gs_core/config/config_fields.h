@@ -78,12 +78,13 @@ void visit_fields(AnyConfig& config, Visitor&& visit) {
 
   auto& reconstruct = config.reconstruct;
   field("reconstruct.colmap",           reconstruct.colmap,           "file",        any(),                   proceed, "the colmap program");
-  field("reconstruct.matching",         reconstruct.matching,         "",            one_of<Matching>(),      proceed, "which photos are compared: all pairs (exhaustive) or neighbors by name (sequential); auto: sequential for videos and for more than 200 photos");
+  field("reconstruct.matching",         reconstruct.matching,         "",            one_of<Matching>(),      proceed, "which photos are compared: all pairs (exhaustive), neighbors by name (sequential), or each with those that look most like it (retrieval); auto: exhaustive up to 200 photos, retrieval for more, and sequential for videos");
+  field("reconstruct.mapper",           reconstruct.mapper,           "",            one_of<Mapper>(),        proceed, "how cameras are placed: one after another (incremental), or all at once (global), which needs COLMAP 4; auto: global for more than 500 photos, if the program can");
   field("reconstruct.camera_model",     reconstruct.camera_model,     "",            one_of(kLensWords),      proceed, "the lens model, by COLMAP's name");
   field("reconstruct.single_camera",    reconstruct.single_camera,    "",            one_of<SingleCamera>(),  proceed, "whether all photos share one lens; auto: yes if all have the same size");
   field("reconstruct.max_features",     reconstruct.max_features,     "features",    steps_from(1),           proceed, "most features extracted from one photo", "COLMAP");
   field("reconstruct.frames",           reconstruct.frames,           "frames",      steps_from(3),           proceed, "frames taken from all videos together: the sharpest of each stretch");
-  field("reconstruct.use_gpu",          reconstruct.use_gpu,          "",            any(),                   proceed, "extract and match features on the GPU; needs a colmap built with CUDA");
+  field("reconstruct.use_gpu",          reconstruct.use_gpu,          "",            any(),                   proceed, "extract and match features on the GPU, if colmap was built with CUDA");
 
   auto& model = config.model;
   field("model.output",                 model.output,                 "folder",      any(),                   nothing, "the run's folder: everything is written there");

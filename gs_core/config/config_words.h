@@ -30,7 +30,9 @@ enum class MaskMode { automatic, ignore, background };
 /// How photos with a lens train: as pinhole pictures made of them, or as they are.
 enum class LensUse { automatic, undistort, native };
 /// Which pairs of photos COLMAP compares.
-enum class Matching { automatic, exhaustive, sequential };
+enum class Matching { automatic, exhaustive, sequential, retrieval };
+/// How COLMAP places cameras: one after another, or all at once.
+enum class Mapper { automatic, incremental, global };
 /// How the times of photos are found in scenes of COLMAP.
 enum class PhotoTimes { none, frames, names };
 /// Whether all photos were taken through one lens.
@@ -108,7 +110,14 @@ template <>
 struct Words<Matching> {
   static constexpr Word<Matching> kTable[] = {{"auto", Matching::automatic},
                                               {"exhaustive", Matching::exhaustive},
-                                              {"sequential", Matching::sequential}};
+                                              {"sequential", Matching::sequential},
+                                              {"retrieval", Matching::retrieval}};
+};
+template <>
+struct Words<Mapper> {
+  static constexpr Word<Mapper> kTable[] = {{"auto", Mapper::automatic},
+                                            {"incremental", Mapper::incremental},
+                                            {"global", Mapper::global}};
 };
 template <>
 struct Words<SingleCamera> {

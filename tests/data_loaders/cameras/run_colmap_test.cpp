@@ -9,6 +9,7 @@
 
 #include <atomic>
 #include <chrono>
+#include <cstring>
 #include <map>
 #include <thread>
 #include <tuple>
@@ -88,6 +89,10 @@ class FakeColmap : public FolderTest {
   void install(const std::string& script) {
     write_bytes(path("colmap"), script);
     fs::permissions(path("colmap"), fs::perms::owner_all);
+  }
+  /// The good one, which does this first.
+  void install_before(const std::string& lines) {
+    install(std::string(kGoodColmap).insert(std::strlen("#!/bin/sh\n"), lines));
   }
   ColmapJob job() const {
     ColmapJob result;
@@ -210,6 +215,104 @@ TEST_F(FakeColmap, OptionsAreThoseThatTheVersionKnows) {
               AllOf(HasSubstr("--SiftExtraction.use_gpu 0"), Not(HasSubstr("FeatureExtraction"))));
 }
 
+TEST_F(FakeColmap, AGpuIsUsedWhereColmapHasCuda) {
+  install_before("[ \"$1\" = help ] && echo '  (Commit 1 on 2026 with CUDA)'\n");
+  run_colmap(job(), kSilent);
+  EXPECT_THAT(read_bytes(scene() / "colmap.log"),
+              AllOf(HasSubstr("--SiftExtraction.use_gpu 1"), Not(HasSubstr("use_gpu 0"))));
+  fs::remove_all(scene());
+  ColmapJob on_cpu = job();
+  on_cpu.settings.use_gpu = false;
+  run_colmap(on_cpu, kSilent);
+  EXPECT_THAT(read_bytes(scene() / "colmap.log"), Not(HasSubstr("use_gpu 1")));
+}
+
+TEST_F(FakeColmap, AfterAFailureOnTheGpuTheCpuDoesIt) {
+  install_before(R"sh([ "$1" = help ] && echo '  (Commit 1 on 2026 with CUDA)'
+case "$*" in *"use_gpu 1"*) echo no device; exit 1;; esac
+)sh");
+  const CapturedLog logged;
+  EXPECT_EQ(run_colmap(job(), kSilent).registered, 3u);
+  EXPECT_THAT(logged.text(), HasSubstr("COLMAP failed on the GPU while finding features"));
+  EXPECT_THAT(take_calls(), HasSubstr("feature_extractor\nfeature_extractor\nexhaustive"));
+  EXPECT_THAT(read_bytes(scene() / "colmap.log"), HasSubstr("--SiftExtraction.use_gpu 0"));
+}
+
+TEST_F(FakeColmap, RetrievalMatchesPhotosThatLookAlike) {
+  for (int i = 0; i < 197; ++i)
+    write_png(photos() / std::to_string(i).append(".png"), plain_photo(12, 8, 100));
+  install_before("[ $# = 2 ] && echo '  --max_num_images arg (=-1)'\n");
+  run_colmap(job(), kSilent);
+  EXPECT_THAT(
+      read_bytes(scene() / "colmap.log"),
+      AllOf(HasSubstr("vocabulary.bin --num_visual_words 4096"), HasSubstr("--max_num_images 50\n"),
+            HasSubstr("vocabulary.bin --VocabTreeMatching.num_images 50"),
+            Not(HasSubstr("exhaustive"))));
+  EXPECT_FALSE(fs::exists(work()));
+  fs::remove(photos() / "0.png");  // 200
+  fs::remove_all(scene());
+  run_colmap(job(), kSilent);
+  EXPECT_THAT(read_bytes(scene() / "colmap.log"),
+              AllOf(HasSubstr("exhaustive_matcher"), Not(HasSubstr("vocab"))));
+}
+
+/// The commands of COLMAP 4; global_mapper copies the model `global`.
+constexpr const char* kNewCommands = R"sh(
+case "$*" in
+  help) echo '  global_mapper'; echo '  view_graph_calibrator';;
+  *" -h") ;;
+  feature_extractor*) : > "$3";;
+  global_mapper*)
+    [ -d "$(dirname "$0")/global" ] || { echo Failed to create sparse model; exit 1; }
+    cp -r "$(dirname "$0")/global" "${7}/0";;
+esac
+)sh";
+
+TEST_F(FakeColmap, TheGlobalMapperWorksOnACopyOfTheDatabase) {
+  install_before(kNewCommands);
+  write_binary_model(path("global"), small_model(4));
+  ColmapJob global = job();
+  global.settings.mapper = Mapper::global;
+  EXPECT_EQ(run_colmap(global, kSilent).registered, 4u);
+  EXPECT_THAT(read_bytes(scene() / "colmap.log"),
+              AllOf(HasSubstr("view_graph_calibrator --database_path " + scene().string() + "/."),
+                    Not(HasSubstr("colmap mapper"))));
+  EXPECT_EQ(run_colmap(global, kSilent).registered, 4u);  // finished
+  EXPECT_THAT(error_of(job()), HasSubstr("holds a scene already, of other photos or settings"));
+}
+
+TEST_F(FakeColmap, TheIncrementalMapperFollowsWhereTheGlobalOneFails) {
+  install_before(kNewCommands);
+  ColmapJob global = job();
+  global.settings.mapper = Mapper::global;
+  CapturedLog logged;
+  EXPECT_EQ(run_colmap(global, kSilent).registered, 3u);
+  EXPECT_THAT(logged.text(), HasSubstr("the global mapper failed; the incremental one"));
+  fs::remove_all(scene());
+  write_binary_model(path("global"), small_model(1));
+  const Reconstruction result = run_colmap(global, kSilent);
+  EXPECT_EQ(result.registered, 3u);
+  EXPECT_EQ(result.models, 1u);
+  EXPECT_THAT(logged.text(), HasSubstr("the global mapper placed 1 of 4 photos"));
+}
+
+TEST_F(FakeColmap, TheGlobalMapperIsForManyPhotosAndForNewerVersions) {
+  ColmapJob global = job();
+  global.settings.mapper = Mapper::global;
+  EXPECT_THAT(error_of(global), AllOf(HasSubstr("no command global_mapper, which COLMAP 4 has"),
+                                      HasSubstr("--set reconstruct.mapper=incremental")));
+  write_binary_model(path("global"), small_model(3));
+  install_before(kNewCommands);
+  run_colmap(job(), kSilent);
+  EXPECT_THAT(take_calls(), Not(HasSubstr("global")));
+  fs::remove_all(scene());
+  for (int i = 0; i < 497; ++i)
+    write_png(photos() / std::to_string(i).append(".png"), plain_photo(12, 8, 100));
+  run_colmap(job(), kSilent);
+  EXPECT_THAT(take_calls(), HasSubstr("global_mapper"));
+  EXPECT_THAT(read_bytes(scene() / "colmap.log"), HasSubstr("colmap mapper"));  // 3 of 501
+}
+
 TEST_F(FakeColmap, ReasonForAMissingPhotoIsTakenFromTheLog) {
   ColmapModel model = small_model(2);
   model.images.push_back(small_model(4).images[3]);  // a, b, d; c was tried and saw 119 points
@@ -237,7 +340,7 @@ TEST_F(FakeColmap, FailureShowsTheEndOfTheLogAndLaterContinuesThere) {
   install(kGoodColmap);
   run_colmap(job(), kSilent);
   EXPECT_EQ(take_calls(),
-            "exhaustive_matcher\nexhaustive_matcher\nmapper\nmapper\n");  // help first
+            "help\nexhaustive_matcher\nexhaustive_matcher\nmapper\nmapper\n");  // help first
 }
 
 TEST_F(FakeColmap, OtherSettingsNeedForceWhichMovesTheSceneAway) {
@@ -372,7 +475,7 @@ TEST_F(FakeColmap, StartingOverRemovesOnlyWhatWePutThere) {
   for (const char* name : {"mapping/notes.txt", ".gemsplat-abcde/mine.png", "a.png"})
     write_bytes(scene() / name, "dear");
   ColmapJob other = job();
-  other.settings.max_features = 1000;
+  other.settings.mapper = Mapper::incremental;
   install(kGoodColmap);
   EXPECT_EQ(run_colmap(other, kSilent).registered, 3u);
   for (const char* name : {"mapping/notes.txt", ".gemsplat-abcde/mine.png", "a.png"})
@@ -859,16 +962,17 @@ cp "$2" "$(dirname "$0")/list"; cp "$(dirname "$2")/views/1/00002.jpg" "$(dirnam
 // New versions are told of the rig before they match, old ones after they have placed the views.
 TEST_F(FakeColmapOfPanoramas, EveryVersionHearsOfTheRig) {
   const auto colmap_with = [&](const std::string& command) {
-    install("#!/bin/sh\n[ \"$1\" = help ] && echo '  " + command + "'\n" +
-            (std::string(kGoodColmap) + R"sh(
+    install(
+        std::string(kGoodColmap)
+            .insert(std::strlen("#!/bin/sh\n"), "[ \"$1\" = help ] && echo '  " + command + "'\n") +
+        R"sh(
 case "$1" in rig_*)
   all="$*"
   while [ "$1" != --rig_config_path ]; do [ "$1" = --output_path ] && out=$2; shift; done
   cp "$2" "$(dirname "$0")/rig.json"
   case "$all" in *--input_path*) cp "$(dirname "$0")/model/"* "$out";; esac
 esac
-)sh")
-                .substr(10));
+)sh");
     ColmapJob job = this->job();
     job.force = true;
     run_colmap(job, kSilent);
