@@ -409,7 +409,7 @@ TEST(ConfigWords, EachWordStandsForItsOwnValueAndOthersAreRefused) {
                         HasSubstr("one of " + std::string(joined_words<T>()))));
     }
   });
-  EXPECT_EQ(settings, 14u);
+  EXPECT_EQ(settings, 15u);
 }
 
 TEST(Setting, TakesTomlValuesAndBareWords) {
