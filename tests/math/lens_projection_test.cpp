@@ -8,7 +8,7 @@
 #include "data_loaders/lenses/lens_range.h"
 #include "gs_core/math/render/rotation.h"
 #include "tests/data_loaders/photos/lens_cases.h"
-#include "tests/support/jet_oracle.h"
+#include "tests/support/flat_gaussian.h"
 
 namespace gs {
 namespace {
@@ -243,40 +243,14 @@ TEST(ProjectThroughLens, IsThePinholeWithoutDistortion) {
 
 // ---- The whole of stage 1 for one Gaussian through a lens.
 
-template <class T>
-ProjectedGaussian<T> project_flat(const PinholeCamera<double>& camera,
-                                  const std::array<T, 11>& flat) {
-  Unflatten in(flat);
-  const Vec3<T> mean = in.vec3(), log_scale = in.vec3();
-  const Quat<T> rotation = in.quat();
-  return project_shape(camera_as<T>(camera), mean, log_scale, rotation, in.scalar(), T(0),
-                       SplatSettings{.near_plane = 0.1f});
-}
+constexpr SplatSettings kLensSettings{.near_plane = 0.1f};
 
 TEST(ProjectGaussian, GradientThroughEveryLensMatchesJetWithItsDepth) {
   for (const LensCase& lens : all_cases()) {
     PinholeCamera<double> camera = seeing(lens);
     LensVisits visits;
-    const double worst = worst_gradient_error(
-        [&](const auto& x) {
-          const auto splat = project_flat(camera, x).splat;
-          return flatten(splat.mean2d, splat.conic, splat.opacity, splat.depth);
-        },
-        [&](const auto& x, const auto& dL) {
-          Unflatten in(x);
-          const Vec3d mean = in.vec3(), log_scale = in.vec3();
-          const Quat<double> rotation = in.quat();
-          Unflatten g(dL);
-          BasicSplatGradient<double> gradient;
-          gradient.mean2d = g.vec2();
-          gradient.conic = gradient_matrix(g.sym2());
-          gradient.opacity = g.scalar();
-          gradient.color = Vec3d(0.0);
-          gradient.depth = g.scalar();
-          const auto grads = project_shape_vjp(camera, mean, log_scale, rotation, in.scalar(), 0.0,
-                                               SplatSettings{.near_plane = 0.1f}, gradient);
-          return flatten(grads.mean, grads.log_scale, grads.rotation, grads.logit_opacity);
-        },
+    const double worst = worst_flat_gradient_error(
+        camera, kLensSettings,
         [&](TestRandom& random) {
           camera.cam_from_world_rotation = rotation_matrix(random.quaternion());
           camera.cam_from_world_translation = random.uniform3(-2, 2);
@@ -286,7 +260,7 @@ TEST(ProjectGaussian, GradientThroughEveryLensMatchesJetWithItsDepth) {
                                                    p - camera.cam_from_world_translation);
             const auto x = flatten(mean, random.uniform3(-4.5, -2.5), random.quaternion(),
                                    random.uniform(-3.0, 5.0));
-            if (project_flat(camera, x).is_visible) return x;
+            if (project_flat(camera, kLensSettings, x).is_visible) return x;
           }
         },
         500);

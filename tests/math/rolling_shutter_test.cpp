@@ -6,7 +6,7 @@
 #include "data_loaders/lenses/lens_range.h"
 #include "gs_core/math/render/rotation.h"
 #include "tests/data_loaders/photos/lens_cases.h"
-#include "tests/support/jet_oracle.h"
+#include "tests/support/flat_gaussian.h"
 
 namespace gs {
 namespace {
@@ -122,41 +122,15 @@ TEST(RollingShutter, AIsTheDerivativeOfTheMean) {
   }
 }
 
-template <class T>
-ProjectedGaussian<T> project_moving(const PinholeCamera<double>& camera,
-                                    const std::array<T, 11>& flat) {
-  Unflatten in(flat);
-  const Vec3<T> mean = in.vec3(), log_scale = in.vec3();
-  const Quat<T> rotation = in.quat();
-  return project_shape(camera_as<T>(camera), mean, log_scale, rotation, in.scalar(), T(0),
-                       SplatSettings{});
-}
+constexpr SplatSettings kMovingSettings{};
 
 // No term is left out: also those by which the time and the speed follow the mean.
 TEST(RollingShutter, GradientMatchesJet) {
   for (const MovingCase& lens : moving_cases()) {
     PinholeCamera<double> camera;
     int moving = 0, still = 0;
-    const double worst = worst_gradient_error(
-        [&](const auto& x) {
-          const auto splat = project_moving(camera, x).splat;
-          return flatten(splat.mean2d, splat.conic, splat.opacity, splat.depth);
-        },
-        [&](const auto& x, const auto& dL) {
-          Unflatten in(x);
-          const Vec3d mean = in.vec3(), log_scale = in.vec3();
-          const Quat<double> rotation = in.quat();
-          Unflatten g(dL);
-          BasicSplatGradient<double> gradient;
-          gradient.mean2d = g.vec2();
-          gradient.conic = gradient_matrix(g.sym2());
-          gradient.opacity = g.scalar();
-          gradient.color = Vec3d(0.0);
-          gradient.depth = g.scalar();
-          const auto grads = project_shape_vjp(camera, mean, log_scale, rotation, in.scalar(), 0.0,
-                                               SplatSettings{}, gradient);
-          return flatten(grads.mean, grads.log_scale, grads.rotation, grads.logit_opacity);
-        },
+    const double worst = worst_flat_gradient_error(
+        camera, kMovingSettings,
         [&](TestRandom& random) {
           for (;;) {
             camera = draw_moving(random, lens);
@@ -168,7 +142,8 @@ TEST(RollingShutter, GradientMatchesJet) {
             const ExposedPoint<double> point = exposed_point(camera, p);
             const bool is_above_or_below =
                 std::abs(point.seen.mean2d.y / camera.height - 0.5) > 0.5 + kFrustumMargin;
-            if (!project_moving(camera, x).is_visible || (!point.moves && !is_above_or_below))
+            if (!project_flat(camera, kMovingSettings, x).is_visible ||
+                (!point.moves && !is_above_or_below))
               continue;
             ++(point.moves ? moving : still);
             return x;
@@ -177,7 +152,9 @@ TEST(RollingShutter, GradientMatchesJet) {
         1000);
     EXPECT_LT(worst, 1e-7) << lens.label;
     EXPECT_GT(moving, kEnoughCases) << lens.label;
-    if (has_perspective_chart(camera.lens.lens)) EXPECT_GT(still, 5) << lens.label;
+    if (has_perspective_chart(camera.lens.lens)) {
+      EXPECT_GT(still, 5) << lens.label;
+    }
   }
 }
 
@@ -206,7 +183,7 @@ TEST(RollingShutter, DoesNotDrawWhatTheRowsNeverPass) {
     // What lies at z = 1 moves down by so many.
     const auto camera = with_motion<double>(still, {Vec3d(0.0), {0, -heights, 0}});
     const std::array<double, 11> x{0, 0, 1, -3, -3, -3, 1, 0, 0, 0, 2};
-    return project_moving(camera, x).is_visible;
+    return project_flat(camera, kMovingSettings, x).is_visible;
   };
   EXPECT_TRUE(is_drawn(0.8));
   EXPECT_FALSE(is_drawn(0.95));
