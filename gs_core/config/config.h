@@ -91,7 +91,7 @@ struct RenderConfig {
 struct LossConfig {
   std::string kind = "l1_ssim";  // l1_ssim
   float lambda_dssim = 0.2f;
-  float depth_weight = 0.2f;  // of the depth loss at the first step, where there are maps
+  float depth_weight = 0.5f;  // of the depth loss at the first step, where there are maps
 };
 
 /// How photos that differ in exposure and white balance are explained (docs/method/photometric.md).
