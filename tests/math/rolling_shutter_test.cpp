@@ -49,6 +49,12 @@ Vec3d draw_point(TestRandom& random, const PinholeCamera<double>& camera) {
          Vec3d(random.uniform(-reach, reach), 2.5 * random.uniform(-reach, reach), 1);
 }
 
+/// The place in the world of a point in the axes of a camera.
+Vec3d in_world(const PinholeCamera<double>& camera, const Vec3d& p) {
+  return multiply_transposed(camera.cam_from_world_rotation,
+                             p - camera.cam_from_world_translation);
+}
+
 /// The camera that stands still where the moving one is at a time of 0 (first row) to 1.
 PinholeCamera<double> at_time(PinholeCamera<double> camera, double time) {
   const auto [turn, shift] = camera.lens.motion;
@@ -75,8 +81,7 @@ TEST(RollingShutter, PointsAreSeenFromThePoseOfTheirOwnRow) {
     for (int i = 0; i < 300; ++i) {
       const PinholeCamera<double> camera = draw_moving(random, lens);
       const Vec3d p = draw_point(random, camera);
-      const Vec3d mean = multiply_transposed(camera.cam_from_world_rotation,
-                                             p - camera.cam_from_world_translation);
+      const Vec3d mean = in_world(camera, p);
       // How far the row of a time is above the point at that time.
       const auto above = [&](double time) {
         return seen_by(at_time(camera, time), mean).y - time * camera.height;
@@ -109,8 +114,7 @@ TEST(RollingShutter, AIsTheDerivativeOfTheMean) {
           const auto seen = camera_as<T>(camera);
           return flatten(project_point(seen, to_camera(seen, Unflatten(x).vec3())).mean2d);
         };
-        const Vec3d mean = multiply_transposed(camera.cam_from_world_rotation,
-                                               p - camera.cam_from_world_translation);
+        const Vec3d mean = in_world(camera, p);
         return jet_gradient(project, flatten(mean), std::array{gx, gy});
       };
       const Mat23<double> A = project_point(camera, p).A;
@@ -135,8 +139,7 @@ TEST(RollingShutter, GradientMatchesJet) {
           for (;;) {
             camera = draw_moving(random, lens);
             const Vec3d p = draw_point(random, camera);
-            const Vec3d mean = multiply_transposed(camera.cam_from_world_rotation,
-                                                   p - camera.cam_from_world_translation);
+            const Vec3d mean = in_world(camera, p);
             const auto x = flatten(mean, random.uniform3(-4.5, -2.5), random.quaternion(),
                                    random.uniform(-3.0, 5.0));
             const ExposedPoint<double> point = exposed_point(camera, p);
