@@ -63,6 +63,12 @@ std::optional<std::string> ForeignModel::photo(const std::string& label) {
   return std::nullopt;
 }
 
+std::optional<std::string> ForeignModel::photo_at(const std::string& end) const {
+  const auto found = names_.find(lowercase(end));
+  if (found == names_.end() || found->second.size() != 1) return std::nullopt;
+  return found->second[0];
+}
+
 PhotoSize ForeignModel::size_of(const std::string& photo) const {
   return read_photo_size(photos_ / photo);
 }

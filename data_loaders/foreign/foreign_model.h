@@ -29,6 +29,8 @@ class ForeignModel {
   /// The photo that a label means: its path, the end of its path, or that without its ending. Nothing
   /// if there is none, of which take() warns. Throws Error if several photos could be meant.
   std::optional<std::string> photo(const std::string& label);
+  /// The one photo whose path ends in this, with or without its ending; nothing if none or several do.
+  std::optional<std::string> photo_at(const std::string& end) const;
   PhotoSize size_of(const std::string& photo) const;
 
   /// Cameras with equal values are one. Returns its id.

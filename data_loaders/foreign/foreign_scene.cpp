@@ -37,7 +37,11 @@ constexpr Form kForms[] = {
     {"corrected_cameras", ".json", "\"t_00\"", "Polycam", read_polycam},
     {"cameras", ".json", "\"t_00\"", "Polycam", read_polycam},
     {"", "metadata.json", "\"k\":", "Record3D", read_record3d},
+    {"", "metadata.json", "\"frametimestamps\":", "Record3D", read_record3d},
+    {"", "metadata.json", "\"poses\":[[", "Record3D", read_record3d},
     {"", "metadata", "\"k\":", "Record3D", read_record3d},
+    {"", "metadata", "\"frametimestamps\":", "Record3D", read_record3d},
+    {"", "metadata", "\"poses\":[[", "Record3D", read_record3d},
     {"cams", "_cam.txt", "extrinsic", "MVSNet", read_mvsnet},
 };
 

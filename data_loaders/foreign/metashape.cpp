@@ -3,18 +3,21 @@
 // transforms of its components to the world.
 #include <spdlog/fmt/fmt.h>
 
+#include <cmath>
 #include <map>
 #include <pugixml.hpp>
 #include <sstream>
 
 #include "data_loaders/foreign/foreign_model.h"
 #include "gs_core/system/files/text_file.h"
+#include "gs_core/system/log.h"
 #include "gs_core/system/text/parse_number.h"
 
 namespace gs {
 namespace {
 
 constexpr std::uint64_t kMostXml = 1 << 28;  // bytes
+constexpr double kMostSkew = 0.5;  // pixels by which a skew that is left out moves a border
 
 std::vector<double> numbers_of(const ForeignModel& model, const pugi::xml_node& node,
                                std::size_t count) {
@@ -49,7 +52,11 @@ std::uint32_t camera_of_sensor(ForeignModel& model, const pugi::xml_node& sensor
   if (!calibration) calibration = sensor.child("calibration");
   if (!calibration) refuse_sensor(model, sensor, "has no calibration");
   const auto number = [&](const char* name) { return calibration.child(name).text().as_double(); };
-  if (number("b2") != 0) refuse_sensor(model, sensor, "has a skew (b2)");
+  if (!(number("f") > 0))
+    refuse_sensor(model, sensor, "has no focal length f, as files of PhotoScan 1.2 and older");
+  // A skew moves the upper and the lower border of a photo against each other.
+  if (std::abs(number("b2")) * 0.5 * size.height > kMostSkew * number("f"))
+    refuse_sensor(model, sensor, "has a skew (b2) of more than half a pixel");
   const double fx = number("f") + number("b1"), fy = number("f");
   const double cx = number("cx") + 0.5 * size.width, cy = number("cy") + 0.5 * size.height;
   if (type == "frame" || type.empty())  // p1 and p2 are the other way round
@@ -116,9 +123,13 @@ void read_metashape(ForeignModel& model) {
     if (const auto transform = component.child("transform"))
       components[component.attribute("id").value()] = to_world_of(model, transform);
   const ToWorld of_chunk = to_world_of(model, chunk.child("transform"));
+  std::vector<std::string> of_rigs;
   for_each_camera(chunk.child("cameras"), [&](const pugi::xml_node& camera) {
     const auto transform = camera.child("transform");
-    if (!transform) return;  // not placed
+    if (!transform) {  // not placed, or by another camera of its rig
+      if (camera.attribute("master_id")) of_rigs.push_back(camera.attribute("label").value());
+      return;
+    }
     const auto photo = model.photo(camera.attribute("label").value());
     if (!photo) return;
     const auto sensor = chunk.child("sensors").find_child_by_attribute(
@@ -131,6 +142,11 @@ void read_metashape(ForeignModel& model) {
                  product(to.R, {{m[0], m[1], m[2]}, {m[4], m[5], m[6]}, {m[8], m[9], m[10]}}),
                  to.scale * multiply(to.R, Vec3d(m[3], m[7], m[11])) + to.t);
   });
+  if (!of_rigs.empty())
+    log_warning(
+        "{} photos of {}, such as '{}', hang on another camera of a rig and have no pose of "
+        "their own: left out; export the cameras for COLMAP, which writes all poses",
+        of_rigs.size(), model.file().string(), of_rigs[0]);
 }
 
 }  // namespace gs

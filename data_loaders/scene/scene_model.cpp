@@ -11,6 +11,7 @@
 #include "data_loaders/colmap/world_offset.h"
 #include "data_loaders/foreign/foreign_scene.h"
 #include "data_loaders/photos/photo_names.h"
+#include "data_loaders/points/points_beside.h"
 #include "data_loaders/transforms/transforms_json.h"
 #include "gs_core/error.h"
 #include "gs_core/system/log.h"
@@ -155,6 +156,8 @@ SceneModel read_scene(const DatasetConfig& dataset, const SceneFolders& folders,
     localize_names(scene.model, folders.images);
   } else if (folders.kind == SceneKind::foreign) {
     scene.model = read_foreign_scene(folders.model, folders.images);
+    if (scene.model.points.empty())
+      scene.model.points = points_beside(scene.model, dataset.source, folders.model);
   } else {
     transforms = read_transforms(folders.model);
     scene.model = std::move(transforms.model);

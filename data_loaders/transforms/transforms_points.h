@@ -9,9 +9,9 @@
 
 namespace gs {
 
-/// The points of the PLY that the file names in ply_file_path; gray if the PLY has no colors.
-/// None, with a warning, if the PLY cannot be read, and none if the file names no PLY. Points that
-/// are not finite are left out. Throws Error for a path that is not one.
+/// The points of the file that ply_file_path names, a PLY or what else read_point_file() reads. None,
+/// with a warning, if it cannot be read, and none if no file is named. Throws Error for a path that is
+/// not one.
 std::vector<ColmapPoint> read_transforms_points(const TransformsFile& file);
 
 }  // namespace gs

@@ -50,8 +50,9 @@ std::vector<fs::path> files_of(const MeshJob& job, const MeshFormat& format) {
   const fs::path mesh = job.output;
   if (!job.texture) return {mesh};
   if (!format.takes_textures)
-    throw UsageError(job.output + ": --texture needs a .glb or an .obj; name such a file with -o");
-  if (mesh.extension() == ".glb") return {mesh};
+    throw UsageError(job.output +
+                     ": --texture needs a .glb, an .obj or a .usdz; name such a file with -o");
+  if (mesh.extension() != ".obj") return {mesh};
   return {fs::path(mesh).replace_extension(".png"), fs::path(mesh).replace_extension(".mtl"), mesh};
 }
 
@@ -75,8 +76,9 @@ void write_files(const std::vector<fs::path>& files, const MeshFormat& format,
     write_file(files[0], [&](ByteSink& sink) { sink.write(texture.png); });
     write_file(files[1], [&](ByteSink& sink) { sink.write(texture.material()); });
   }
-  write_file(files.back(),
-             [&](ByteSink& sink) { format.write(sink, made.mesh, made.world_offset, texture); });
+  write_file(files.back(), [&](ByteSink& sink) {
+    format.write(sink, made.mesh, made.world_offset, texture, made.named_views);
+  });
 }
 
 }  // namespace
@@ -85,9 +87,10 @@ void visit_options(MeshJob& job, OptionList& list) {
   list("model", job.model, std::string(kModelHelp) + "; with --depths a scene")
       .takes("MODEL|RUN")
       .required();
-  list("-o,--output", job.output,
-       "mesh to write, whose name ends in .glb, .obj, .ply or .stl [beside the model: "
-       "MODEL-mesh.glb]")
+  list(
+      "-o,--output", job.output,
+      "mesh to write, whose name ends in .glb, .obj, .ply, .stl, .usda, .usdc or .usdz [beside the "
+      "model: MODEL-mesh.glb]")
       .takes("FILE");
   model_options(list, job.choice);
   given_camera_options(list, job.cameras, "the training views of the run");
@@ -136,7 +139,7 @@ void visit_options(MeshJob& job, OptionList& list) {
   option(
       "--texture", job.texture,
       "a texture in place of the vertices' colors, with N pixels along its sides at most [4096]: "
-      ".glb, .obj")
+      ".glb, .obj, .usdz")
       .takes("N")
       .between(64, 16384)
       .alone("4096")

@@ -15,6 +15,7 @@
 #include "gs_model/formats/coding/little_endian.h"
 #include "gs_model/formats/coding/quantize.h"
 #include "gs_model/formats/glb/glb.h"
+#include "gs_model/mesh/mesh_usd.h"
 
 namespace gs {
 namespace {
@@ -41,7 +42,7 @@ std::string offset_line(const char* comment, const Vec3d& offset) {
 }
 
 void write_mesh_ply(ByteSink& sink, const TriangleMesh& mesh, const Vec3d& world_offset,
-                    const MeshTextureFile&) {
+                    const MeshTextureFile&, const std::vector<NamedView>&) {
   std::string header = "ply\nformat binary_little_endian 1.0\n" +
                        offset_line("comment", world_offset) +
                        fmt::format("element vertex {}\n", mesh.vertices.size());
@@ -64,7 +65,7 @@ void write_mesh_ply(ByteSink& sink, const TriangleMesh& mesh, const Vec3d& world
 }
 
 void write_mesh_obj(ByteSink& sink, const TriangleMesh& mesh, const Vec3d& world_offset,
-                    const MeshTextureFile& texture) {
+                    const MeshTextureFile& texture, const std::vector<NamedView>&) {
   const bool has_texture = !texture.png.empty();
   sink.write(offset_line("#", world_offset));
   if (has_texture) sink.write(fmt::format("mtllib {}.mtl\nusemtl {}\n", texture.name, kMaterial));
@@ -97,8 +98,8 @@ void write_mesh_obj(ByteSink& sink, const TriangleMesh& mesh, const Vec3d& world
   });
 }
 
-void write_mesh_stl(ByteSink& sink, const TriangleMesh& mesh, const Vec3d&,
-                    const MeshTextureFile&) {
+void write_mesh_stl(ByteSink& sink, const TriangleMesh& mesh, const Vec3d&, const MeshTextureFile&,
+                    const std::vector<NamedView>&) {
   if (mesh.triangles.size() > std::numeric_limits<std::uint32_t>::max())
     throw Error(
         fmt::format("cannot write {}: a .stl has at most 2^32 triangles; choose .ply, or "
@@ -127,7 +128,7 @@ struct GlbArray {
 };
 
 void write_mesh_glb(ByteSink& sink, const TriangleMesh& mesh, const Vec3d& world_offset,
-                    const MeshTextureFile& texture) {
+                    const MeshTextureFile& texture, const std::vector<NamedView>&) {
   const bool has_texture = !texture.png.empty();
   constexpr int kFloat32 = 5126, kUint32 = 5125, kUint8 = 5121, kVertices = 34962, kIndices = 34963;
   const std::size_t vertices = mesh.vertices.size();
@@ -227,15 +228,15 @@ std::string MeshTextureFile::material() const {
 }
 
 const MeshFormat& mesh_format_of(const std::filesystem::path& file) {
-  static const MeshFormat kFormats[] = {{".glb", write_mesh_glb, true},
-                                        {".obj", write_mesh_obj, true},
-                                        {".ply", write_mesh_ply},
-                                        {".stl", write_mesh_stl}};
+  static const MeshFormat kFormats[] = {
+      {".glb", write_mesh_glb, true},  {".obj", write_mesh_obj, true}, {".ply", write_mesh_ply},
+      {".stl", write_mesh_stl},        {".usda", write_mesh_usda},     {".usdc", write_mesh_usdc},
+      {".usdz", write_mesh_usdz, true}};
   for (const MeshFormat& format : kFormats)
     if (file.extension() == format.ending) return format;
   throw UsageError(
-      fmt::format("{}: meshes are written as .glb, .obj, .ply or .stl; give the file "
-                  "one of these endings",
+      fmt::format("{}: meshes are written as .glb, .obj, .ply, .stl, .usda, .usdc or .usdz; "
+                  "give the file one of these endings",
                   file.string()));
 }
 

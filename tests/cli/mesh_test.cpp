@@ -74,7 +74,7 @@ TEST_F(MeshVerb, WritesATextureIntoAGlbOrBesideAnObj) {
   EXPECT_THAT(read_bytes(path("wall.mtl")), HasSubstr("map_Kd wall.png\n"));
   EXPECT_EQ(read_photo(path("wall.png")).channels, 3);
 
-  EXPECT_THAT(run(mesh("wall.stl", "--texture")).err, HasSubstr("needs a .glb or an .obj"));
+  EXPECT_THAT(run(mesh("wall.stl", "--texture")).err, HasSubstr("needs a .glb, an .obj or a .usdz"));
   std::filesystem::remove(path("wall.obj"));
   const Outcome refused = run(mesh("wall.obj", "--texture"));
   EXPECT_EQ(refused.code, 2);
@@ -102,7 +102,7 @@ TEST_F(MeshVerb, EndsWithOneLineAndARemedy) {
     EXPECT_EQ(std::count(outcome.err.begin(), outcome.err.end(), '\n'), 1) << outcome.err;
   };
   expect("mesh " + text("wall.ply") + " -o " + text("a.glb"), 2, "give --cameras");
-  expect(mesh("a.fbx"), 2, ".glb, .obj, .ply or .stl");
+  expect(mesh("a.fbx"), 2, ".glb, .obj, .ply, .stl, .usda, .usdc or .usdz");
   expect(mesh("a.glb", "--voxel 0.001"), 2, "give --voxel");
   expect(mesh("a.glb", "--voxel 1000"), 3, "--voxel");
   GaussianModel one{Gaussians(1, host_memory()), 0, true, false};

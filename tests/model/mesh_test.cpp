@@ -4,7 +4,9 @@
 
 #include "gs_core/geometry/vectors.h"
 #include "gs_model/formats/coding/quantize.h"
+#include "gs_model/formats/coding/zip_file.h"
 #include "gs_model/formats/glb/glb.h"
+#include "gs_model/formats/usd/usd_layer.h"
 #include "gs_model/mesh/clean_mesh.h"
 #include "gs_model/mesh/decimate_mesh.h"
 #include "gs_model/mesh/mesh_file.h"
@@ -36,9 +38,10 @@ TriangleMesh tetrahedron() {
 }
 
 std::string file_of(const std::string& ending, const TriangleMesh& mesh,
-                    const Vec3d& offset = Vec3d(0.0), const MeshTextureFile& texture = {}) {
+                    const Vec3d& offset = Vec3d(0.0), const MeshTextureFile& texture = {},
+                    const std::vector<NamedView>& views = {}) {
   MemorySink sink("mesh" + ending);
-  mesh_format_of("mesh" + ending).write(sink, mesh, offset, texture);
+  mesh_format_of("mesh" + ending).write(sink, mesh, offset, texture, views);
   return sink.text;
 }
 
@@ -197,6 +200,85 @@ std::vector<Rgb8> through_linear_bytes(std::vector<Rgb8> colors) {
       channel = std::uint8_t(
           to_unorm(srgb_of(from_unorm(to_unorm(linear_of(float(channel) / 255), 8), 8)), 8));
   return colors;
+}
+
+const UsdPrim& child_of(const std::vector<UsdPrim>& prims, const std::string& name) {
+  for (const UsdPrim& prim : prims)
+    if (prim.name == name) return prim;
+  throw std::runtime_error("no prim " + name);
+}
+
+TEST(Mesh, UsdHasAMeshAndCamerasInOneStage) {
+  const TriangleMesh mesh = tetrahedron();
+  NamedView view{"a b.jpg", {}};
+  view.camera.width = 40, view.camera.height = 30;
+  view.camera.fx = view.camera.fy = 36, view.camera.cx = 20, view.camera.cy = 15;
+  for (const bool is_text : {true, false}) {
+    SCOPED_TRACE(is_text ? "text" : "bytes");
+    const std::string bytes =
+        file_of(is_text ? ".usda" : ".usdc", mesh, {500000, 0, 0.5}, {}, {view});
+    const UsdLayer layer = is_text ? parse_usda("m.usda", bytes) : parse_usdc("m.usdc", bytes);
+    ASSERT_EQ(layer.prims.size(), 1u);
+    EXPECT_EQ(layer.up_axis, "Y");
+    const UsdPrim& prim = child_of(layer.prims[0].children, "Mesh");
+    EXPECT_EQ(prim.type, "Mesh");
+    const UsdValue &points = *prim.find("points"), &normals = *prim.find("normals"),
+                   &colors = *prim.find("primvars:displayColor");
+    EXPECT_EQ(points.type, "point3f[]");
+    EXPECT_EQ(normals.type, "normal3f[]");
+    EXPECT_EQ(colors.type, "color3f[]");
+    ASSERT_EQ(points.floats.size(), 12u);
+    ASSERT_EQ(normals.floats.size(), 12u);
+    ASSERT_EQ(colors.floats.size(), 12u);
+    for (std::size_t v = 0; v < 4; ++v) {
+      EXPECT_EQ(Vec3f(points.floats[3 * v], points.floats[3 * v + 1], points.floats[3 * v + 2]),
+                mesh.vertices[v] * Vec3f(-1, -1, 1));
+      EXPECT_EQ(normals.floats[3 * v + 1], -mesh.normals[v].y);
+      EXPECT_NEAR(colors.floats[3 * v], 1, 1e-6f);
+      EXPECT_NEAR(colors.floats[3 * v + 1], 0.2158605f, 1e-6f);  // 128 of a display, as light
+    }
+    const UsdValue &counts = *prim.find("faceVertexCounts"),
+                   &indices = *prim.find("faceVertexIndices");
+    EXPECT_EQ(counts.type, "int[]");
+    EXPECT_EQ(counts.doubles, (std::vector<double>(4, 3)));
+    EXPECT_EQ(indices.doubles, (std::vector<double>{0, 2, 1, 0, 1, 3, 0, 3, 2, 1, 2, 3}));
+    EXPECT_EQ(prim.find("extent")->floats, (std::vector<float>{-2, -3, 3, -1, -2, 4}));
+    EXPECT_EQ(prim.find("subdivisionScheme")->words, (std::vector<std::string>{"none"}));
+    EXPECT_EQ(prim.find("gemsplat:worldOffset")->doubles, (std::vector<double>{500000, 0, 0.5}));
+    const UsdPrim& cameras = child_of(layer.prims[0].children, "Cameras");
+    ASSERT_EQ(cameras.children.size(), 1u);
+    EXPECT_EQ(cameras.children[0].name, "view_0_a_b_jpg");
+    EXPECT_EQ(cameras.children[0].type, "Camera");
+  }
+  EXPECT_THAT(
+      file_of(".usda", mesh),
+      AllOf(HasSubstr("normal3f[] normals = ["),
+            HasSubstr(" (\n            interpolation = \"vertex\"\n        )"),
+            HasSubstr("uniform token subdivisionScheme = \"none\""), Not(HasSubstr("Cameras"))));
+}
+
+TEST(Mesh, UsdPackagesHaveAMaterialForATexture) {
+  TriangleMesh mesh = tetrahedron();
+  const std::string plain = file_of(".usdz", mesh);
+  EXPECT_THAT(zip_entries("m.usdz", plain), testing::SizeIs(1));
+  mesh.texture_places = {{0, 0}, {1, 0}, {0, 1}, {0.25f, 0.75f}};
+  const std::string bytes = file_of(".usdz", mesh, Vec3d(0.0), {"a png", "mesh"});
+  EXPECT_EQ(bytes.substr(30, 10), "model.usda") << "the first file is the layer to open";
+  const auto entries = zip_entries("m.usdz", bytes);
+  ASSERT_THAT(entries, testing::SizeIs(3));
+  EXPECT_EQ(entries.at("texture.png"), "a png");
+  EXPECT_EQ((entries.at("mesh.usdc").data() - bytes.data()) % 64, 0);
+  const UsdLayer look = parse_usda("model.usda", entries.at("model.usda"));
+  const UsdPrim& surface =
+      child_of(child_of(look.prims.at(0).children, "Looks").children, "Surface");
+  EXPECT_EQ(surface.type, "Material");
+  EXPECT_EQ(surface.children.size(), 3u);
+  const UsdLayer layer = parse_usdc("mesh.usdc", entries.at("mesh.usdc"));
+  const UsdPrim& prim = child_of(layer.prims[0].children, "Mesh");
+  EXPECT_EQ(prim.find("primvars:displayColor"), nullptr);
+  EXPECT_EQ(prim.find("primvars:st")->type, "texCoord2f[]");
+  EXPECT_EQ(prim.find("primvars:st")->floats,
+            (std::vector<float>{0, 1, 1, 1, 0, 0, 0.25f, 0.25f}));  // from the lower left corner
 }
 
 TEST(Mesh, IsReadAsItWasWritten) {

@@ -185,7 +185,7 @@ TEST(Texture, HasTheColorsOfVerticesWhereNoViewSeesIt) {
 std::string text_of_file(const std::string& ending, const TriangleMesh& mesh,
                          const MeshTextureFile& texture) {
   MemorySink sink("mesh" + ending);
-  mesh_format_of("mesh" + ending).write(sink, mesh, Vec3d(0.0), texture);
+  mesh_format_of("mesh" + ending).write(sink, mesh, Vec3d(0.0), texture, {});
   return sink.text;
 }
 

@@ -24,8 +24,8 @@ constexpr double kDecimationBytes = 3;
 constexpr Rgb8 kCollisionColor = {160, 160, 160};
 constexpr double kLeastVoxelPixels = 0.25;  // smaller voxels lie between the rays of pixels
 
-std::vector<Camera> cameras_of(const MeshJob& job, const OpenedModel& opened,
-                               const Config& config) {
+std::vector<NamedView> views_of(const MeshJob& job, const OpenedModel& opened,
+                                const Config& config) {
   const int resolution = config.dataset.resolution;
   const Vec3d& offset = opened.model.world_offset;
   std::vector<NamedCamera> named;
@@ -41,27 +41,28 @@ std::vector<Camera> cameras_of(const MeshJob& job, const OpenedModel& opened,
         "there are no cameras that see {}; give --cameras with a cameras.json, a transforms.json "
         "or a COLMAP model, or --data SCENE",
         opened.ply.string()));
-  std::vector<Camera> cameras;
+  std::vector<NamedView> views;
   for (const std::size_t i : evenly_chosen(named.size(), job.views ? job.views : named.size()))
-    cameras.push_back(without_lens(named[i].camera));  // rays of depth are those of pinholes
-  return cameras;
+    views.push_back({named[i].name, without_lens(named[i].camera)});  // rays of depth are pinholes'
+  return views;
 }
 
-void check_views(const std::vector<Camera>& cameras) {
+void check_memory(const std::vector<NamedView>& views) {
   double bytes = 0;
-  for (const Camera& camera : cameras) bytes += double(kViewBytes) * camera.width * camera.height;
+  for (const NamedView& view : views)
+    bytes += double(kViewBytes) * view.camera.width * view.camera.height;
   const double free = double(host_memory().free_bytes());
   if (bytes > free)
     throw Error(fmt::format("the depth of {} views takes {:.1f} GiB, and {:.1f} GiB are free; give "
                             "--mesh-views {}, or smaller views with -r 2",
-                            cameras.size(), bytes / kBytesPerGib, free / kBytesPerGib,
-                            std::max(1, int(double(cameras.size()) * free / bytes))),
+                            views.size(), bytes / kBytesPerGib, free / kBytesPerGib,
+                            std::max(1, int(double(views.size()) * free / bytes))),
                 ExitCode::out_of_memory);
 }
 
 /// A fusion with the depth of all cameras, on the backend's device.
 std::unique_ptr<Fusion> fusion_of(const MeshJob& job, Backend& backend,
-                                  const std::vector<Camera>& cameras, const OpenedModel& opened,
+                                  const std::vector<NamedView>& views, const OpenedModel& opened,
                                   const Config& config, JobEvents& events) {
   Renderer& renderer = backend.renderer();
   std::unique_ptr<Fusion> fusion = renderer.fusion(job.rule);
@@ -70,10 +71,10 @@ std::unique_ptr<Fusion> fusion_of(const MeshJob& job, Backend& backend,
   settings.for_backward = true;     // the lists of tiles are needed, too
   settings.order = RenderOrder::z;  // in which surfaces are found
   RenderPass pass(backend.memory());
-  for (const Camera& camera : cameras) {
+  for (const auto& [name, camera] : views) {
     renderer.forward(gaussians.span(), camera, settings, pass);
     fusion->add(gaussians.span(), camera, settings, pass, renderer.picture_of(pass));
-    events.progress("depth rendered", "view", fusion->views().size(), cameras.size());
+    events.progress("depth rendered", "view", fusion->views().size(), views.size());
   }
   return fusion;
 }
@@ -147,12 +148,14 @@ MadeMesh mesh_of(const MeshJob& job, Fusion& fusion, WallClock& clock, JobEvents
 
 MadeMesh mesh_by_views(const MeshJob& job, const OpenedModel& opened, const Config& config,
                        WallClock& clock, JobEvents& events) {
-  const std::vector<Camera> cameras = cameras_of(job, opened, config);
-  check_views(cameras);
+  std::vector<NamedView> views = views_of(job, opened, config);
+  check_memory(views);
   clock.end("model");
   const std::unique_ptr<Backend> backend = make_backend(config.train.device);
-  const std::unique_ptr<Fusion> fusion = fusion_of(job, *backend, cameras, opened, config, events);
-  return mesh_of(job, *fusion, clock, events);
+  const std::unique_ptr<Fusion> fusion = fusion_of(job, *backend, views, opened, config, events);
+  MadeMesh made = mesh_of(job, *fusion, clock, events);
+  made.named_views = std::move(views);
+  return made;
 }
 
 MadeMesh mesh_by_depths(const MeshJob& job, const Config& config, WallClock& clock,
@@ -164,12 +167,12 @@ MadeMesh mesh_by_depths(const MeshJob& job, const Config& config, WallClock& clo
   dataset.eval = dataset.exposure = false;
   const Scene scene = load_scene(dataset, {}, PhotoLoading::when_asked);
   std::vector<const View*> views;
-  std::vector<Camera> cameras;
+  std::vector<NamedView> named;
   for (const View& view : scene.train_views)
-    if (view.has_depth_map) views.push_back(&view), cameras.push_back(view.camera);
+    if (view.has_depth_map) views.push_back(&view), named.push_back({view.name, view.camera});
   const std::vector<std::size_t> chosen =
       evenly_chosen(views.size(), job.views ? job.views : views.size());
-  check_views(cameras);
+  check_memory(named);
   clock.end("model");
   const std::unique_ptr<Backend> backend = make_backend(config.train.device);
   const std::unique_ptr<Fusion> fusion = backend->renderer().fusion(job.rule);
@@ -188,6 +191,7 @@ MadeMesh mesh_by_depths(const MeshJob& job, const Config& config, WallClock& clo
   MadeMesh made = mesh_of(job, *fusion, clock, events);
   made.model = job.model;
   made.world_offset = scene.world_offset;
+  for (const std::size_t i : chosen) made.named_views.push_back(named[i]);
   return made;
 }
 

@@ -10,6 +10,7 @@
 #include "gs_app/run/open_model.h"
 #include "gs_app/run/wall_clock.h"
 #include "gs_core/triangle_mesh.h"
+#include "gs_model/formats/usd/usd.h"
 #include "gs_render/fusion/depth_view.h"
 #include "gs_render/fusion/volume.h"
 
@@ -34,6 +35,7 @@ struct MadeMesh {
   std::string model;           // that was read
   Vec3d world_offset{0.0};
   std::vector<DepthView> depth_views = {};  // for a texture
+  std::vector<NamedView> named_views = {};  // that it was made of
 };
 
 /// The surface of a model as its cameras see it. Neither this nor mesh_by_opacity() says `model` and

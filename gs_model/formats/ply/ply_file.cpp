@@ -37,13 +37,22 @@ T load(const std::uint8_t* from) {
 using ConvertColumn = void (*)(const std::uint8_t* from, std::size_t row_bytes, std::size_t count,
                                const PlyColumn& column, std::size_t first_row);
 
+template <class T, bool kSwap, class To>
+void convert_values(const std::uint8_t* from, std::size_t row_bytes, std::size_t count, To* to,
+                    std::size_t stride) {
+  for (std::size_t i = 0; i < count; ++i) {
+    to[i * stride] = static_cast<To>(load<T, kSwap>(from + i * row_bytes));
+  }
+}
+
 template <class T, bool kSwap>
 void convert_column(const std::uint8_t* from, std::size_t row_bytes, std::size_t count,
                     const PlyColumn& column, std::size_t first_row) {
-  float* to = column.array + first_row * column.stride + column.offset;
-  for (std::size_t i = 0; i < count; ++i) {
-    to[i * column.stride] = static_cast<float>(load<T, kSwap>(from + i * row_bytes));
-  }
+  const std::size_t first = first_row * column.stride + column.offset;
+  if (column.doubles)
+    convert_values<T, kSwap>(from, row_bytes, count, column.doubles + first, column.stride);
+  else
+    convert_values<T, kSwap>(from, row_bytes, count, column.array + first, column.stride);
 }
 
 template <bool kSwap>
@@ -87,6 +96,8 @@ struct Words {
 
 // A word of text as a value of a column; false where it is none.
 bool parse_value(std::string_view word, const PlyColumn& column, std::size_t row) {
+  if (column.doubles)
+    return parse_number(word, column.doubles[row * column.stride + column.offset]);
   float& value = column.array[row * column.stride + column.offset];
   if (!column.is_word) return parse_float(word, value);
   std::uint32_t bits = 0;

@@ -21,6 +21,7 @@ struct PlyColumn {
   // Of a list of whole numbers, in place of an array: called with those of each row. Numbers below 0
   // are very large ones.
   std::function<void(const std::vector<std::uint64_t>&)> take_list = {};
+  double* doubles = nullptr;  // in place of `array`
 };
 
 /// The columns to read of an element.

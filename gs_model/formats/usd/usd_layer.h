@@ -14,11 +14,12 @@ namespace gs {
 
 /// The value of an attribute. Rows of arrays, of vectors and of matrices lie behind each other.
 struct UsdValue {
-  std::string type;                // "float3[]", "token", "matrix4d", ...
-  std::vector<float> floats;       // of floats, halfs and quaternions (w x y z)
-  std::vector<double> doubles;     // of doubles, matrices, whole numbers and bools
-  std::vector<std::string> words;  // of tokens and strings
-  int element_size = 0;            // values for each row of the prim; 0: not said
+  std::string type;                     // "float3[]", "token", "matrix4d", ...
+  std::vector<float> floats = {};       // of floats, halfs and quaternions (w x y z)
+  std::vector<double> doubles = {};     // of doubles, matrices, whole numbers and bools
+  std::vector<std::string> words = {};  // of tokens and strings
+  int element_size = 0;                 // values for each row of the prim; 0: not said
+  std::string interpolation = {};       // of a primvar: "vertex", or not said
 
   bool is_array() const { return type.ends_with("[]"); }
 };

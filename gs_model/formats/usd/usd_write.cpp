@@ -10,9 +10,8 @@
 #include "gs_core/error.h"
 #include "gs_model/formats/coding/frame.h"
 #include "gs_model/formats/coding/quantize.h"
-#include "gs_model/formats/coding/zip_file.h"
 #include "gs_model/formats/usd/usd.h"
-#include "gs_model/formats/usd/usd_layer.h"
+#include "gs_model/formats/usd/usd_prims.h"
 
 namespace gs {
 namespace {
@@ -22,6 +21,7 @@ constexpr float kFilmWidth = 36;  // of a camera, in tenths of a world unit; onl
 constexpr float kNearest = 0.01f, kFarthest = 100'000;  // that a camera shows, world units
 constexpr std::size_t kPackageAlignment = 64;
 
+// Values of attributes.
 UsdValue floats(std::string type, std::vector<float> values) {
   return {std::move(type), std::move(values)};
 }
@@ -94,12 +94,9 @@ UsdPrim gaussians_prim(const GaussianModel& model) {
   add("radiance:sphericalHarmonicsCoefficients", std::move(sh));
   add("projectionModeHint", words("token", {"perspective"}), true);
   add("sortingModeHint", words("token", {"zDepth"}), true);
-  const Vec3d& world = model.world_offset;
   if (model.antialiased)
     prim.attributes.push_back({"gemsplat:antialiased", doubles("bool", {1}), false, true});
-  if (world != Vec3d(0.0))
-    prim.attributes.push_back(
-        {"gemsplat:worldOffset", doubles("double3", {world.x, world.y, world.z}), false, true});
+  add_world_offset(prim, model.world_offset);
   return prim;
 }
 
@@ -135,7 +132,19 @@ UsdPrim camera_prim(std::size_t index, const NamedView& view) {
 
 UsdLayer layer_of(const GaussianModel& model, const std::vector<NamedView>& views) {
   GS_CHECK(model.gaussians.count() > 0);
-  UsdPrim scene{"Scene", "Xform", {}, {}, {gaussians_prim(model)}};
+  return usd_scene(gaussians_prim(model), views);
+}
+
+}  // namespace
+
+void add_world_offset(UsdPrim& prim, const Vec3d& offset) {
+  if (offset != Vec3d(0.0))
+    prim.attributes.push_back(
+        {"gemsplat:worldOffset", doubles("double3", {offset.x, offset.y, offset.z}), false, true});
+}
+
+UsdLayer usd_scene(UsdPrim prim, const std::vector<NamedView>& views) {
+  UsdPrim scene{"Scene", "Xform", {}, {}, {std::move(prim)}};
   UsdPrim cameras{"Cameras", "Scope"};
   for (std::size_t i = 0; i < views.size(); ++i)
     if (!views[i].camera.has_lens()) cameras.children.push_back(camera_prim(i, views[i]));
@@ -143,7 +152,9 @@ UsdLayer layer_of(const GaussianModel& model, const std::vector<NamedView>& view
   return {"Y", {std::move(scene)}};
 }
 
-}  // namespace
+std::string usd_package(const std::vector<ZipEntry>& files) {
+  return zip_of(files, false, kPackageAlignment);
+}
 
 void write_usda(ByteSink& sink, const GaussianModel& model, const std::vector<NamedView>& views) {
   write_usda(sink, layer_of(model, views));
@@ -156,7 +167,7 @@ void write_usdc(ByteSink& sink, const GaussianModel& model, const std::vector<Na
 void write_usdz(ByteSink& sink, const GaussianModel& model, const std::vector<NamedView>& views) {
   MemorySink layer(sink.name());
   write_usdc(layer, layer_of(model, views));
-  sink.write(zip_of({{"model.usdc", std::move(layer.text)}}, false, kPackageAlignment));
+  sink.write(usd_package({{"model.usdc", std::move(layer.text)}}));
 }
 
 }  // namespace gs

@@ -73,6 +73,8 @@ void add_attribute(UsdaText& text, const UsdAttribute& attribute, const std::str
   }
   if (value.element_size > 0)
     text.add(" (\n{0}    elementSize = {1}\n{0})", indent, value.element_size);
+  if (!value.interpolation.empty())
+    text.add(" (\n{0}    interpolation = \"{1}\"\n{0})", indent, value.interpolation);
   text.add("\n");
 }
 

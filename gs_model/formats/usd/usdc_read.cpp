@@ -283,6 +283,7 @@ class CrateReader {
       }
     }
     switch (type) {
+      case CrateType::int32: return take_rows<std::int32_t>(rep, value.doubles, 1);
       case CrateType::float32: return take_rows<float>(rep, value.floats, 1);
       case CrateType::half: return take_rows<std::uint16_t>(rep, value.floats, 1);
       case CrateType::vec2f: return take_rows<float>(rep, value.floats, 2);
@@ -310,6 +311,10 @@ class CrateReader {
     CrateBytes bytes = file_.from(rep.payload());
     const auto rows = counted(is_array ? bytes.take<std::uint64_t>() : 1);
     if (is_array && rep.is(CrateRep::kCompressed)) {  // single numbers: whole ones, or of a table
+      if constexpr (std::is_same_v<Stored, std::int32_t>) {
+        for (const std::int32_t whole : bytes.numbers(rows)) values.push_back(T(whole));
+        return true;
+      }
       std::vector<Stored> table;
       const auto code = bytes.take<char>();
       if (code == 't') {

@@ -113,13 +113,22 @@ class CrateWriter {
     }
     const CrateType type = width == 4   ? CrateType::quatf
                            : width == 3 ? CrateType::vec3f
+                           : width == 2 ? CrateType::vec2f
                                         : CrateType::float32;
     return stored(type, std::move(chunk), CrateRep::kArray);
+  }
+  CrateRep int_array(const UsdValue& value) {
+    std::string bytes;
+    bytes.reserve(8 + 4 * value.doubles.size());
+    append_little(bytes, std::uint64_t(value.doubles.size()));
+    for (const double number : value.doubles) append_little(bytes, std::int32_t(number));
+    return stored(CrateType::int32, {std::move(bytes)}, CrateRep::kArray);
   }
   CrateRep rep_of(const UsdValue& value) {
     const std::string& type = value.type;
     if (type == "token") return token_rep(value.words.at(0));
     if (type == "token[]") return tokens_rep(CrateType::token, value.words, {}, CrateRep::kArray);
+    if (type == "int[]") return int_array(value);
     if (value.is_array()) return float_array(value);
     if (type == "float")
       return inlined(CrateType::float32, std::bit_cast<std::uint32_t>(value.floats.at(0)));
@@ -187,6 +196,8 @@ class CrateWriter {
     field("default", rep_of(attribute.value));
     if (attribute.value.element_size > 0)
       field("elementSize", inlined(CrateType::int32, std::uint32_t(attribute.value.element_size)));
+    if (!attribute.value.interpolation.empty())
+      field("interpolation", token_rep(attribute.value.interpolation));
     end_spec();
     jumps_.back() = is_last ? -2 : 0;
   }

@@ -26,6 +26,7 @@ namespace gs {
 namespace {
 
 using testing::AllOf;
+using testing::ElementsAre;
 using testing::HasSubstr;
 using testing::SizeIs;
 
@@ -186,12 +187,30 @@ TEST_F(ForeignScenes, Metashape) {
     expect_the_cameras("Metashape", CameraModel::opencv, kOpencv);
   }
   std::string skewed = metashape("", false);
-  skewed.replace(skewed.find("<k1>"), 0, "<b2>3</b2>");
+  skewed.replace(skewed.find("<k1>"), 0, "<b2>1</b2>");
+  write_bytes(path("export/cameras.xml"), skewed);  // moves the borders by 15/36 pixels
+  expect_the_cameras("Metashape", CameraModel::opencv, kOpencv);
+  skewed.replace(skewed.find("<b2>1"), 5, "<b2>3");
   write_bytes(path("export/cameras.xml"), skewed);
   EXPECT_THAT(error(), AllOf(HasSubstr("cameras.xml"), HasSubstr("'Phone' has a skew"),
                              HasSubstr("undistorted")));
   write_bytes(path("export/cameras.xml"), skewed.substr(0, 900));
   EXPECT_THAT(error(), HasSubstr("it is no XML at byte"));
+  std::string old = metashape("", false);
+  old.replace(old.find("<f>36</f>"), 9, "<fx>36</fx><fy>36</fy>");
+  write_bytes(path("export/cameras.xml"), old);
+  EXPECT_THAT(error(), AllOf(HasSubstr("no focal length f"), HasSubstr("PhotoScan 1.2")));
+}
+
+TEST_F(ForeignScenes, CamerasThatHangOnOthersInMetashapeAreNamed) {
+  std::string rig = metashape("", false);
+  rig.replace(rig.find("<camera id=\"9\""), 0,
+              "<camera id=\"8\" master_id=\"0\" label=\"right_1\"/>");
+  write_bytes(path("export/cameras.xml"), rig);
+  if (!reads_xml()) GTEST_SKIP() << "this build has no pugixml";
+  CapturedLog logged;
+  expect_the_cameras("Metashape", CameraModel::opencv, kOpencv);
+  EXPECT_THAT(logged.text(), AllOf(HasSubstr("1 photos of"), HasSubstr("'right_1'")));
 }
 
 TEST_F(ForeignScenes, RealityScan) {
@@ -371,9 +390,27 @@ TEST_F(ForeignScenes, Polycam) {
     write(fmt::format("keyframes/corrected_cameras/{}.json", kNames[i]), file);
   }
   write("keyframes/corrected_cameras/lost.json", {{"t_00", 1}});  // its photo is not there
-  CapturedLog logged;
-  expect_the_cameras("Polycam", CameraModel::pinhole, kPinhole);
-  EXPECT_THAT(logged.text(), HasSubstr("1 poses of"));
+  {
+    CapturedLog logged;
+    expect_the_cameras("Polycam", CameraModel::pinhole, kPinhole);
+    EXPECT_THAT(logged.text(), HasSubstr("1 poses of"));
+  }
+  // A whole export has depth maps of the same names, and photos without and with their distortion.
+  std::filesystem::remove_all(path("images"));
+  const auto names = [&] {
+    const ColmapModel model = read();
+    return std::vector{model.images.at(0).name, model.images.at(1).name};
+  };
+  for (const char* photo : kNames)
+    for (const char* place : {"depth/{}.png", "confidence/{}.png", "images/{}.jpg"})
+      write_png(path("keyframes/" + fmt::format(fmt::runtime(place), photo)),
+                plain_photo(kWidth, kHeight, 9));
+  EXPECT_THAT(names(), ElementsAre("keyframes/images/photo_1.jpg", "keyframes/images/photo_2.jpg"));
+  for (const char* photo : kNames)
+    write_png(path(fmt::format("keyframes/corrected_images/{}.jpg", photo)),
+              plain_photo(kWidth, kHeight, 9));
+  EXPECT_THAT(names(), ElementsAre("keyframes/corrected_images/photo_1.jpg",
+                                   "keyframes/corrected_images/photo_2.jpg"));
 }
 
 TEST_F(ForeignScenes, Record3D) {
@@ -387,12 +424,22 @@ TEST_F(ForeignScenes, Record3D) {
     poses.push_back({(m[7] - m[5]) / (4 * w), (m[2] - m[6]) / (4 * w), (m[3] - m[1]) / (4 * w), w,
                      c.x, c.y, c.z});
     write_png(path(fmt::format("rgbd/{}.png", i)), plain_photo(kWidth, kHeight, 9));
+    write_bytes(path(fmt::format("depth/{}.exr", i)), "a depth map");
+    write_png(path(fmt::format("confidence/{}.png", i)), plain_photo(4, 3, 9));
   }
-  write("metadata.json",
-        {{"K", {2 * kFocal, 0.0, 0.0, 0.0, 2 * kFocal, 0.0, 2 * kCenterX, 2 * kCenterY, 1.0}},
-         {"w", 2 * kWidth},
-         {"h", 2 * kHeight},
-         {"poses", poses}});
+  SortedJson file = {{"w", 2 * kWidth},
+                     {"h", 2 * kHeight},
+                     {"frameTimestamps", std::vector<double>(1000, 0.25)},
+                     {"poses", poses}};
+  const auto write_file =
+      [&] {  // K is the last key in a file of the program, far from the first bytes
+        std::string text = file.dump();
+        text.back() = ',';
+        write_bytes(path("metadata.json"),
+                    text + fmt::format("\"K\": [{}, 0, 0, 0, {}, 0, {}, {}, 1]}}", 2 * kFocal,
+                                       2 * kFocal, 2 * kCenterX, 2 * kCenterY));
+      };
+  write_file();
   const ColmapModel model = read();
   ASSERT_THAT(model.images, SizeIs(2));
   for (int i = 0; i < 2; ++i) {
@@ -400,8 +447,17 @@ TEST_F(ForeignScenes, Record3D) {
     EXPECT_LT(length(model.images[i].cam_from_world_translation - pose(i).translation()), 1e-9);
     EXPECT_THAT(model.cameras.at(1).params, testing::ElementsAreArray(kPinhole));
   }
+  file["perFrameIntrinsicCoeffs"] = {{80.0, 82.0, 41.0, 29.0}, {84.0, 86.0, 43.0, 31.0}};
+  write_file();
+  const ColmapModel by_frame = read();
+  EXPECT_THAT(by_frame.cameras.at(1).params, ElementsAre(40, 41, 20.5, 14.5));
+  EXPECT_THAT(by_frame.cameras.at(2).params, ElementsAre(42, 43, 21.5, 15.5));
   write_png(path("rgbd/2.png"), plain_photo(kWidth, kHeight, 9));
   EXPECT_THAT(error(), HasSubstr("2 poses for 3 photos"));
+  std::filesystem::remove_all(path("rgbd"));
+  write_png(path("other/0.png"), plain_photo(kWidth, kHeight, 9));
+  EXPECT_THAT(error(), AllOf(HasSubstr("have the number 0"), HasSubstr("confidence/0.png"),
+                             HasSubstr("dataset.images")));
 }
 
 TEST_F(ForeignScenes, MvsNet) {
