@@ -18,9 +18,9 @@ namespace {
 
 namespace fs = std::filesystem;
 
-constexpr std::size_t kHeaderBytes = 227;     // of LAS 1.0 to 1.2
-constexpr std::size_t kHeaderBytes14 = 375;   // of LAS 1.4
-constexpr std::uint8_t kCompressed = 0xc0;    // bits of the format that LASzip sets
+constexpr std::size_t kHeaderBytes = 227;               // of LAS 1.0 to 1.2
+constexpr std::size_t kHeaderBytes14 = 375;             // of LAS 1.4
+constexpr std::uint8_t kCompressed = 0xc0;              // bits of the format that LASzip sets
 constexpr std::uint8_t kLowNoise = 7, kHighNoise = 18;  // classes
 constexpr std::size_t kBlockRecords = 4096;
 
@@ -28,13 +28,13 @@ constexpr std::size_t kBlockRecords = 4096;
 struct PointFormat {
   std::size_t bytes, color;
 };
-constexpr PointFormat kFormats[] = {{20, 0},  {28, 0},  {26, 20}, {34, 28}, {57, 0}, {63, 28},
-                                    {30, 0},  {36, 30}, {38, 30}, {59, 0},  {67, 30}};
+constexpr PointFormat kFormats[] = {{20, 0}, {28, 0},  {26, 20}, {34, 28}, {57, 0}, {63, 28},
+                                    {30, 0}, {36, 30}, {38, 30}, {59, 0},  {67, 30}};
 constexpr std::uint8_t kFirstWideFormat = 6;  // from which on flags and class have a byte each
 
 struct LasHeader {
-  std::uint64_t points = 0;   // their number
-  std::uint64_t begin = 0;    // bytes before the first record
+  std::uint64_t points = 0;  // their number
+  std::uint64_t begin = 0;   // bytes before the first record
   std::uint8_t format = 0;
   std::size_t record = 0;  // bytes
   Vec3d scale{0.0}, offset{0.0};
@@ -46,7 +46,8 @@ LasHeader read_las_header(ByteReader& file) {
   const auto fail = [&](const std::string& what) { cannot_read(file.path(), what); };
   if (file.size() < kHeaderBytes || std::memcmp(file.peek(4), "LASF", 4) != 0)
     fail("it is no LAS; export the points again, as LAS or PLY");
-  const std::uint8_t* h = file.peek(std::size_t(std::min<std::uint64_t>(file.size(), kHeaderBytes14)));
+  const std::uint8_t* h =
+      file.peek(std::size_t(std::min<std::uint64_t>(file.size(), kHeaderBytes14)));
   const int major = h[24], minor = h[25];
   if (major != 1 || minor > 4)
     fail(fmt::format("it is LAS {}.{}; export the points as LAS 1.2 to 1.4, or as PLY", major,
@@ -55,7 +56,8 @@ LasHeader read_las_header(ByteReader& file) {
   header.format = h[104];
   if (header.format & kCompressed)
     fail(
-        "it is compressed (LAZ), which gemsplat does not read; convert it with `laszip -i IN.laz -o "
+        "it is compressed (LAZ), which gemsplat does not read; convert it with `laszip -i IN.laz "
+        "-o "
         "OUT.las`, or export the points as PLY or LAS");
   if (header.format >= std::size(kFormats))
     fail(fmt::format("its points have the format {}; export them as LAS with a format of 0 to 10",
@@ -76,9 +78,10 @@ LasHeader read_las_header(ByteReader& file) {
     fail("its header contradicts itself; export the points again");
   const std::uint64_t held = (file.size() - header.begin) / header.record;
   if (header.points > held)
-    fail(fmt::format("its header promises {} points, but only {} follow; the file is cut short, "
-                     "copy or export it again",
-                     header.points, held));
+    fail(
+        fmt::format("its header promises {} points, but only {} follow; the file is cut short, "
+                    "copy or export it again",
+                    header.points, held));
   return header;
 }
 

@@ -19,10 +19,10 @@ namespace {
 
 namespace fs = std::filesystem;
 
-constexpr std::size_t kSample = 2000;     // points that are looked for in the cameras
-constexpr double kSeenShare = 0.5;        // of the points, for a file of the same coordinates
-constexpr double kFarthest = 1000;        // distance of a point, in spreads of the cameras
-constexpr double kBeyondCorners = 1.2;    // lenses show more than their focal length says
+constexpr std::size_t kSample = 2000;   // points that are looked for in the cameras
+constexpr double kSeenShare = 0.5;      // of the points, for a file of the same coordinates
+constexpr double kFarthest = 1000;      // distance of a point, in spreads of the cameras
+constexpr double kBeyondCorners = 1.2;  // lenses show more than their focal length says
 
 /// The folders from that of the file up to the scene's; the file's alone if it is not below it.
 std::vector<fs::path> folders_of(const fs::path& scene, const fs::path& file) {
@@ -85,8 +85,7 @@ double seen_share(const ColmapModel& cameras, const std::vector<ColmapPoint>& po
 
 std::string names_of(const std::vector<fs::path>& files) {
   std::string text;
-  for (const fs::path& file : files)
-    text += (text.empty() ? "" : ", ") + file.filename().string();
+  for (const fs::path& file : files) text += (text.empty() ? "" : ", ") + file.filename().string();
   return text;
 }
 
@@ -98,15 +97,17 @@ std::vector<ColmapPoint> points_beside(const ColmapModel& cameras, const fs::pat
     const std::vector<fs::path> files = candidates_in(folder);
     if (files.empty()) continue;
     if (files.size() > 1) {
-      log_warning("any of {} in {} could have the points of the scene: none is taken; leave one there",
-                  names_of(files), folder.string());
+      log_warning(
+          "any of {} in {} could have the points of the scene: none is taken; leave one there",
+          names_of(files), folder.string());
       return {};
     }
     std::vector<ColmapPoint> points = read_point_file(files[0]);
     if (const double share = seen_share(cameras, points); share < kSeenShare) {
-      log_warning("the cameras see {:.0f} % of the points in {}, so that these have other coordinates: "
-                  "left out; export cameras and points in the same local coordinates",
-                  100 * share, files[0].string());
+      log_warning(
+          "the cameras see {:.0f} % of the points in {}, so that these have other coordinates: "
+          "left out; export cameras and points in the same local coordinates",
+          100 * share, files[0].string());
       return {};
     }
     log_info("{} points are those of {}", points.size(), files[0].string());

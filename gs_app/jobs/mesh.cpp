@@ -196,6 +196,7 @@ Outcome run(const MeshJob& given, JobEvents& events) {
                        : Json::array({made.mesh.texture.width, made.mesh.texture.height})},
        {"voxel", made.voxel},
        {"views", made.views},
+       {"views_divided_by", made.views_divided_by},
        {"seconds", seconds}},
       {{"look at it", "xdg-open " + shell_word(job.output)}}};
 }

@@ -4,6 +4,7 @@
 
 #include "data_loaders/photos/photos.h"
 #include "gs_model/formats/formats.h"
+#include "gs_model/mesh/mesh_read.h"
 #include "tests/support/depth_png.h"
 #include "tests/support/program.h"
 #include "tests/support/scenes.h"
@@ -57,6 +58,22 @@ TEST_F(MeshVerb, TakesARunAndSaysWhatItWrote) {
   EXPECT_TRUE(std::filesystem::exists(path("out-mesh.glb")));
 }
 
+TEST_F(MeshVerb, DrawsSmallerViewsForCoarseVoxels) {
+  make_wall();
+  const auto made = [&](const std::string& more) {
+    const Outcome outcome = run(mesh("coarse.ply", "--force --json " + more));
+    EXPECT_EQ(outcome.code, 0) << outcome.err;
+    return Json::parse(outcome.out);
+  };
+  const double voxel = made("")["voxel"];
+  const std::string coarse = fmt::format("--voxel {}", 2.5 * voxel);
+  EXPECT_EQ(made("")["views_divided_by"], 1);
+  EXPECT_EQ(made(fmt::format("--voxel {}", 1.5 * voxel))["views_divided_by"], 1);
+  EXPECT_EQ(made(coarse + " -r 1")["views_divided_by"], 1);
+  EXPECT_EQ(made(coarse)["views_divided_by"], 2);
+  for (const Vec3f& at : read_mesh(path("coarse.ply")).mesh.vertices) EXPECT_NEAR(at.z, 3, voxel);
+}
+
 TEST_F(MeshVerb, WritesATextureIntoAGlbOrBesideAnObj) {
   make_wall();
   const Outcome glb = run(mesh("wall.glb", "--texture 256 --decimate 200 --json"));
@@ -74,7 +91,8 @@ TEST_F(MeshVerb, WritesATextureIntoAGlbOrBesideAnObj) {
   EXPECT_THAT(read_bytes(path("wall.mtl")), HasSubstr("map_Kd wall.png\n"));
   EXPECT_EQ(read_photo(path("wall.png")).channels, 3);
 
-  EXPECT_THAT(run(mesh("wall.stl", "--texture")).err, HasSubstr("needs a .glb, an .obj or a .usdz"));
+  EXPECT_THAT(run(mesh("wall.stl", "--texture")).err,
+              HasSubstr("needs a .glb, an .obj or a .usdz"));
   std::filesystem::remove(path("wall.obj"));
   const Outcome refused = run(mesh("wall.obj", "--texture"));
   EXPECT_EQ(refused.code, 2);

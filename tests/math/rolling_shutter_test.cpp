@@ -51,8 +51,7 @@ Vec3d draw_point(TestRandom& random, const PinholeCamera<double>& camera) {
 
 /// The place in the world of a point in the axes of a camera.
 Vec3d in_world(const PinholeCamera<double>& camera, const Vec3d& p) {
-  return multiply_transposed(camera.cam_from_world_rotation,
-                             p - camera.cam_from_world_translation);
+  return multiply_transposed(camera.cam_from_world_rotation, p - camera.cam_from_world_translation);
 }
 
 /// The camera that stands still where the moving one is at a time of 0 (first row) to 1.

@@ -11,6 +11,7 @@
 #include "gs_app/run/text.h"
 #include "gs_core/evenly_chosen.h"
 #include "gs_core/system/bytes.h"
+#include "gs_core/system/log.h"
 #include "gs_render/fusion/fusion.h"
 #include "gs_render/fusion/marching_cubes.h"
 #include "gs_render/fusion/solid_volume.h"
@@ -23,6 +24,8 @@ constexpr double kVoxelPixels = 1.5;  // of the default voxel
 constexpr double kDecimationBytes = 3;
 constexpr Rgb8 kCollisionColor = {160, 160, 160};
 constexpr double kLeastVoxelPixels = 0.25;  // smaller voxels lie between the rays of pixels
+constexpr int kSmallViews = 8;              // the most by which views are divided for coarse voxels
+constexpr std::size_t kTriedViews = 8;      // that tell how wide pixels are on the surface
 
 std::vector<NamedView> views_of(const MeshJob& job, const OpenedModel& opened,
                                 const Config& config) {
@@ -77,6 +80,28 @@ std::unique_ptr<Fusion> fusion_of(const MeshJob& job, Backend& backend,
     events.progress("depth rendered", "view", fusion->views().size(), views.size());
   }
   return fusion;
+}
+
+std::vector<NamedView> divided(std::vector<NamedView> views, int by) {
+  for (NamedView& view : views) view.camera = at_resolution(view.camera, by);
+  return views;
+}
+
+/// By what views are divided for the voxel that was asked for: 1, 2, 4 or 8. Coarse voxels show no
+/// more of large pictures than of small ones, whose pixels are means and have less noise
+/// (docs/lab/2026-11-meshes.md). A texture shows all.
+int division_for_voxel(const MeshJob& job, Backend& backend, const std::vector<NamedView>& views,
+                       const OpenedModel& opened, const Config& config) {
+  if (!job.voxel || job.texture || job.has("dataset.resolution")) return 1;
+  std::vector<NamedView> tried;
+  for (const std::size_t i : evenly_chosen(views.size(), kTriedViews)) tried.push_back(views[i]);
+  JobEvents silent;
+  const double pixel =
+      fusion_of(job, backend, divided(tried, kSmallViews), opened, config, silent)->median_pixel() /
+      kSmallViews;
+  int by = 1;
+  while (pixel > 0 && by < kSmallViews && 2 * by * kVoxelPixels * pixel <= *job.voxel) by *= 2;
+  return by;
 }
 
 /// The edge of a voxel, for which there is memory.
@@ -149,12 +174,18 @@ MadeMesh mesh_of(const MeshJob& job, Fusion& fusion, WallClock& clock, JobEvents
 MadeMesh mesh_by_views(const MeshJob& job, const OpenedModel& opened, const Config& config,
                        WallClock& clock, JobEvents& events) {
   std::vector<NamedView> views = views_of(job, opened, config);
-  check_memory(views);
-  clock.end("model");
   const std::unique_ptr<Backend> backend = make_backend(config.train.device);
-  const std::unique_ptr<Fusion> fusion = fusion_of(job, *backend, views, opened, config, events);
+  const int by = division_for_voxel(job, *backend, views, opened, config);
+  if (by > 1)
+    log_info("views are drawn at 1/{} of their size, since voxels of {:.3g} show no more", by,
+             *job.voxel);
+  const std::vector<NamedView> drawn = divided(views, by);
+  check_memory(drawn);
+  clock.end("model");
+  const std::unique_ptr<Fusion> fusion = fusion_of(job, *backend, drawn, opened, config, events);
   MadeMesh made = mesh_of(job, *fusion, clock, events);
   made.named_views = std::move(views);
+  made.views_divided_by = by;
   return made;
 }
 

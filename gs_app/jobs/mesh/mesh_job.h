@@ -32,6 +32,7 @@ struct MadeMesh {
   TriangleMesh mesh;           // with colors, before it is cleaned
   float voxel = 0, pixel = 0;  // pixel: the median one on the surface; both in world units
   std::size_t views = 0;       // 0: of the model alone
+  int views_divided_by = 1;    // both sides
   std::string model;           // that was read
   Vec3d world_offset{0.0};
   std::vector<DepthView> depth_views = {};  // for a texture

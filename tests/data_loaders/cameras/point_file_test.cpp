@@ -168,8 +168,8 @@ TEST_F(PointFiles, PlyKeepsTheDigitsOfAMap) {
   const std::string head =
       "element vertex 1\nproperty double x\nproperty double y\nproperty double z\nproperty ushort "
       "diffuse_red\nproperty ushort diffuse_green\nproperty ushort diffuse_blue\nend_header\n";
-  write_bytes(path("a.ply"), "ply\nformat ascii 1.0\n" + head +
-                                 "500000.125 5400000.0625 -12.5 0 13107 65535\n");
+  write_bytes(path("a.ply"),
+              "ply\nformat ascii 1.0\n" + head + "500000.125 5400000.0625 -12.5 0 13107 65535\n");
   Bytes binary;
   binary.add_text("ply\nformat binary_little_endian 1.0\n" + head);
   binary.add(500000.125).add(5400000.0625).add(-12.5);
@@ -216,14 +216,16 @@ TEST_F(PointsBeside, TheNearestFileIsTaken) {
   EXPECT_THAT(read(), IsEmpty());
   write_bytes(path("scene/above.ply"), kCloud);
   EXPECT_THAT(read(), SizeIs(1));
-  write_bytes(path("scene/export/deep/mesh.ply"),
-              "ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\nproperty "
-              "float z\nelement face 1\nproperty list uchar int vertex_indices\nend_header\n0 0 2\n1 "
-              "0 2\n0 1 2\n3 0 1 2\n");
+  write_bytes(
+      path("scene/export/deep/mesh.ply"),
+      "ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\nproperty "
+      "float z\nelement face 1\nproperty list uchar int vertex_indices\nend_header\n0 0 2\n1 "
+      "0 2\n0 1 2\n3 0 1 2\n");
   EXPECT_THAT(read(), SizeIs(3));
-  write_bytes(path("scene/export/deep/model.ply"),
-              "ply\nformat ascii 1.0\nelement vertex 1\nproperty float x\nproperty float y\nproperty "
-              "float z\nproperty float f_dc_0\nend_header\n0 0 2 1\n");
+  write_bytes(
+      path("scene/export/deep/model.ply"),
+      "ply\nformat ascii 1.0\nelement vertex 1\nproperty float x\nproperty float y\nproperty "
+      "float z\nproperty float f_dc_0\nend_header\n0 0 2 1\n");
   EXPECT_THAT(read(), SizeIs(3)) << "Gaussians are no cloud";
   write_bytes(path("scene/export/deep/cloud.ply"), kCloud);
   EXPECT_THAT(read(), SizeIs(1));
