@@ -18,6 +18,14 @@ const FORMATS = [
   ['npz', 'NumPy', false],
 ];
 
+// How the files are placed, in this order: the option of `gemsplat edit`, its label, and numbers that
+// change nothing.
+const PLACES = [
+  ['turn', 'Turn about x, y, z, degrees', [0, 0, 0]],
+  ['scale', 'Times as large', [1]],
+  ['move', 'Move along x, y, z, world units', [0, 0, 0]],
+];
+
 const nameOf = file => file.split('/').pop();
 
 function outcomeTable(app, {files = []}) {
@@ -35,6 +43,28 @@ function outcomeTable(app, {files = []}) {
     ]),
     {label: 'exported files'},
   );
+}
+
+/// Fields for one of PLACES, and the words that they mean: none while nothing is changed.
+function placeFields([option, label, start]) {
+  const inputs = start.map((value, k) =>
+    el('input', {
+      type: 'number',
+      step: 'any',
+      id: start.length > 1 ? `${option}-${'xyz'[k]}` : option,
+      value,
+      'aria-label': start.length > 1 ? `${label}: ${'xyz'[k]}` : label,
+    }),
+  );
+  return {
+    node: el('div.field', {}, el('span', {}, label), el('div.numbers', {}, inputs)),
+    words: () => {
+      const numbers = inputs.map(({value}, k) => (value === '' ? start[k] : Number(value)));
+      return numbers.every((value, k) => value === start[k])
+        ? []
+        : [`--${option}`, numbers.join(',')];
+    },
+  };
 }
 
 export function showShare(app) {
@@ -56,6 +86,7 @@ export function showShare(app) {
   });
   const name = app.id.replaceAll(/[^\w-]+/g, '_');
   const level = el('input', {type: 'checkbox', id: 'level'});
+  const places = PLACES.map(placeFields);
   const write = () => {
     const files = boxes
       .filter(({box}) => box.checked)
@@ -63,15 +94,13 @@ export function showShare(app) {
     if (!files.length) return app.fail(new Error('Choose a format.'));
     return app.act(async server => {
       const words = modelWords(details, current);
-      if (!level.checked) return server.run(['export', current, ...files, ...words.slice(1)]);
-      const {id} = await server.run([
-        'edit',
-        ...words,
-        '--straighten',
-        '-o',
-        'share/{id}/level.ply',
-      ]);
-      return server.run(['export', `share/${id}/level.ply`, ...files]);
+      const placing = [
+        ...(level.checked ? ['--straighten'] : []),
+        ...places.flatMap(place => place.words()),
+      ];
+      if (!placing.length) return server.run(['export', current, ...files, ...words.slice(1)]);
+      const {id} = await server.run(['edit', ...words, ...placing, '-o', 'share/{id}/placed.ply']);
+      return server.run(['export', `share/${id}/placed.ply`, ...files]);
     });
   };
   const list = jobList(
@@ -98,6 +127,11 @@ export function showShare(app) {
           {for: 'level'},
           level,
           el('span', {}, 'turn it so that its floor is level, with its middle at the origin'),
+        ),
+        el(
+          'div.fields',
+          {},
+          places.map(({node}) => node),
         ),
         el('div.buttons', {}, button('Write these', write, 'primary')),
       ),

@@ -153,6 +153,20 @@ const tests = {
     await desk.shot('share');
     for (const file of written.words.filter(word => word.startsWith('share/')))
       assert.ok(existsSync(join(desk.folder, desk.id, file)), file);
+    const jobsBefore = desk.jobs.length;
+    await desk.page.fill('#turn-x', '-90');
+    await desk.page.fill('#scale', '2');
+    await desk.page.getByRole('button', {name: 'Write these'}).click();
+    await desk.page.waitForFunction(
+      count => gemsplatStudio.project.jobs.length === count + 2,
+      jobsBefore,
+    );
+    const moved = await desk.finishJob('export', {kills: 0});
+    assert.match(moved.words[1], /placed\.ply$/);
+    assert.match(
+      desk.jobs.at(-2).words.join(' '),
+      / --turn -90,0,0 --scale 2 -o share\/\d+\/placed\.ply$/,
+    );
     assert.equal(desk.kills, KILLS);
     console.log(
       `        ${KILLS} kills of the studio, ${desk.killsOfJobs} of them while a job ran`,
