@@ -148,12 +148,24 @@ export function showClean(app) {
     after = details.models.filter(({from}) => from === current).at(-1)?.path;
   const undo = button('Undo', () => show(before)),
     redo = button('Redo', () => show(after));
+  undo.title = 'Ctrl+Z';
+  redo.title = 'Ctrl+Shift+Z';
   undo.disabled = !before;
   redo.disabled = !after;
-  app.keys = event => {
+  // The last corner of a lasso goes before the last version.
+  const undoInPicture = async () => {
+    try {
+      return await (await view.viewer()).undo();
+    } catch {
+      return false; // there is no viewer
+    }
+  };
+  app.keys = async event => {
     if (!(event.ctrlKey || event.metaKey) || event.key.toLowerCase() !== 'z') return;
+    if (event.target.closest?.('input:not([type=range]), select')) return; // its own undo
     event.preventDefault();
-    show(event.shiftKey ? after : before);
+    if (event.shiftKey) show(after);
+    else if (!(await undoInPicture())) show(before);
   };
   const versions = segmented(
     'versions',

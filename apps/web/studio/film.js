@@ -5,6 +5,10 @@ import {currentModel, modelWords, noModel, viewOfModel} from './frame.js';
 import {button, jobList} from './jobs.js';
 
 const SIZES = ['1280x720', '1920x1080', '1080x1920', '3840x2160', '640x360'];
+const sizeWords = text => {
+  const [width, height] = text.split('x').map(Number);
+  return `${width} × ${height}${height > width ? ', upright' : ''}`;
+};
 
 export function showFilm(app) {
   const {details} = app,
@@ -22,7 +26,7 @@ export function showFilm(app) {
     size = el(
       'select',
       {id: 'size'},
-      SIZES.map(text => el('option', {value: text}, text.replace('x', ' × '))),
+      SIZES.map(text => el('option', {value: text}, sizeWords(text))),
     ),
     fps = el('input', {type: 'number', id: 'fps', min: 1, max: 120, value: 30});
   const render = (path, more = []) =>

@@ -13,11 +13,15 @@ export const modelAt = (details, path) => details.models.find(model => model.pat
 export const currentModel = details =>
   modelAt(details, details.model) ? details.model : (details.models.at(-1)?.path ?? null);
 
-/// A frame with the viewer of a model. `frame.viewer()` is what its page offers, when it is there.
-export function viewFrame(address, title) {
+/// A frame with the viewer of a model. `frame.viewer()` is what its page offers, when it is there;
+/// keys(event) gets the keys pressed in it that it does not use.
+export function viewFrame(address, title, keys) {
   const said = el('p.said', {'aria-live': 'polite'}, 'The viewer begins.'),
     frame = el('iframe', {title, allow: 'fullscreen'});
   frame.hidden = true;
+  frame.addEventListener('load', () =>
+    frame.contentWindow.addEventListener('keydown', event => event.defaultPrevented || keys?.(event)),
+  );
   address.then(
     src => {
       said.remove();
@@ -45,7 +49,7 @@ export function viewOfModel(app, path) {
     key = `${app.id}/${path}/${time}`;
   if (app.view?.key !== key || !app.view.node.isConnected) {
     const address = app.server.view(modelWords(app.details, path), time);
-    app.view = {key, ...viewFrame(address, `the model ${path}`)};
+    app.view = {key, ...viewFrame(address, `the model ${path}`, event => app.keys?.(event))};
   }
   return app.view;
 }

@@ -116,10 +116,18 @@ function typedFolder(app) {
   );
 }
 
+const DOES = {
+  doctor: 'Check',
+  reconstruct: 'Cameras',
+  train: 'Training',
+  edit: 'Cleaning',
+  render: 'Film',
+  export: 'Files to share',
+};
 const lastWords = ({jobs}) => {
   const job = jobs.at(-1);
   if (!job) return 'new';
-  return `${job.words[0]}: ${isActive(job) ? 'runs' : job.state}`;
+  return `${DOES[job.words[0]] ?? job.words[0]}: ${isActive(job) ? 'runs' : job.state}`;
 };
 
 function projectCard(app, project) {

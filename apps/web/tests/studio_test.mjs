@@ -56,6 +56,10 @@ const tests = {
       () => !document.querySelector('.side .buttons button:nth-child(2)').disabled,
     );
     assert.equal(shown(), run.words[3]);
+    await desk.page.waitForSelector('.viewer iframe:not([hidden])');
+    const first = await (await desk.page.$('.viewer iframe')).contentFrame();
+    await first.waitForFunction(() => window.gemsplatViewer?.ready.then(() => true));
+    await desk.page.focus('.viewer iframe'); // a key that is pressed in the picture counts, too
     await desk.page.keyboard.press('Control+Shift+Z');
     await desk.page.waitForFunction(
       () => !document.querySelector('.side .buttons button').disabled,
@@ -95,6 +99,13 @@ const tests = {
       [0.3, 0.8],
     ])
       await desk.page.mouse.click(place.x + x * place.width, place.y + y * place.height);
+    const edits = shown();
+    await desk.page.keyboard.press('Control+z'); // takes back the last corner, and no edit
+    await frame.waitForFunction(() =>
+      gemsplatViewer.lasso().then(({file}) => file.line.length === 3),
+    );
+    assert.equal(shown(), edits);
+    await desk.page.mouse.click(place.x + 0.3 * place.width, place.y + 0.8 * place.height);
     await desk.shot('lasso');
     await card.getByText('Apply').click();
     await desk.page.waitForFunction(

@@ -102,6 +102,7 @@ export const KEYS = [
       ['K', 'save a screenshot', {k: viewer => viewer.tools.picture.take(1).catch(fail(viewer))}],
       ['T', 'tools: picture, measure, crop, lasso, path', {t: ({panels}) => panels.tools.toggle()}],
       ['V', 'add this view to the path', {v: ({tools}) => tools.path.add()}],
+      ['Ctrl+Z', 'take back the last corner or stroke of the lasso'],
       ['Back, Forward', 'the places that were jumped to'],
     ],
   },
@@ -165,12 +166,17 @@ function actionsOf({visitors}) {
 }
 
 export function bindKeys(viewer) {
-  const {controls, compare, player} = viewer;
+  const {controls, compare, player, toolPanel} = viewer;
   const actions = actionsOf(viewer.scene);
   const types = target =>
     target.closest?.('input:not([type=range]), select, textarea, dialog') !== null;
   addEventListener('keydown', event => {
-    if (event.ctrlKey || event.metaKey || types(event.target)) return;
+    if (types(event.target)) return;
+    if (event.ctrlKey || event.metaKey) {
+      const isUndo = event.key.toLowerCase() === 'z' && !event.shiftKey;
+      if (isUndo && toolPanel.undo()) event.preventDefault();
+      return;
+    }
     const isFlip = event.key.toLowerCase() === 'x' || (event.key === ' ' && !player);
     if (isFlip && !event.target.closest?.('button')) {
       compare.flip(true);

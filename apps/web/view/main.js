@@ -39,6 +39,8 @@ window.gemsplatViewer = {
     const {lasso} = (await started).tools;
     return lasso?.isClosed ? {file: lasso.file, drops: lasso.drops} : null;
   },
+  // Takes back the last corner or stroke of the open tool; false: there is none.
+  undo: async () => (await started).toolPanel.undo(),
   filter: async ({opacity = 0, size = NO_SIZE}) => {
     const {splats} = (await started).stage;
     splats.setEffect('filterOpacity', opacity);

@@ -63,7 +63,7 @@ export class LassoTool {
       el(
         'div.row.buttons',
         {},
-        button('Undo', () => this.set(this.line.slice(0, -1), this.strokes.slice(0, -1))),
+        button('Undo', () => this.undo()),
         button('Clear', () => this.set([])),
         this.saveButton,
       ),
@@ -104,6 +104,12 @@ export class LassoTool {
     this.view = {pose: stage.pose, lens: stage.lens()};
     this.tell();
     stage.request();
+  }
+  /// Takes back the last corner or stroke; false: there is none.
+  undo() {
+    if (!this.line.length && !this.strokes.length) return false;
+    this.set(this.line.slice(0, -1), this.strokes.slice(0, -1));
+    return true;
   }
   get isClosed() {
     return this.line.length > 2 || this.strokes.length > 0;

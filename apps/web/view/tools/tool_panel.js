@@ -50,6 +50,11 @@ export class ToolPanel {
     this.changed();
   }
 
+  /// Takes back the last click of the open tool; false: there is none.
+  undo() {
+    return this.picker?.undo?.() ?? false;
+  }
+
   /// The tool that clicks into the picture are for, or null.
   get picker() {
     return this.isShown && this.chosen.picks ? this.chosen : null;
