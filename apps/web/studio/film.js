@@ -4,10 +4,12 @@ import {el} from '../shared/dom.js';
 import {currentModel, modelWords, noModel, viewOfModel} from './frame.js';
 import {button, jobList} from './jobs.js';
 
-const SIZES = ['1280x720', '1920x1080', '1080x1920', '3840x2160', '640x360'];
+const ALL_AROUND = '3840x1920'; // of a film to look around in
+const SIZES = ['1280x720', '1920x1080', '1080x1920', '3840x2160', '640x360', ALL_AROUND];
 const sizeWords = text => {
   const [width, height] = text.split('x').map(Number);
-  return `${width} × ${height}${height > width ? ', upright' : ''}`;
+  const more = text === ALL_AROUND ? ', 360 degrees' : height > width ? ', upright' : '';
+  return `${width} × ${height}${more}`;
 };
 
 export function showFilm(app) {
@@ -42,6 +44,7 @@ export function showFilm(app) {
         size.value,
         '--fps',
         fps.value,
+        ...(size.value === ALL_AROUND ? ['--lens', 'equirectangular'] : []),
         ...more,
       ]),
     );

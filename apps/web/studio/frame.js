@@ -20,7 +20,10 @@ export function viewFrame(address, title, keys) {
     frame = el('iframe', {title, allow: 'fullscreen'});
   frame.hidden = true;
   frame.addEventListener('load', () =>
-    frame.contentWindow.addEventListener('keydown', event => event.defaultPrevented || keys?.(event)),
+    frame.contentWindow.addEventListener(
+      'keydown',
+      event => event.defaultPrevented || keys?.(event),
+    ),
   );
   address.then(
     src => {

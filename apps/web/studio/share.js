@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // The screen "Share": the model in other formats, with size and measured loss, and a page of its own.
 import {el, table} from '../shared/dom.js';
-import {bytes, fixed} from '../shared/format.js';
+import {bytes, fixed, whole} from '../shared/format.js';
 import {currentModel, modelWords, noModel} from './frame.js';
 import {button, jobList} from './jobs.js';
 
@@ -30,7 +30,7 @@ const nameOf = file => file.split('/').pop();
 
 function outcomeTable(app, {files = []}) {
   return table(
-    ['File', {text: 'Size', align: 'number'}, {text: 'Loss', align: 'number'}, ''],
+    ['File', {text: 'Size', align: 'number'}, {text: 'PSNR', align: 'number'}, ''],
     files.map(({file, bytes: size, psnr}) => [
       nameOf(file),
       {text: bytes(size), align: 'number'},
@@ -103,11 +103,27 @@ export function showShare(app) {
       return server.run(['export', `share/${id}/placed.ply`, ...files]);
     });
   };
+  const writeMesh = () =>
+    app.act(server =>
+      server.run(['mesh', ...modelWords(details, current), '-o', `share/{id}/${name}-mesh.glb`]),
+    );
   const list = jobList(
     app,
-    ['export'],
-    job => `Export ${job.id}: ${job.words[1]}`,
-    outcome => outcomeTable(app, outcome),
+    ['export', 'mesh'],
+    ({id, words}) => `${words[0] === 'mesh' ? 'Mesh' : 'Export'} ${id}: ${words[1]}`,
+    outcome =>
+      outcome.triangles
+        ? el(
+            'p',
+            {},
+            `${whole(outcome.triangles)} triangles. `,
+            el(
+              'a',
+              {href: app.server.file(outcome.output), download: nameOf(outcome.output)},
+              'Save',
+            ),
+          )
+        : outcomeTable(app, outcome),
   );
   return {
     node: el(
@@ -134,6 +150,18 @@ export function showShare(app) {
           places.map(({node}) => node),
         ),
         el('div.buttons', {}, button('Write these', write, 'primary')),
+      ),
+      el(
+        'section.card',
+        {},
+        el('h2', {}, 'As triangles'),
+        el(
+          'p.muted',
+          {},
+          'The surface that the photos see, as a .glb for Blender, game engines and printers. ' +
+            'Surfaces are cleaner after training with the preset surface.',
+        ),
+        el('div.buttons', {}, button('Write a mesh', writeMesh)),
       ),
       list.node,
     ),

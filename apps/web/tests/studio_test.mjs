@@ -178,6 +178,14 @@ const tests = {
       desk.jobs.at(-2).words.join(' '),
       / --turn -90,0,0 --scale 2 -o share\/\d+\/placed\.ply$/,
     );
+    await desk.page.getByRole('button', {name: 'Write a mesh'}).click();
+    await desk.page.waitForFunction(
+      count => gemsplatStudio.project.jobs.length === count + 3,
+      jobsBefore,
+    );
+    const mesh = await desk.finishJob('mesh', {kills: 0});
+    assert.ok(existsSync(join(desk.folder, desk.id, mesh.words.at(-1).replace('{id}', mesh.id))));
+    await desk.page.getByText(/ triangles\./).waitFor();
     assert.equal(desk.kills, KILLS);
     console.log(
       `        ${KILLS} kills of the studio, ${desk.killsOfJobs} of them while a job ran`,
