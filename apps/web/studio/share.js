@@ -158,7 +158,7 @@ export function showShare(app) {
         el(
           'p.muted',
           {},
-          'The surface that the photos see, as a .glb for Blender, game engines and printers. ' +
+          'The surface that the photos see, as a .glb for Blender and game engines. ' +
             'Surfaces are cleaner after training with the preset surface.',
         ),
         el('div.buttons', {}, button('Write a mesh', writeMesh)),
