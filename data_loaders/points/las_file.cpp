@@ -56,9 +56,8 @@ LasHeader read_las_header(ByteReader& file) {
   header.format = h[104];
   if (header.format & kCompressed)
     fail(
-        "it is compressed (LAZ), which gemsplat does not read; convert it with `laszip -i IN.laz "
-        "-o "
-        "OUT.las`, or export the points as PLY or LAS");
+        "it is compressed (LAZ), which gemsplat does not read; convert it with "
+        "`laszip -i IN.laz -o OUT.las`, or export the points as PLY or LAS");
   if (header.format >= std::size(kFormats))
     fail(fmt::format("its points have the format {}; export them as LAS with a format of 0 to 10",
                      header.format));

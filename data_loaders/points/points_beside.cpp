@@ -3,7 +3,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <optional>
 
 #include "data_loaders/colmap/world_offset.h"
 #include "data_loaders/points/point_file.h"

@@ -123,6 +123,7 @@ const DOES = {
   edit: 'Cleaning',
   render: 'Film',
   export: 'Files to share',
+  mesh: 'Mesh',
 };
 const lastWords = ({jobs}) => {
   const job = jobs.at(-1);
