@@ -2,6 +2,7 @@
 #include <spdlog/fmt/fmt.h>
 
 #include <cmath>
+#include <memory>
 
 #include "data_loaders/scene/load_scene.h"
 #include "gs_app/export/cameras.h"
@@ -63,20 +64,28 @@ void check_memory(const std::vector<NamedView>& views) {
                 ExitCode::out_of_memory);
 }
 
+/// A model on the backend's device, and how its depth is drawn.
+struct DrawnModel {
+  Gaussians gaussians;
+  RenderSettings settings;
+};
+DrawnModel drawn_model(Backend& backend, const OpenedModel& opened, const Config& config) {
+  DrawnModel drawn{copy_to(backend.memory(), opened.model), view_settings(opened, config)};
+  drawn.settings.for_backward = true;     // the lists of tiles are needed, too
+  drawn.settings.order = RenderOrder::z;  // in which surfaces are found
+  return drawn;
+}
+
 /// A fusion with the depth of all cameras, on the backend's device.
 std::unique_ptr<Fusion> fusion_of(const MeshJob& job, Backend& backend,
-                                  const std::vector<NamedView>& views, const OpenedModel& opened,
-                                  const Config& config, JobEvents& events) {
+                                  const std::vector<NamedView>& views, const DrawnModel& model,
+                                  JobEvents& events) {
   Renderer& renderer = backend.renderer();
   std::unique_ptr<Fusion> fusion = renderer.fusion(job.rule);
-  const Gaussians gaussians = copy_to(backend.memory(), opened.model);
-  RenderSettings settings = view_settings(opened, config);
-  settings.for_backward = true;     // the lists of tiles are needed, too
-  settings.order = RenderOrder::z;  // in which surfaces are found
   RenderPass pass(backend.memory());
   for (const auto& [name, camera] : views) {
-    renderer.forward(gaussians.span(), camera, settings, pass);
-    fusion->add(gaussians.span(), camera, settings, pass, renderer.picture_of(pass));
+    renderer.forward(model.gaussians.span(), camera, model.settings, pass);
+    fusion->add(model.gaussians.span(), camera, model.settings, pass, renderer.picture_of(pass));
     events.progress("depth rendered", "view", fusion->views().size(), views.size());
   }
   return fusion;
@@ -91,13 +100,13 @@ std::vector<NamedView> divided(std::vector<NamedView> views, int by) {
 /// more of large pictures than of small ones, whose pixels are means and have less noise
 /// (docs/lab/2026-11-meshes.md). A texture shows all.
 int division_for_voxel(const MeshJob& job, Backend& backend, const std::vector<NamedView>& views,
-                       const OpenedModel& opened, const Config& config) {
+                       const DrawnModel& model) {
   if (!job.voxel || job.texture || job.has("dataset.resolution")) return 1;
   std::vector<NamedView> tried;
   for (const std::size_t i : evenly_chosen(views.size(), kTriedViews)) tried.push_back(views[i]);
   JobEvents silent;
   const double pixel =
-      fusion_of(job, backend, divided(tried, kSmallViews), opened, config, silent)->median_pixel() /
+      fusion_of(job, backend, divided(tried, kSmallViews), model, silent)->median_pixel() /
       kSmallViews;
   int by = 1;
   while (pixel > 0 && by < kSmallViews && 2 * by * kVoxelPixels * pixel <= *job.voxel) by *= 2;
@@ -175,14 +184,16 @@ MadeMesh mesh_by_views(const MeshJob& job, const OpenedModel& opened, const Conf
                        WallClock& clock, JobEvents& events) {
   std::vector<NamedView> views = views_of(job, opened, config);
   const std::unique_ptr<Backend> backend = make_backend(config.train.device);
-  const int by = division_for_voxel(job, *backend, views, opened, config);
+  auto model = std::make_unique<const DrawnModel>(drawn_model(*backend, opened, config));
+  const int by = division_for_voxel(job, *backend, views, *model);
   if (by > 1)
     log_info("views are drawn at 1/{} of their size, since voxels of {:.3g} show no more", by,
              *job.voxel);
   const std::vector<NamedView> drawn = divided(views, by);
   check_memory(drawn);
   clock.end("model");
-  const std::unique_ptr<Fusion> fusion = fusion_of(job, *backend, drawn, opened, config, events);
+  const std::unique_ptr<Fusion> fusion = fusion_of(job, *backend, drawn, *model, events);
+  model.reset();  // fusion has what it needs
   MadeMesh made = mesh_of(job, *fusion, clock, events);
   made.named_views = std::move(views);
   made.views_divided_by = by;
