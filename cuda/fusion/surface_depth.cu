@@ -83,8 +83,10 @@ __global__ void __launch_bounds__(kBlendThreads)
   if (__any_sync(kAllLanes, crossing > 0))
     end = walk<rule>(
         shared, lists, subtile, planes, pixel, longest,
-        [&](float o, float weight, float) {
-          if (fabsf(o - crossing) <= kDepthWindow * crossing) sum += weight * o, weights += weight;
+        [&](float o, float weight, float light) {
+          if (!(fabsf(o - crossing) <= kDepthWindow * crossing)) return;
+          const float share = depth_share(weight, light);
+          sum += share * o, weights += share;
         },
         [] { return false; });
   if (!subtile.is_inside) return;

@@ -65,8 +65,10 @@ float inverse_depth_at(const TileFragments& tile, int x, int y) {
   if (left > kOpenLight) return kOpenPixel;
   if (!(crossing > 0)) return kUnknownDepth;
   float sum = 0, weights = 0;
-  const float end = walk(tile, x, y, [&](float o, float weight, float) {
-    if (std::abs(o - crossing) <= kDepthWindow * crossing) sum += weight * o, weights += weight;
+  const float end = walk(tile, x, y, [&](float o, float weight, float light) {
+    if (!(std::abs(o - crossing) <= kDepthWindow * crossing)) return true;
+    const float share = depth_share(weight, light);
+    sum += share * o, weights += share;
     return true;
   });
   return end <= kMostLight ? sum / weights : kUnknownDepth;

@@ -18,6 +18,13 @@ inline constexpr float kDepthWindow = 0.01f;  // of the inverse depth at the cro
 inline constexpr float kMostLight = 0.45f;    // that a surface lets through
 inline constexpr float kOpenLight = 0.9f;     // more is left where nothing is
 
+/// What a fragment has to say about the depth of its pixel: its weight in blending times the light
+/// that reaches it, so that the front of a surface counts more. The mean by weights alone lies
+/// behind surfaces that are known (docs/lab/2026-11-meshes.md).
+///
+/// light   what is left behind the fragment
+GS_HD float depth_share(float weight, float light) { return weight * (light + weight); }
+
 /// The plane of a Gaussian without time, whose splat has this conic.
 GS_HD SplatPlane<float> plane_of(const GaussiansSpan& gaussians, std::size_t i,
                                  const Camera& camera, const Sym2<float>& conic) {
@@ -30,10 +37,10 @@ GS_HD SplatPlane<float> plane_of(const GaussiansSpan& gaussians, std::size_t i,
 /// The inverse depth of each pixel's surface, 1 / world units, kUnknownDepth or kOpenPixel.
 /// (height, width, 1)
 ///
-///   o = sum w o_i / sum w   over the fragments with |o_i - o_c| <= kDepthWindow o_c
+///   o = sum s_i o_i / sum s_i   over the fragments with |o_i - o_c| <= kDepthWindow o_c
 ///
-/// o_i is the inverse depth of fragment i on the plane of its splat (splat_plane()), w its weight
-/// in blending, and c the fragment behind which less than half of the light is left. Fragments in
+/// o_i is the inverse depth of fragment i on the plane of its splat (splat_plane()), s_i its
+/// depth_share(), and c the fragment behind which less than half of the light is left. Fragments in
 /// front of the surface and behind it thus do not move it.
 ///
 /// pass       what forward() of the scalar renderer made of the Gaussians and the camera

@@ -262,6 +262,18 @@ TEST_F(SplatDepth, DoesNotMoveByWhatIsInFrontOrBehind) {
   EXPECT_NEAR(depth_at(all, 32, 32), depth_at(tilted(1), 32, 32), 1e-5f);
 }
 
+// Of two disks that let half of the light through, one behind the other within the window, the first
+// counts four times as much: its weight is .5 and not .25, and the light that reaches it 1 and not .5.
+TEST_F(SplatDepth, IsThatOfTheFrontOfASurface) {
+  Gaussians disks(2, host_memory());
+  for (const int i : {0, 1}) {
+    set_gaussian(disks, i, {0, 0, i == 0 ? 2 : 2.01f}, 1, 0.5f);
+    disks.log_scale[i].z = std::log(1e-4f);
+  }
+  const float o = (4 / 2.0f + 1 / 2.01f) / 5;
+  EXPECT_NEAR(depth_at(disks, 32, 32), 1 / o, 2e-5f);
+}
+
 TEST_F(SplatDepth, SaysWhatIsOpenAndWhatIsUnknown) {
   Gaussians faint(1, host_memory());
   set_gaussian(faint, 0, {0, 0, 2}, 0.2f, 0.4f);
