@@ -18,12 +18,15 @@ inline constexpr float kDepthWindow = 0.01f;  // of the inverse depth at the cro
 inline constexpr float kMostLight = 0.45f;    // that a surface lets through
 inline constexpr float kOpenLight = 0.9f;     // more is left where nothing is
 
-/// What a fragment has to say about the depth of its pixel: its weight in blending times the light
-/// that reaches it, so that the front of a surface counts more. The mean by weights alone lies
+/// What a fragment has to say about the depth of its pixel: its weight in blending, times the square
+/// of the light that reaches it. The front of a surface counts more so; the mean by weights alone lies
 /// behind surfaces that are known (docs/lab/2026-11-meshes.md).
 ///
 /// light   what is left behind the fragment
-GS_HD float depth_share(float weight, float light) { return weight * (light + weight); }
+GS_HD float depth_share(float weight, float light) {
+  const float reaches = light + weight;
+  return weight * reaches * reaches;
+}
 
 /// The plane of a Gaussian without time, whose splat has this conic.
 GS_HD SplatPlane<float> plane_of(const GaussiansSpan& gaussians, std::size_t i,

@@ -263,14 +263,14 @@ TEST_F(SplatDepth, DoesNotMoveByWhatIsInFrontOrBehind) {
 }
 
 // Of two disks that let half of the light through, one behind the other within the window, the first
-// counts four times as much: its weight is .5 and not .25, and the light that reaches it 1 and not .5.
+// counts eight times as much: its weight is .5 and not .25, and the light that reaches it 1 and not .5.
 TEST_F(SplatDepth, IsThatOfTheFrontOfASurface) {
   Gaussians disks(2, host_memory());
   for (const int i : {0, 1}) {
     set_gaussian(disks, i, {0, 0, i == 0 ? 2 : 2.01f}, 1, 0.5f);
     disks.log_scale[i].z = std::log(1e-4f);
   }
-  const float o = (4 / 2.0f + 1 / 2.01f) / 5;
+  const float o = (8 / 2.0f + 1 / 2.01f) / 9;
   EXPECT_NEAR(depth_at(disks, 32, 32), 1 / o, 2e-5f);
 }
 
