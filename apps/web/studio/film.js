@@ -2,7 +2,7 @@
 // The screen "Film": paths of the camera, key frames of the viewer's tool, and the films.
 import {el} from '../shared/dom.js';
 import {currentModel, modelWords, noModel, viewOfModel} from './frame.js';
-import {button, jobList} from './jobs.js';
+import {button, jobList, saveLink} from './jobs.js';
 
 const ALL_AROUND = '3840x1920'; // of a film to look around in
 const SIZES = ['1280x720', '1920x1080', '1080x1920', '3840x2160', '640x360', ALL_AROUND];
@@ -70,7 +70,7 @@ export function showFilm(app) {
           playsinline: true,
           preload: 'metadata',
         }),
-        el('a.button', {href: app.server.file(output), download: output.split('/').pop()}, 'Save'),
+        saveLink(app, output, 'a.button'),
       ),
   );
   return {

@@ -17,6 +17,12 @@ export const isActive = job => job.state === 'running' || job.state === 'waiting
 export const button = (text, onclick, kind = '') =>
   el(`button.button${kind && `.${kind}`}`, {type: 'button', onclick}, text);
 
+export const nameOf = file => file.split('/').pop();
+
+/// Saves a file of the project.
+export const saveLink = (app, file, kind = 'a') =>
+  el(kind, {href: app.server.file(file), download: nameOf(file)}, 'Save');
+
 /// The command as a person types it in the project's folder.
 export const commandOf = words => `gemsplat ${words.map(quoted).join(' ')}`;
 

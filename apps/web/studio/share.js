@@ -3,7 +3,7 @@
 import {el, table} from '../shared/dom.js';
 import {bytes, fixed, whole} from '../shared/format.js';
 import {currentModel, modelWords, noModel} from './frame.js';
-import {button, jobList} from './jobs.js';
+import {button, jobList, nameOf, saveLink} from './jobs.js';
 
 // Ending, for whom.
 const FORMATS = [
@@ -26,8 +26,6 @@ const PLACES = [
   ['move', 'Move along x, y, z, world units', [0, 0, 0]],
 ];
 
-const nameOf = file => file.split('/').pop();
-
 function outcomeTable(app, {files = []}) {
   return table(
     ['File', {text: 'Size', align: 'number'}, {text: 'PSNR', align: 'number'}, ''],
@@ -39,7 +37,7 @@ function outcomeTable(app, {files = []}) {
         align: 'number',
         title: 'PSNR of its pictures against those of the model; more is better',
       },
-      el('a', {href: app.server.file(file), download: nameOf(file)}, 'Save'),
+      saveLink(app, file),
     ]),
     {label: 'exported files'},
   );
@@ -113,16 +111,7 @@ export function showShare(app) {
     ({id, words}) => `${words[0] === 'mesh' ? 'Mesh' : 'Export'} ${id}: ${words[1]}`,
     outcome =>
       outcome.triangles
-        ? el(
-            'p',
-            {},
-            `${whole(outcome.triangles)} triangles. `,
-            el(
-              'a',
-              {href: app.server.file(outcome.output), download: nameOf(outcome.output)},
-              'Save',
-            ),
-          )
+        ? el('p', {}, `${whole(outcome.triangles)} triangles. `, saveLink(app, outcome.output))
         : outcomeTable(app, outcome),
   );
   return {
