@@ -13,7 +13,9 @@
 #include <cstdlib>
 #include <ctime>
 
+#include "data_loaders/reconstruct/photo_folder.h"
 #include "gs_app/run/run_folder.h"
+#include "gs_app/studio/masks.h"
 #include "gs_core/error.h"
 #include "gs_core/system/files/access.h"
 #include "gs_core/system/files/move_aside.h"
@@ -63,6 +65,13 @@ std::string with_number(std::string word, int id) {
   return word;
 }
 
+// Whether the person has said where the masks are.
+bool names_masks(const JobWords& words) {
+  return std::any_of(words.begin(), words.end(), [](const std::string& word) {
+    return word == "--masks" || word.starts_with("--masks=") || word.starts_with("dataset.masks=");
+  });
+}
+
 bool is_active(const StudioJob& job) {
   return job.state == JobState::waiting || job.state == JobState::running;
 }
@@ -75,6 +84,44 @@ void check_is_idle(const Project& project) {
     if (is_job_alive(path / ".gemsplat.lock"))
       throw UsageError("a command writes to " + path.filename().string() +
                        "; wait until it has ended");
+}
+
+std::map<std::string, int> turns_in(const Json& json) {
+  std::map<std::string, int> turned = json;
+  for (const auto& [name, degrees] : turned)
+    if (!is_turn(degrees))
+      throw UsageError(fmt::format("a photo cannot be turned by {} degrees", degrees));
+  std::erase_if(turned, [](const auto& each) { return each.second == 0; });
+  return turned;
+}
+
+// The words and files that say which photos and masks a job on a scene gets.
+void give_scene(const Project& project, const std::string& scene, StudioJob& job) {
+  const auto add = [&](const char* flag, const std::string& value) {
+    job.words.insert(job.words.end(), {flag, value});
+  };
+  const std::vector<ScenePhoto> photos = photos_of_scene(project, scene);
+  if (job.verb() == "train" && !project.left_out.empty() && write_chosen_list(project, photos))
+    add("--set", "dataset.photo_list=photos.txt");
+  if (names_masks(job.words)) return;
+  if (const std::string masks = masks_for_job(project, scene, photos, job.id); !masks.empty())
+    add("--masks", masks);
+}
+
+void give_photos(const Project& project, StudioJob& job) {
+  const std::string source = job.words.size() > 1 ? job.words[1] : "-";
+  if (job.verb() == "reconstruct" && source == fmt::format("chosen-{}", job.id)) {
+    choose_photos(project, job.id);
+    job.turned = project.turned;
+  }
+  const bool has_masks = !own_masks_of(project).empty() || !painted_masks(project).empty();
+  if (source.starts_with('-') || (!has_masks && project.left_out.empty())) return;
+  if (job.verb() == "train") give_scene(project, source, job);
+  if (job.verb() != "doctor" || !has_masks) return;
+  try {
+    if (!holds_only_photos(project.folder / source)) give_scene(project, source, job);
+  } catch (const Error&) {  // which doctor finds, too, and explains
+  }
 }
 
 // Nothing has changed where the disk is full.
@@ -228,17 +275,13 @@ void Studio::settle(Entry& entry, StudioJob& job) {
 
 int Studio::start(const std::string& project, JobWords words) {
   check_verb(kJobVerbs, words);
+  if (words.front() == "reconstruct") make_turned_copies(this->project(project));  // takes a while
   const std::lock_guard lock(mutex_);
   Project& known = entry(project).project;
   StudioJob job{.id = known.jobs.empty() ? 1 : known.jobs.back().id + 1, .words = std::move(words)};
   for (std::string& word : job.words) word = with_number(word, job.id);
-  if (job.verb() == "reconstruct") choose_photos(known);
   if (job.verb() == "train") set_extra_steps(known.folder, job.words);
-  const bool has_scene =
-      job.verb() == "train" && job.words.size() > 1 && !job.words[1].starts_with('-');
-  if (has_scene && !known.left_out.empty() && write_chosen_list(known, job.words[1]))
-    for (const char* word : {"--set", "dataset.photo_list=photos.txt"})
-      job.words.emplace_back(word);
+  give_photos(known, job);
   save(known, [&](Project& changed) { changed.jobs.push_back(job); });
   changed_.notify_all();
   return job.id;
@@ -250,7 +293,7 @@ int Studio::go_on(const std::string& project, int id) {
   if (is_active(known.job(id))) throw UsageError("this job has not ended");
   save(known, [&](Project& changed) {
     StudioJob& job = changed.job(id);
-    job = {.id = id, .words = words_to_go_on(job)};
+    job = {.id = id, .words = words_to_go_on(job), .turned = job.turned};
   });
   changed_.notify_all();
   return id;
@@ -282,6 +325,13 @@ Json Studio::ask(const std::string& project, JobWords words) {
   fs::remove(file);
   if (log.outcome.is_null()) throw Error(log.error.empty() ? log.note : log.error);
   return log.outcome;
+}
+
+void Studio::paint(const std::string& project, const std::string& photo, int degrees,
+                   const std::string& png) {
+  const Image8 mask = read_painted_mask(this->project(project), photo, degrees, png);
+  const std::lock_guard lock(mutex_);  // the project's folder does not move meanwhile
+  keep_mask(entry(project).project, photo, mask);
 }
 
 std::string Studio::keep(const std::string& project, const std::string& tool, const Json& json) {
@@ -340,6 +390,7 @@ void Studio::change(const std::string& project, const Json& changes) {
     if (changes.contains("name")) changed.name = safe_path(changes["name"]).filename();
     if (changes.contains("model")) changed.model = changes["model"];
     if (changes.contains("left_out")) changed.left_out = changes["left_out"];
+    if (changes.contains("turned")) changed.turned = turns_in(changes["turned"]);
   });
 }
 
