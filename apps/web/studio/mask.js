@@ -5,6 +5,7 @@ import {button} from './jobs.js';
 
 const COLOR = '#e6195a'; // of hidden parts, while they are painted
 const SIZES = {least: 8, first: 48, most: 240, step: 8}; // of the brush, thousandths of the longer side
+const SHORTEST = 0.01; // pixels: a line of no length is not drawn, and a dot is a line
 const WORDS =
   'Paint over what is not to be trained, such as people, your shadow or the sky. The photo stays as it is.';
 
@@ -69,8 +70,8 @@ class Painting {
     pen.globalCompositeOperation = shows ? 'destination-out' : 'source-over';
     pen.lineWidth = width;
     pen.beginPath();
-    pen.moveTo(...points[0]);
-    for (const point of points) pen.lineTo(...point); // a dot is a line of no length
+    pen.moveTo(points[0][0] - SHORTEST, points[0][1]);
+    for (const point of points) pen.lineTo(...point);
     pen.stroke();
     pen.globalCompositeOperation = 'source-over';
     return undefined;
@@ -218,7 +219,11 @@ export async function openMask(app, name) {
       save,
     ),
     said,
-    el('small.keys', {}, 'Keys: H hides, S shows again, [ and ] change the size, Ctrl+Z undoes, Esc closes.'),
+    el(
+      'small.keys',
+      {},
+      'Keys: H hides, S shows again, [ and ] change the size, Ctrl+Z undoes, Esc closes.',
+    ),
   );
   document.body.append(dialog);
   dialog.showModal();

@@ -8,7 +8,8 @@ import {openMask} from './mask.js';
 
 const SHOWN_AT_ONCE = 120;
 const TURN = 'M20 12a8 8 0 1 1-2.5-5.8M20 3v5h-5', // icons of 24 x 24
-  BRUSH = 'M4 20c4 .4 6-.9 6-3.2a2.6 2.6 0 0 0-5.2 0C4.8 18.4 4.6 19.2 4 20zM9.5 14l9-9.5 1.5 1.5-9 9.5';
+  BRUSH =
+    'M4 20c4 .4 6-.9 6-3.2a2.6 2.6 0 0 0-5.2 0C4.8 18.4 4.6 19.2 4 20zM9.5 14l9-9.5 1.5 1.5-9 9.5';
 
 export const thumbOf = ({server, details}, name) => server.thumb(name, details.turned[name] ?? 0);
 
@@ -56,7 +57,13 @@ function wordsOn(app) {
 const tool = (kind, label, name, path, onclick) =>
   el(
     'button.tile-tool',
-    {type: 'button', id: `${kind} ${name}`, title: label, 'aria-label': `${label}: ${name}`, onclick},
+    {
+      type: 'button',
+      id: `${kind} ${name}`,
+      title: label,
+      'aria-label': `${label}: ${name}`,
+      onclick,
+    },
     svg('svg', {viewBox: '0 0 24 24', 'aria-hidden': 'true'}, svg('path', {d: path})),
   );
 
