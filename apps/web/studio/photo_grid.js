@@ -92,9 +92,13 @@ function tile(app, name) {
         }),
       el('span', {}, name),
     ),
-    canTurn && tool('turn', 'Turn right', name, TURN, () => turn(app, name)),
-    !details.has_own_masks &&
-      tool('mask', 'Mask parts', name, BRUSH, () => openMask(app, name).catch(app.fail)),
+    el(
+      'div.tile-tools',
+      {},
+      canTurn && tool('turn', 'Turn right', name, TURN, () => turn(app, name)),
+      !details.has_own_masks &&
+        tool('mask', 'Mask parts', name, BRUSH, () => openMask(app, name).catch(app.fail)),
+    ),
   );
 }
 

@@ -104,7 +104,8 @@ await runAll({
     await openMask(desk, MASKED); // what was saved is shown
     const shown = await desk.page.evaluate(() => {
       const canvas = document.querySelector('.paint canvas');
-      return canvas.getContext('2d').getImageData(canvas.width / 2, 0.3 * canvas.height, 1, 1).data[3];
+      return canvas.getContext('2d').getImageData(canvas.width / 2, 0.3 * canvas.height, 1, 1)
+        .data[3];
     });
     assert.equal(shown, 255);
     await desk.page.keyboard.press('Escape');
@@ -162,7 +163,8 @@ await runAll({
         await desk.openPage(`p=${desk.id}&s=photos`, {width, height, colorScheme});
         await desk.page.locator('.grid').scrollIntoViewIfNeeded();
         await desk.page.waitForFunction(
-          () => [...document.querySelectorAll('.tile img')].filter(img => img.naturalWidth).length > 3,
+          () =>
+            [...document.querySelectorAll('.tile img')].filter(img => img.naturalWidth).length > 3,
         );
         await desk.shot(`tiles-${name}-${colorScheme}`);
         await openMask(desk, TURNED);
