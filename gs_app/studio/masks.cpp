@@ -9,6 +9,7 @@
 #include "data_loaders/photos/orientation.h"
 #include "data_loaders/photos/photo_fit.h"
 #include "data_loaders/photos/photo_names.h"
+#include "data_loaders/reconstruct/photo_folder.h"
 #include "gs_core/error.h"
 #include "gs_core/system/files/access.h"
 #include "gs_core/system/files/atomic_file.h"
@@ -104,6 +105,26 @@ std::map<std::string, int> turns_of_scene(const Project& project, const std::str
   return {};
 }
 
+// Whether the person has said where the masks are.
+bool names_masks(const std::vector<std::string>& words) {
+  return std::any_of(words.begin(), words.end(), [](const std::string& word) {
+    return word == "--masks" || word.starts_with("--masks=") || word.starts_with("dataset.masks=");
+  });
+}
+
+// The words and files that say which photos and masks a job on a scene gets.
+void give_scene(const Project& project, const std::string& scene, StudioJob& job) {
+  const auto add = [&](const char* flag, const std::string& value) {
+    job.words.insert(job.words.end(), {flag, value});
+  };
+  const std::vector<ScenePhoto> photos = photos_of_scene(project, scene);
+  if (job.verb() == "train" && !project.left_out.empty() && write_chosen_list(project, photos))
+    add("--set", "dataset.photo_list=photos.txt");
+  if (names_masks(job.words)) return;
+  if (const std::string masks = masks_for_job(project, scene, photos, job.id); !masks.empty())
+    add("--masks", masks);
+}
+
 }  // namespace
 
 fs::path own_masks_of(const Project& project) {
@@ -185,6 +206,22 @@ std::string masks_for_job(const Project& project, const std::string& scene,
     write_png(project.folder / folder / (name + ".png"), mask);
   });
   return behind_flag(folder);
+}
+
+void give_photos(const Project& project, StudioJob& job) {
+  const std::string source = job.words.size() > 1 ? job.words[1] : "-";
+  if (job.verb() == "reconstruct" && source == fmt::format("chosen-{}", job.id)) {
+    choose_photos(project, job.id);
+    job.turned = project.turned;
+  }
+  const bool has_masks = !own_masks_of(project).empty() || !painted_masks(project).empty();
+  if (source.starts_with('-') || (!has_masks && project.left_out.empty())) return;
+  if (job.verb() == "train") give_scene(project, source, job);
+  if (job.verb() != "doctor" || !has_masks) return;
+  try {
+    if (!holds_only_photos(project.folder / source)) give_scene(project, source, job);
+  } catch (const Error&) {  // which doctor finds, too, and explains
+  }
 }
 
 }  // namespace gs

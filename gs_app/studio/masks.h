@@ -40,4 +40,9 @@ void keep_mask(const Project& project, const std::string& photo, const Image8& m
 std::string masks_for_job(const Project& project, const std::string& scene,
                           const std::vector<ScenePhoto>& photos, int job);
 
+/// Gives a job its photos: choose_photos() for `reconstruct chosen-JOB`, the list of those that are not
+/// left out for `train`, and the masks for `train` and `doctor`, unless its words name some. Throws
+/// Error.
+void give_photos(const Project& project, StudioJob& job);
+
 }  // namespace gs

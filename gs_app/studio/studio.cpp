@@ -13,7 +13,6 @@
 #include <cstdlib>
 #include <ctime>
 
-#include "data_loaders/reconstruct/photo_folder.h"
 #include "gs_app/run/run_folder.h"
 #include "gs_app/studio/masks.h"
 #include "gs_core/error.h"
@@ -65,13 +64,6 @@ std::string with_number(std::string word, int id) {
   return word;
 }
 
-// Whether the person has said where the masks are.
-bool names_masks(const JobWords& words) {
-  return std::any_of(words.begin(), words.end(), [](const std::string& word) {
-    return word == "--masks" || word.starts_with("--masks=") || word.starts_with("dataset.masks=");
-  });
-}
-
 bool is_active(const StudioJob& job) {
   return job.state == JobState::waiting || job.state == JobState::running;
 }
@@ -93,35 +85,6 @@ std::map<std::string, int> turns_in(const Json& json) {
       throw UsageError(fmt::format("a photo cannot be turned by {} degrees", degrees));
   std::erase_if(turned, [](const auto& each) { return each.second == 0; });
   return turned;
-}
-
-// The words and files that say which photos and masks a job on a scene gets.
-void give_scene(const Project& project, const std::string& scene, StudioJob& job) {
-  const auto add = [&](const char* flag, const std::string& value) {
-    job.words.insert(job.words.end(), {flag, value});
-  };
-  const std::vector<ScenePhoto> photos = photos_of_scene(project, scene);
-  if (job.verb() == "train" && !project.left_out.empty() && write_chosen_list(project, photos))
-    add("--set", "dataset.photo_list=photos.txt");
-  if (names_masks(job.words)) return;
-  if (const std::string masks = masks_for_job(project, scene, photos, job.id); !masks.empty())
-    add("--masks", masks);
-}
-
-void give_photos(const Project& project, StudioJob& job) {
-  const std::string source = job.words.size() > 1 ? job.words[1] : "-";
-  if (job.verb() == "reconstruct" && source == fmt::format("chosen-{}", job.id)) {
-    choose_photos(project, job.id);
-    job.turned = project.turned;
-  }
-  const bool has_masks = !own_masks_of(project).empty() || !painted_masks(project).empty();
-  if (source.starts_with('-') || (!has_masks && project.left_out.empty())) return;
-  if (job.verb() == "train") give_scene(project, source, job);
-  if (job.verb() != "doctor" || !has_masks) return;
-  try {
-    if (!holds_only_photos(project.folder / source)) give_scene(project, source, job);
-  } catch (const Error&) {  // which doctor finds, too, and explains
-  }
 }
 
 // Nothing has changed where the disk is full.
