@@ -42,6 +42,7 @@ function findings(app, {findings: found = []}) {
       own.length > 0 &&
         own.length < pictures.length &&
         (level === 'warning' || level === 'fatal') &&
+        topic !== 'masks' &&
         button(`Leave out ${own.length === 1 ? 'this photo' : `these ${own.length}`}`, () =>
           leaveOut(app, own, true),
         ),
