@@ -70,7 +70,8 @@ const tool = (kind, label, name, path, onclick) =>
 function tile(app, name) {
   const {details, server} = app,
     isOut = details.left_out.includes(name),
-    canTurn = details.scene !== details.photos && !details.has_own_masks,
+    canTurn =
+      details.scene !== details.photos && (!details.has_own_masks || details.turned[name] > 0),
     time = details.masked[name];
   return el(
     'div.tile',
