@@ -197,7 +197,7 @@ bool match_files_of(const CompanionKind& kind, Level of_missing, const char* wit
                   fmt::format("{} of {} have a {} in {}", count - missing.size(),
                               counted(count, "photo"), kind.noun, (scene.*kind.source).place()));
   if (!missing.empty())
-    examination.add(of_missing, topic,
+    examination.add(masks_may_be_lost(missing.size(), count) ? of_missing : Level::note, topic,
                     fmt::format("{} no {} there{}", counted(missing.size(), "photo", "has", "have"),
                                 kind.noun, without),
                     examination.names_of(missing));

@@ -34,6 +34,11 @@ Pixel stored_pixel(int orientation, int x, int y, int width, int height) {
   }
 }
 
+/// The orientation of a picture that is upright once it is turned by so many degrees.
+int orientation_of_turn(int degrees) {
+  return degrees == 90 ? 6 : degrees == 180 ? 3 : degrees == 270 ? 8 : 1;
+}
+
 /// Color with its alpha as a fourth channel, if there is one.
 Image8 with_alpha(PhotoWithAlpha read) {
   return read.alpha.empty() ? std::move(read.photo) : joined(read.photo, read.alpha);
@@ -54,6 +59,19 @@ Image8 upright(const Image8& stored, int orientation) {
       for (int c = 0; c < stored.channels; ++c) image.at(x, y, c) = stored.at(from.x, from.y, c);
     }
   return image;
+}
+
+Image8 as_stored(const Image8& picture, int orientation) {
+  const int inverse = orientation == 6 ? 8 : orientation == 8 ? 6 : orientation;
+  return upright(picture, inverse);
+}
+
+PhotoSize turned_size(const PhotoSize& size, int degrees) {
+  return upright_size(size, orientation_of_turn(degrees));
+}
+
+Image8 turned(const Image8& image, int degrees) {
+  return upright(image, orientation_of_turn(degrees));
 }
 
 Image8 read_upright(const fs::path& photo) {

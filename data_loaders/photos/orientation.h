@@ -14,6 +14,14 @@ PhotoSize upright_size(const PhotoSize& stored, int orientation);
 /// The picture, turned and mirrored as its EXIF orientation (1 to 8; EXIF 2.3, 4.6.4 A) says.
 Image8 upright(const Image8& stored, int orientation);
 
+/// The inverse of upright(): an upright picture in the order in which the photo's pixels are stored.
+Image8 as_stored(const Image8& upright, int orientation);
+
+/// The size of a picture that is turned(), and the picture itself: clockwise, by 0, 90, 180 or 270
+/// degrees.
+PhotoSize turned_size(const PhotoSize& size, int degrees);
+Image8 turned(const Image8& image, int degrees);
+
 /// The photo upright, with alpha as a fourth channel if the file has it. Throws Error like
 /// read_photo().
 Image8 read_upright(const std::filesystem::path& photo);

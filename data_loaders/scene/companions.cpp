@@ -160,10 +160,14 @@ void match_companions(const CompanionKind& kind, const DatasetConfig& dataset, S
     if (source.is_named) throw Error(nothing_matches);
     log_warning("{}", nothing_matches);
   } else if (kind.partial && !missing.empty()) {
-    log_warning(
-        "{}", fmt::format(fmt::runtime(kind.partial), missing.size(), counted(count, "photo"),
-                          missing.size() == 1 ? "has" : "have", source.folder.string(), missing[0],
-                          missing.size() > 1 ? ", ..." : ""));
+    const std::string text =
+        fmt::format(fmt::runtime(kind.partial), missing.size(), counted(count, "photo"),
+                    missing.size() == 1 ? "has" : "have", source.folder.string(), missing[0],
+                    missing.size() > 1 ? ", ..." : "");
+    if (masks_may_be_lost(missing.size(), count))
+      log_warning("{}", text);
+    else
+      log_info("{}", text);
   }
 }
 

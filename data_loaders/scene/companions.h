@@ -16,7 +16,7 @@ struct CompanionKind {
   Companions SceneModel::*source;
   // The names that the file of a photo could have; {0} is the photo, {1} its name without ending.
   const char* names;
-  // Warns of photos without a file, of which there are {0}; null: that is nothing special.
+  // Says that there are photos without a file, {0} of them; null: that is nothing special.
   const char* partial;
 };
 extern const CompanionKind kMasks, kDepthMaps, kNormalMaps;
@@ -33,9 +33,14 @@ Companions find_companions(const CompanionKind& kind, const DatasetConfig& datas
 /// picture's ending may stand for .png, if there is one such file.
 ///
 /// A file that the model names (ColmapImage::mask, ColmapImage::depth) goes before those of a folder
-/// that was only found, and is ignored if the setting names a folder. Warns with a count if some
-/// photos have no mask. Throws Error if a photo could have two files, and if none of the photos has
-/// one in the folder that the setting names.
+/// that was only found, and is ignored if the setting names a folder. Counts the photos without a
+/// mask, if some have one, and warns if masks_may_be_lost(). Throws Error if a photo could have two
+/// files, and if none of the photos has one in the folder that the setting names.
 void match_companions(const CompanionKind& kind, const DatasetConfig& dataset, SceneModel& scene);
+
+/// Where most photos have no mask, it was made for the few that need one.
+inline bool masks_may_be_lost(std::size_t missing, std::size_t photos) {
+  return 2 * missing <= photos;
+}
 
 }  // namespace gs

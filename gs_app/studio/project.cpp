@@ -6,13 +6,7 @@
 #include <algorithm>
 #include <array>
 #include <charconv>
-#include <set>
 
-#include "data_loaders/photos/photo_names.h"
-#include "data_loaders/reconstruct/photo_walk.h"
-#include "data_loaders/scene/find_scene.h"
-#include "data_loaders/scene/photo_list.h"
-#include "data_loaders/scene/scene_model.h"
 #include "gs_app/run/run_folder.h"
 #include "gs_core/config/config.h"
 #include "gs_core/error.h"
@@ -38,9 +32,16 @@ JobState state_of(const std::string& word) {
   return at == kStateWords.end() ? JobState::interrupted : JobState(at - kStateWords.begin());
 }
 
+// Projects of older versions have none.
+std::map<std::string, int> turned_in(const Json& json) {
+  return json.contains("turned") ? json["turned"].get<std::map<std::string, int>>()
+                                 : std::map<std::string, int>();
+}
+
 StudioJob job_of(const Json& json) {
   StudioJob job{json.at("id"),      json.at("words"), state_of(json.at("state")),
-                json.at("message"), json.at("began"), json.at("ended")};
+                json.at("message"), json.at("began"), json.at("ended"),
+                turned_in(json)};
   if (job.words.empty()) throw Error("a job has no words");
   return job;
 }
@@ -53,15 +54,14 @@ bool is_safe_part(const std::string& part) {
          std::none_of(part.begin(), part.end(), is_control_character);
 }
 
-// What stands behind -o.
-std::string output_of(const StudioJob& job) {
-  const auto at = std::find(job.words.begin(), job.words.end(), "-o");
-  return at == job.words.end() || at + 1 == job.words.end() ? "" : at[1];
-}
-
 }  // namespace
 
 const char* word_of(JobState state) { return kStateWords[std::size_t(state)]; }
+
+std::string StudioJob::output() const {
+  const auto at = std::find(words.begin(), words.end(), "-o");
+  return at == words.end() || at + 1 == words.end() ? "" : at[1];
+}
 
 fs::path Project::log_of(int job) const { return folder / "jobs" / fmt::format("{}.log", job); }
 
@@ -73,8 +73,10 @@ StudioJob& Project::job(int id) {
 }
 
 Json to_json(const StudioJob& job) {
-  return {{"id", job.id},           {"words", job.words}, {"state", word_of(job.state)},
-          {"message", job.message}, {"began", job.began}, {"ended", job.ended}};
+  Json json = {{"id", job.id},           {"words", job.words}, {"state", word_of(job.state)},
+               {"message", job.message}, {"began", job.began}, {"ended", job.ended}};
+  if (!job.turned.empty()) json["turned"] = job.turned;
+  return json;
 }
 
 Project read_project(const fs::path& folder) {
@@ -83,16 +85,18 @@ Project read_project(const fs::path& folder) {
   return take_from_json(file, kRemedy, [&] {
     if (json.at("version") != kVersion)
       throw Error("cannot read " + file.string() + ": a newer gemsplat wrote it; install that one");
-    Project project{folder, json.at("name"), json.at("photos"), json.at("left_out"),
-                    json.at("model")};
+    Project project{folder,          json.at("name"), json.at("photos"), json.at("left_out"),
+                    turned_in(json), json.at("model")};
     for (const Json& job : json.at("jobs")) project.jobs.push_back(job_of(job));
     return project;
   });
 }
 
 void write_project(const Project& project) {
-  Json json = {{"version", kVersion},          {"name", project.name},   {"photos", project.photos},
-               {"left_out", project.left_out}, {"model", project.model}, {"jobs", Json::array()}};
+  Json json = {{"version", kVersion},      {"name", project.name},
+               {"photos", project.photos}, {"left_out", project.left_out},
+               {"turned", project.turned}, {"model", project.model},
+               {"jobs", Json::array()}};
   for (const StudioJob& job : project.jobs) json["jobs"].push_back(to_json(job));
   write_text(project.folder / "project.json", file_text(json));
 }
@@ -183,44 +187,11 @@ Json models_of(const Project& project) {
   Json models = Json::array();
   for (auto& [time, model] : found) {
     for (const StudioJob& job : project.jobs)
-      if (job.verb() == "edit" && job.words.size() > 1 && output_of(job) == model["path"])
+      if (job.verb() == "edit" && job.words.size() > 1 && job.output() == model["path"])
         model["from"] = job.words[1];
     models.push_back(std::move(model));
   }
   return models;
-}
-
-fs::path photo_folder_of(const Project& project) {
-  return is_folder(project.input()) ? photo_root(project.input()) : project.input();
-}
-
-void choose_photos(const Project& project) {
-  const fs::path chosen = project.folder / "chosen", from = photo_folder_of(project);
-  fs::remove_all(chosen);
-  if (project.left_out.empty()) return;
-  const std::set<std::string> left_out(project.left_out.begin(), project.left_out.end());
-  for (const std::string& name : picture_names_in(from)) {
-    if (left_out.contains(name)) continue;
-    fs::create_directories((chosen / name).parent_path());
-    std::error_code error;
-    fs::create_hard_link(from / name, chosen / name, error);
-    if (error) fs::create_symlink(fs::absolute(from / name), chosen / name);
-  }
-}
-
-bool write_chosen_list(const Project& project, const std::string& scene) {
-  std::set<std::string> left_out;
-  for (const std::string& name : project.left_out) left_out.insert(without_extension(name));
-  DatasetConfig dataset;
-  dataset.source = (project.folder / scene).string();  // an absolute scene stays
-  std::vector<std::string> names;
-  const ColmapModel model = read_scene(dataset, find_scene(dataset)).model;
-  for (const ColmapImage& image : model.images)
-    if (!left_out.contains(without_extension(image.name))) names.push_back(image.name);
-  if (names.size() == model.images.size()) return false;
-  if (names.empty()) throw UsageError("all photos of the scene are left out; take some in again");
-  write_photo_list(project.folder / "photos.txt", names);
-  return true;
 }
 
 }  // namespace gs

@@ -2,10 +2,13 @@
 // A project of the studio: a folder with one file, project.json, which says what was done in it. All
 // else is what the verbs wrote, so the command line goes on where the page stopped, and back.
 //
-//   project.json    name, photos, photos that are left out, the version that is shown, jobs
+//   project.json    name, photos, photos that are left out or turned, the version that is shown, jobs
 //   input/          what was dropped onto the page, where the photos lie in no other folder
-//   chosen/         links to the photos that were not left out, for COLMAP
-//   photos.txt      the same of a scene, for dataset.photo_list
+//   masks/          masks that were painted: a.jpg.png for the photo a.jpg, as its pixels are stored
+//   turned/90/      copies of photos that were turned, by degrees
+//   chosen-2/       links to these and to the other photos that were not left out, for COLMAP in job 2
+//   photos.txt      the photos of a scene that were not left out, for dataset.photo_list
+//   masks-3/        the masks that job 3 uses, as the photos of its scene lie
 //   scene-2/ run-3/ edits/4.ply share/5/ films/6.mp4       what job 2, 3, ... made
 //   tools/          key frames and lassos of the viewer
 //   jobs/3.log      what job 3 said: the lines of --progress json and --json
@@ -13,6 +16,7 @@
 
 #include <cstdint>
 #include <filesystem>
+#include <map>
 #include <string>
 #include <vector>
 
@@ -28,10 +32,13 @@ struct StudioJob {
   int id = 0;
   std::vector<std::string> words;  // behind "gemsplat"; paths are relative to the project's folder
   JobState state = JobState::waiting;
-  std::string message = {};           // why it failed or stopped
-  std::int64_t began = 0, ended = 0;  // seconds since 1970; 0: not yet
+  std::string message = {};                // why it failed or stopped
+  std::int64_t began = 0, ended = 0;       // seconds since 1970; 0: not yet
+  std::map<std::string, int> turned = {};  // of a reconstruction: Project::turned, as it saw them
 
   const std::string& verb() const { return words.front(); }
+  /// What stands behind -o; empty if that is missing.
+  std::string output() const;
 };
 
 struct Project {
@@ -39,6 +46,7 @@ struct Project {
   std::string name = {};
   std::string photos = {};                 // a folder of this machine; empty: input/
   std::vector<std::string> left_out = {};  // photos, by their names below the folder of photos
+  std::map<std::string, int> turned = {};  // photos, by 90, 180 or 270 degrees clockwise
   std::string model = {};                  // the version that is shown; empty: the newest
   std::vector<StudioJob> jobs = {};        // in the order of their numbers
 
@@ -78,16 +86,5 @@ std::string newest_scene_of(const Project& project);
 /// Trained models of the project: {"path", "kind": "run", "file" or "input", "bytes", "time", "from"}, the
 /// newest last; "from" is the model that an edit began with.
 Json models_of(const Project& project);
-
-/// The folder that the names of photos are relative to, and these names. No picture of a model's
-/// scene that is not there is named.
-std::filesystem::path photo_folder_of(const Project& project);
-
-/// Brings chosen/ into line with the photos that are left out: it holds links to the others, and is
-/// removed where none is left out. Throws Error.
-void choose_photos(const Project& project);
-/// Writes photos.txt: the photos of the scene's model that are not left out. False if all of them
-/// are in. Throws Error.
-bool write_chosen_list(const Project& project, const std::string& scene);
 
 }  // namespace gs

@@ -14,6 +14,7 @@
 #include <ctime>
 
 #include "gs_app/run/run_folder.h"
+#include "gs_app/studio/masks.h"
 #include "gs_core/error.h"
 #include "gs_core/system/files/access.h"
 #include "gs_core/system/files/move_aside.h"
@@ -75,6 +76,15 @@ void check_is_idle(const Project& project) {
     if (is_job_alive(path / ".gemsplat.lock"))
       throw UsageError("a command writes to " + path.filename().string() +
                        "; wait until it has ended");
+}
+
+std::map<std::string, int> turns_in(const Json& json) {
+  std::map<std::string, int> turned = json;
+  for (const auto& [name, degrees] : turned)
+    if (!is_turn(degrees))
+      throw UsageError(fmt::format("a photo cannot be turned by {} degrees", degrees));
+  std::erase_if(turned, [](const auto& each) { return each.second == 0; });
+  return turned;
 }
 
 // Nothing has changed where the disk is full.
@@ -228,17 +238,13 @@ void Studio::settle(Entry& entry, StudioJob& job) {
 
 int Studio::start(const std::string& project, JobWords words) {
   check_verb(kJobVerbs, words);
+  if (words.front() == "reconstruct") make_turned_copies(this->project(project));  // takes a while
   const std::lock_guard lock(mutex_);
   Project& known = entry(project).project;
   StudioJob job{.id = known.jobs.empty() ? 1 : known.jobs.back().id + 1, .words = std::move(words)};
   for (std::string& word : job.words) word = with_number(word, job.id);
-  if (job.verb() == "reconstruct") choose_photos(known);
   if (job.verb() == "train") set_extra_steps(known.folder, job.words);
-  const bool has_scene =
-      job.verb() == "train" && job.words.size() > 1 && !job.words[1].starts_with('-');
-  if (has_scene && !known.left_out.empty() && write_chosen_list(known, job.words[1]))
-    for (const char* word : {"--set", "dataset.photo_list=photos.txt"})
-      job.words.emplace_back(word);
+  give_photos(known, job);
   save(known, [&](Project& changed) { changed.jobs.push_back(job); });
   changed_.notify_all();
   return job.id;
@@ -250,7 +256,7 @@ int Studio::go_on(const std::string& project, int id) {
   if (is_active(known.job(id))) throw UsageError("this job has not ended");
   save(known, [&](Project& changed) {
     StudioJob& job = changed.job(id);
-    job = {.id = id, .words = words_to_go_on(job)};
+    job = {.id = id, .words = words_to_go_on(job), .turned = job.turned};
   });
   changed_.notify_all();
   return id;
@@ -282,6 +288,13 @@ Json Studio::ask(const std::string& project, JobWords words) {
   fs::remove(file);
   if (log.outcome.is_null()) throw Error(log.error.empty() ? log.note : log.error);
   return log.outcome;
+}
+
+void Studio::paint(const std::string& project, const std::string& photo, int degrees,
+                   const std::string& png) {
+  const Image8 mask = read_painted_mask(this->project(project), photo, degrees, png);
+  const std::lock_guard lock(mutex_);  // the project's folder does not move meanwhile
+  keep_mask(entry(project).project, photo, mask);
 }
 
 std::string Studio::keep(const std::string& project, const std::string& tool, const Json& json) {
@@ -340,6 +353,7 @@ void Studio::change(const std::string& project, const Json& changes) {
     if (changes.contains("name")) changed.name = safe_path(changes["name"]).filename();
     if (changes.contains("model")) changed.model = changes["model"];
     if (changes.contains("left_out")) changed.left_out = changes["left_out"];
+    if (changes.contains("turned")) changed.turned = turns_in(changes["turned"]);
   });
 }
 

@@ -45,7 +45,7 @@ class Studio {
   /// Makes a project, with the photos in a folder of this machine where one is named. Returns its
   /// identity, the name of its folder.
   std::string create(const std::string& name, const std::string& typed);
-  /// Changes "name", "left_out" or "model". The folder keeps its name, which runs have written down.
+  /// Changes "name", "left_out", "turned" or "model". The folder keeps its name, which runs have written down.
   void change(const std::string& project, const Json& changes);
   /// Moves the project's folder to removed/, and returns where it is now. It is a project again where
   /// it is moved back. Throws UsageError while a job of it, or a command in it, runs.
@@ -55,6 +55,10 @@ class Studio {
   int go_on(const std::string& project, int job);
   /// Asks a job to save and end.
   void stop(const std::string& project, int job);
+  /// Keeps the mask, a PNG, that was painted on a photo seen turned by so many degrees. One that hides
+  /// nothing removes the photo's mask.
+  void paint(const std::string& project, const std::string& photo, int degrees,
+             const std::string& png);
   /// Keeps a file of a tool of the viewer, "path" or "lasso", and returns it.
   std::string keep(const std::string& project, const std::string& tool, const Json& json);
   /// Runs a verb that only says something, and returns its JSON.

@@ -6,7 +6,9 @@
 #include <charconv>
 
 #include "apps/web/pages.h"
+#include "data_loaders/photos/encode/encode_png.h"
 #include "data_loaders/photos/photo_names.h"
+#include "gs_app/studio/masks.h"
 #include "gs_app/studio/thumbnails.h"
 #include "gs_app/view/http/secret.h"
 #include "gs_core/error.h"
@@ -72,11 +74,27 @@ HttpAnswer file_answer(const fs::path& folder, const std::string& name) {
   return answer;
 }
 
-HttpAnswer thumbnail_answer(const Project& project, const std::string& name) {
+// By how much the page shows a photo turned; 0 where it does not say.
+int turn_in(const HttpRequest& request) {
+  const std::uint64_t degrees = request.query.contains("turn") ? number_in(request, "turn") : 0;
+  if (degrees >= 360 || !is_turn(int(degrees)))
+    throw UsageError("turn is to be 0, 90, 180 or 270 degrees");
+  return int(degrees);
+}
+
+HttpAnswer thumbnail_answer(const Project& project, const HttpRequest& request) {
+  const bool is_large = request.query.contains("large");
   HttpAnswer answer;
   answer.type = "image/jpeg";
-  answer.file = thumbnail_of(project.folder, photo_folder_of(project), name);
+  answer.file = thumbnail_of(project, word_in(request, "name"),
+                             {turn_in(request), is_large ? kLongestMaskSide : kThumbnailSide});
   return answer;
+}
+
+HttpAnswer mask_answer(const Project& project, const HttpRequest& request) {
+  const std::vector<std::uint8_t> png =
+      encode_png(mask_as_seen(project, word_in(request, "name"), turn_in(request)));
+  return http_text({png.begin(), png.end()}, "image/png");
 }
 
 HttpAnswer studio_page_answer() {
@@ -154,7 +172,8 @@ HttpAnswer StudioServer::of_project(const HttpRequest& request, const std::strin
   if (what == "upload")
     return json_said(
         json_of(studio_.uploads(id)->state(word_in(request, "name"), number_in(request, "of"))));
-  if (what == "thumb") return thumbnail_answer(studio_.project(id), word_in(request, "name"));
+  if (what == "thumb") return thumbnail_answer(studio_.project(id), request);
+  if (what == "mask") return mask_answer(studio_.project(id), request);
   if (what.starts_with("file/"))
     return file_answer(studio_.project(id).folder, what.substr(std::string_view("file/").size()));
   if (what.starts_with("live/")) {
@@ -175,6 +194,10 @@ HttpAnswer StudioServer::post_to_project(const HttpRequest& request, const std::
     return json_said(
         json_of(studio_.uploads(id)->take(word_in(request, "name"), number_in(request, "at"),
                                           number_in(request, "of"), request.body)));
+  if (what == "mask") {
+    studio_.paint(id, word_in(request, "name"), turn_in(request), request.body);
+    return json_said(Json::object());
+  }
   const auto job = [&] { return int(number_in(request, "id")); };
   if (what == "run") return json_said({{"id", studio_.start(id, words_of(body_of(request)))}});
   if (what == "go_on") return json_said({{"id", studio_.go_on(id, job())}});

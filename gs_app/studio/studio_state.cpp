@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // What the studio's page is told.
-#include "data_loaders/photos/photo_names.h"
 #include "data_loaders/reconstruct/photo_folder.h"
+#include "gs_app/studio/masks.h"
 #include "gs_app/studio/studio.h"
 #include "gs_core/system/files/access.h"
 
@@ -30,9 +30,8 @@ Json Studio::state() {
 
 Json Studio::details(const std::string& id) {
   const Project known = project(id);
-  const fs::path photos = photo_folder_of(known);
   const bool is_video = is_file(known.input());
-  const auto pictures = is_video ? std::vector<std::string>() : picture_names_in(photos);
+  const auto pictures = is_video ? std::vector<std::string>() : photos_of(known);
   std::vector<std::string> videos;
   if (is_video || pictures.empty())
     for (const fs::path& video : find_videos(known.input())) videos.push_back(video.filename());
@@ -44,6 +43,9 @@ Json Studio::details(const std::string& id) {
                {"pictures", pictures},
                {"videos", videos},
                {"left_out", known.left_out},
+               {"turned", known.turned},
+               {"masked", painted_masks(known)},
+               {"has_own_masks", !own_masks_of(known).empty()},
                {"model", known.model},
                {"models", models_of(known)},
                {"scene", nullptr}};

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // The studio: project.json, what its server answers to whom, and jobs of a studio that was killed.
-// studio_uploads_test.cpp has uploads. apps/web/tests/studio_test.mjs drives its page in a browser.
+// studio_photos_test.cpp has photos, and studio_uploads_test.cpp uploads. apps/web/tests/studio_test.mjs drives its page in a browser.
 #include "gs_app/studio/studio.h"
 
 #include <gmock/gmock.h>
@@ -176,7 +176,7 @@ TEST_F(StudioPages, GiveAStrangerNothingAtAnyAddress) {
                     null = {{"Origin", "null"}};
   for (const char* path :
        {"", "state", "p/fox/", "p/fox/job?id=1", "p/fox/upload?name=a&of=1", "p/fox/thumb?name=a",
-        "p/fox/file/share/1/a.html", "p/fox/live/1/", "view/1/"}) {
+        "p/fox/mask?name=a", "p/fox/file/share/1/a.html", "p/fox/live/1/", "view/1/"}) {
     EXPECT_EQ(got(std::string("GET ") + "/" + path).status, 403) << path;
     EXPECT_EQ(got("GET " + other + path).status, 403) << path;
     for (const HttpHeaders& headers : {host, origin, null}) {
@@ -188,7 +188,7 @@ TEST_F(StudioPages, GiveAStrangerNothingAtAnyAddress) {
   for (const char* path :
        {"new?name=a", "p/fox/upload?name=a&at=0&of=0", "p/fox/run", "p/fox/stop?id=1",
         "p/fox/go_on?id=1", "p/fox/ask", "p/fox/view?time=1", "p/fox/live?id=1",
-        "p/fox/keep?name=path", "p/fox/change", "p/fox/remove"}) {
+        "p/fox/keep?name=path", "p/fox/mask?name=a", "p/fox/change", "p/fox/remove"}) {
     EXPECT_EQ(post(std::string("/") + path, "").status, 403) << path;
     EXPECT_EQ(post(other + path, "").status, 403) << path;
     for (const HttpHeaders& headers : {origin, null})

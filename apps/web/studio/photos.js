@@ -1,25 +1,16 @@
 // SPDX-License-Identifier: Apache-2.0
-// The screens "Photos" (what doctor says of them, and which are left out) and "Cameras".
+// The screens "Photos" (what doctor says of them; they are left out, turned and masked) and "Cameras".
 import {el} from '../shared/dom.js';
-import {whole} from '../shared/format.js';
 import {button, isActive, jobList} from './jobs.js';
+import {leaveOut, photoGrid, thumbOf} from './photo_grid.js';
 import {projectSettings} from './project.js';
 import {check, dropZone, upload} from './start.js';
 
 const MARKS = {good: '✓', note: 'i', warning: '!', fatal: '×'};
-const SHOWN_AT_ONCE = 120,
-  MOST_SHOWN = 8; // photos of a finding
+const MOST_SHOWN = 8; // photos of a finding
 const withoutEnding = name => name.replace(/\.[^./]*$/, '');
 
-// Leaves photos out, or takes them in again.
-async function leaveOut(app, names, isOut) {
-  const left = new Set(app.details.left_out);
-  for (const name of names) left[isOut ? 'add' : 'delete'](name);
-  app.details.left_out = app.details.pictures.filter(name => left.has(name));
-  await app.act(server => server.change({left_out: app.details.left_out}));
-}
-
-function findings(app, {findings: found = []}, refresh) {
+function findings(app, {findings: found = []}) {
   const {pictures} = app.details;
   // doctor names photos as the model does, maybe with another ending
   const ownName = name =>
@@ -44,17 +35,17 @@ function findings(app, {findings: found = []}, refresh) {
             own
               .slice(0, MOST_SHOWN)
               .map(name =>
-                el('img', {src: app.server.thumb(name), title: name, alt: name, loading: 'lazy'}),
+                el('img', {src: thumbOf(app, name), title: name, alt: name, loading: 'lazy'}),
               ),
           ),
       ),
       own.length > 0 &&
         own.length < pictures.length &&
         (level === 'warning' || level === 'fatal') &&
-        button(`Leave out ${own.length === 1 ? 'this photo' : `these ${own.length}`}`, async () => {
-          await leaveOut(app, own, true);
-          refresh();
-        }),
+        topic !== 'masks' &&
+        button(`Leave out ${own.length === 1 ? 'this photo' : `these ${own.length}`}`, () =>
+          leaveOut(app, own, true),
+        ),
     );
   };
   const isGood = ({level}) => level === 'good',
@@ -78,51 +69,14 @@ function findings(app, {findings: found = []}, refresh) {
   );
 }
 
-function photoGrid(app) {
-  const {pictures} = app.details,
-    grid = el('div.grid'),
-    said = el('p.said', {'aria-live': 'polite'});
-  const tiles = new Map();
-  const refresh = () => {
-    const out = new Set(app.details.left_out);
-    for (const [name, tile] of tiles) tile.setAttribute('aria-pressed', String(!out.has(name)));
-    said.textContent = `${whole(pictures.length - out.size)} of ${whole(pictures.length)} photos are used. Press a photo to leave it out.`;
-  };
-  const show = count => {
-    for (const name of pictures.slice(tiles.size, count)) {
-      const tile = el(
-        'button.tile',
-        {
-          type: 'button',
-          title: name,
-          onclick: async () => {
-            await leaveOut(app, [name], !app.details.left_out.includes(name));
-            refresh();
-          },
-        },
-        el('img', {src: app.server.thumb(name), loading: 'lazy', alt: ''}),
-        el('span', {}, name),
-      );
-      tiles.set(name, tile);
-      grid.append(tile);
-    }
-    more.hidden = tiles.size >= pictures.length;
-    refresh();
-  };
-  const more = button('Show all photos', () => show(pictures.length));
-  show(SHOWN_AT_ONCE);
-  return {node: el('section', {}, el('h2', {}, 'Photos'), said, grid, more), refresh};
-}
-
 export function showPhotos(app) {
   const {details, server} = app,
     checkAgain = () => app.act(check);
-  const grid = photoGrid(app);
   const list = jobList(
     app,
     ['doctor'],
     () => 'Check',
-    outcome => findings(app, outcome, grid.refresh),
+    outcome => findings(app, outcome),
   );
   const {videos, pictures} = details;
   return {
@@ -142,7 +96,7 @@ export function showPhotos(app) {
       ),
       videos.length > 0 &&
         el('p', {}, `Videos: ${videos.join(', ')}. Cameras are found in their sharpest frames.`),
-      pictures.length > 0 && grid.node,
+      pictures.length > 0 && photoGrid(app),
       details.photos === 'input' &&
         el(
           'section',
@@ -198,11 +152,11 @@ export function showCameras(app) {
     ]),
   ];
   const find = () => {
-    const photos = details.left_out.length ? 'chosen' : details.photos;
+    const isChosen = details.left_out.length > 0 || Object.keys(details.turned).length > 0;
     app.act(server =>
       server.run([
         'reconstruct',
-        photos,
+        isChosen ? 'chosen-{id}' : details.photos,
         '-o',
         'scene-{id}',
         ...choices.flatMap(({words}) => words()),

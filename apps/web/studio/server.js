@@ -55,6 +55,11 @@ export class ProjectServer {
   live = async job => `${this.at}live/${job}/${(await post(`${this.at}live?id=${job}`)).hash}`;
   uploaded = (name, of) => ask(`${this.at}upload?${query({name, of})}`);
   upload = (name, at, of, piece) => post(`${this.at}upload?${query({name, at, of})}`, piece);
-  thumb = name => `${this.at}thumb?${query({name})}`;
+  /// A small picture of a photo that is turned clockwise by so many degrees; a large one to paint on.
+  thumb = (name, turn = 0, isLarge = false) =>
+    `${this.at}thumb?${query({name, turn, ...(isLarge && {large: 1})})}`;
+  /// Its mask, which was painted at that time.
+  mask = (name, turn, time) => `${this.at}mask?${query({name, turn, time})}`;
+  paint = (name, turn, png) => post(`${this.at}mask?${query({name, turn})}`, png);
   file = path => `${this.at}file/${path.split('/').map(encodeURIComponent).join('/')}`;
 }

@@ -137,8 +137,8 @@ function projectCard(app, project) {
   const server = new ProjectServer(project.id);
   server
     .details()
-    .then(({pictures}) => {
-      if (pictures.length) picture.append(el('img', {src: server.thumb(pictures[0]), alt: ''}));
+    .then(({pictures: [first], turned}) => {
+      if (first) picture.append(el('img', {src: server.thumb(first, turned[first]), alt: ''}));
     })
     .catch(() => {});
   const node = el(

@@ -4,7 +4,15 @@
 // SEED=N in the environment repeats the moments at which the studio is killed.
 import assert from 'node:assert/strict';
 import {spawn} from 'node:child_process';
-import {existsSync, mkdirSync, readFileSync, readdirSync, rmSync} from 'node:fs';
+import {
+  chmodSync,
+  existsSync,
+  mkdirSync,
+  readFileSync,
+  readdirSync,
+  rmSync,
+  writeFileSync,
+} from 'node:fs';
 import {join, resolve} from 'node:path';
 import {Browser, findChromium, finish} from './browser.mjs';
 
@@ -47,6 +55,19 @@ async function startStudio(folder, env = {}) {
     return ended;
   };
   return {url, kill: () => stop('SIGKILL'), end: () => stop('SIGINT')};
+}
+
+/// The environment of a studio whose COLMAP finds the cameras of the scene at once.
+export function withColmap() {
+  const stand = join(out, 'colmap');
+  mkdirSync(stand, {recursive: true});
+  writeFileSync(
+    join(stand, 'colmap'),
+    `#!/bin/sh\n[ "$1 $2" = 'mapper --database_path' ] || exit 0\n` +
+      `while [ "$1" != --output_path ]; do shift; done\ncp -r '${join(scene, 'sparse', '0')}' "$2/0"\n`,
+  );
+  chmodSync(join(stand, 'colmap'), 0o755);
+  return {PATH: `${stand}:${process.env.PATH}`};
 }
 
 export const projectOf = (folder, id) =>

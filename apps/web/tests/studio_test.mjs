@@ -3,7 +3,7 @@
 // killed on the way; uploads and a stand-in for COLMAP; phones, keyboards and dark screens.
 // studio_desk.mjs has the command line.
 import assert from 'node:assert/strict';
-import {chmodSync, existsSync, mkdirSync, readdirSync, writeFileSync} from 'node:fs';
+import {existsSync, readdirSync, writeFileSync} from 'node:fs';
 import {join} from 'node:path';
 import {psnr} from './pictures.mjs';
 import {
@@ -17,6 +17,7 @@ import {
   runAll,
   scene,
   typeFolder,
+  withColmap,
 } from './studio_desk.mjs';
 
 const KILLS = 10; // on the way from photos to files
@@ -194,15 +195,7 @@ const tests = {
   },
 
   async 'photos are dropped, checked, left out, and placed'(browser) {
-    const stand = join(out, 'colmap');
-    mkdirSync(stand, {recursive: true});
-    writeFileSync(
-      join(stand, 'colmap'),
-      `#!/bin/sh\n[ "$1 $2" = 'mapper --database_path' ] || exit 0\n` +
-        `while [ "$1" != --output_path ]; do shift; done\ncp -r '${join(scene, 'sparse', '0')}' "$2/0"\n`,
-    );
-    chmodSync(join(stand, 'colmap'), 0o755);
-    const desk = new Desk(browser, 'dropped', {PATH: `${stand}:${process.env.PATH}`});
+    const desk = new Desk(browser, 'dropped', withColmap());
     await desk.open();
     const photos = readdirSync(join(scene, 'images')).map(name => join(scene, 'images', name));
     await desk.page.locator('input[type=file]').first().setInputFiles(photos);

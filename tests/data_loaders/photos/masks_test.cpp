@@ -384,6 +384,8 @@ TEST_F(Masks, AreExaminedByTheDoctor) {
   write_photos({"b.jpg", "c.jpg", "d.jpg"});
   EXPECT_EQ(said_of_masks(diagnosis_of(dataset(), true), Level::good), "");
   write_mask("masks/b.png", left_mask(6));
+  EXPECT_THAT(said_of_masks(diagnosis_of(dataset(), false), Level::note),
+              HasSubstr("2 photos have no mask"));  // b.jpg alone needed one
   write_mask("masks/c.png", left_mask(0));
   const Diagnosis headers = diagnosis_of(dataset(), false);
   EXPECT_THAT(said_of_masks(headers, Level::good), HasSubstr("2 of 3 photos have a mask"));

@@ -45,6 +45,15 @@ TEST(Orientation, EachOfTheEightTurnsThePixelsAsExifSays) {
   EXPECT_EQ(upright_size({3, 2}, 3).height, 2);
 }
 
+TEST(Orientation, ATurnGoesClockwiseAndEachHasAnInverse) {
+  EXPECT_THAT(turned(numbered(), 90).pixels, ElementsAre(4, 1, 5, 2, 6, 3));
+  EXPECT_THAT(turned(turned(numbered(), 90), 90).pixels, turned(numbered(), 180).pixels);
+  EXPECT_THAT(turned(turned(numbered(), 90), 270).pixels, numbered().pixels);
+  EXPECT_EQ(turned_size({3, 2}, 270).height, 3);
+  for (int orientation = 1; orientation <= 8; ++orientation)
+    EXPECT_EQ(as_stored(upright(numbered(), orientation), orientation).pixels, numbered().pixels);
+}
+
 TEST(Orientation, IsReadByEveryBuild) {
   const TempFolder temp;
   write_bytes(temp.path() / "turned.jpg", turned_jpeg());

@@ -1,0 +1,227 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "gs_app/studio/masks.h"
+
+#include <spdlog/fmt/fmt.h>
+
+#include <algorithm>
+
+#include "data_loaders/photos/encode/encode_png.h"
+#include "data_loaders/photos/orientation.h"
+#include "data_loaders/photos/photo_fit.h"
+#include "data_loaders/photos/photo_names.h"
+#include "data_loaders/reconstruct/photo_folder.h"
+#include "gs_core/error.h"
+#include "gs_core/system/files/access.h"
+#include "gs_core/system/files/atomic_file.h"
+#include "gs_core/system/text/foreign_text.h"
+#include "gs_core/threads/parallel.h"
+
+namespace gs {
+namespace {
+
+namespace fs = std::filesystem;
+
+fs::path mask_file(const Project& project, const std::string& photo) {
+  return project.folder / "masks" / (safe_path(photo).generic_string() + ".png");
+}
+
+// The size in the header of a PNG, which is read before anything is unpacked.
+PhotoSize size_in_png(const std::string& png) {
+  constexpr std::string_view kBegin("\x89PNG\r\n\x1a\n\0\0\0\rIHDR", 16);
+  constexpr std::size_t kHeader = 24;  // bytes, with the two numbers behind IHDR
+  if (png.size() < kHeader || !png.starts_with(kBegin))
+    throw UsageError("the mask is no PNG; load the page again");
+  const auto number = [&](std::size_t at) {
+    std::uint32_t value = 0;
+    for (std::size_t i = at; i < at + 4; ++i) value = value << 8 | std::uint8_t(png[i]);
+    return value;
+  };
+  const std::uint32_t width = number(16), height = number(20);
+  if (width < 1 || height < 1 || std::max(width, height) > kLongestMaskSide)
+    throw UsageError(fmt::format("a mask has 1 to {} pixels on a side, and this one is {}x{}",
+                                 kLongestMaskSide, width, height));
+  return {int(width), int(height)};
+}
+
+// The brightest channel, as of all masks.
+Image8 gray_of(const Image8& picture) {
+  Image8 gray(picture.width, picture.height, 1);
+  for (std::size_t i = 0; i < gray.pixels.size(); ++i)
+    gray.pixels[i] =
+        *std::max_element(&picture.pixels[3 * i], &picture.pixels[3 * i] + picture.channels);
+  return gray;
+}
+
+// Decoders read files.
+Image8 decoded(const std::string& png, const fs::path& beside) {
+  fs::create_directories(beside.parent_path());
+  struct Temporary {
+    fs::path path;
+    ~Temporary() {
+      std::error_code none;
+      fs::remove(path, none);
+    }
+  };
+  const Temporary file{make_temporary_beside(beside, ".png")};
+  {
+    AtomicFile whole(file.path);
+    whole.write(png.data(), png.size());
+    whole.commit(AtomicFile::Durability::unsynced);
+  }
+  try {
+    return gray_of(read_photo(file.path));
+  } catch (const AccessError&) {
+    throw;
+  } catch (const Error&) {
+    throw UsageError("the mask is a damaged PNG; load the page again");
+  }
+}
+
+bool hides_nothing(const Image8& mask) {
+  return std::all_of(mask.pixels.begin(), mask.pixels.end(),
+                     [](auto value) { return value == 255; });
+}
+
+int orientation_of(const Project& project, const std::string& photo) {
+  return read_photo_orientation(photo_folder_of(project) / photo);
+}
+
+// A photo's own alpha counts, too, where it trains with a mask.
+Image8 with_alpha_of(const fs::path& photo, Image8 mask) {
+  const std::string ending = lowercase_ending(photo);
+  if (ending == ".jpg" || ending == ".jpeg") return mask;
+  const Image8 alpha = read_photo_with_alpha(photo).alpha;
+  if (alpha.empty()) return mask;
+  mask = area_resized(mask, alpha.width, alpha.height);
+  for (std::size_t i = 0; i < mask.pixels.size(); ++i)
+    mask.pixels[i] = std::min(mask.pixels[i], alpha.pixels[i]);
+  return mask;
+}
+
+// By how much `reconstruct` got each photo turned.
+std::map<std::string, int> turns_of_scene(const Project& project, const std::string& scene) {
+  for (const StudioJob& job : project.jobs)
+    if (job.verb() == "reconstruct" && job.output() == scene) return job.turned;
+  return {};
+}
+
+// Whether the person has said where the masks are.
+bool names_masks(const std::vector<std::string>& words) {
+  return std::any_of(words.begin(), words.end(), [](const std::string& word) {
+    return word == "--masks" || word.starts_with("--masks=") || word.starts_with("dataset.masks=");
+  });
+}
+
+// The words and files that say which photos and masks a job on a scene gets.
+void give_scene(const Project& project, const std::string& scene, StudioJob& job) {
+  const auto add = [&](const char* flag, const std::string& value) {
+    job.words.insert(job.words.end(), {flag, value});
+  };
+  const std::vector<ScenePhoto> photos = photos_of_scene(project, scene);
+  if (job.verb() == "train" && !project.left_out.empty() && write_chosen_list(project, photos))
+    add("--set", "dataset.photo_list=photos.txt");
+  if (names_masks(job.words)) return;
+  if (const std::string masks = masks_for_job(project, scene, photos, job.id); !masks.empty())
+    add("--masks", masks);
+}
+
+}  // namespace
+
+fs::path own_masks_of(const Project& project) {
+  if (!is_folder(project.input() / "masks")) return {};
+  return project.photos.empty() ? fs::path("input") / "masks" : project.input() / "masks";
+}
+
+std::map<std::string, std::int64_t> painted_masks(const Project& project) {
+  std::map<std::string, std::int64_t> times;
+  const fs::path folder = project.folder / "masks";
+  for (const std::string& file : picture_names_in(folder)) {
+    std::error_code none;
+    const auto time = fs::last_write_time(folder / file, none).time_since_epoch().count();
+    times[without_extension(file)] = std::int64_t(time);
+  }
+  return times;
+}
+
+Image8 mask_as_seen(const Project& project, const std::string& photo, int degrees) {
+  const fs::path file = mask_file(project, photo);
+  if (!is_turn(degrees) || !is_file(file)) throw UsageError("this photo has no mask");
+  return turned(upright(gray_of(read_photo(file)), orientation_of(project, photo)), degrees);
+}
+
+Image8 read_painted_mask(const Project& project, const std::string& photo, int degrees,
+                         const std::string& png) {
+  const std::vector<std::string> photos = photos_of(project);
+  if (!is_turn(degrees) || !std::binary_search(photos.begin(), photos.end(), photo))
+    throw UsageError("there is no such photo; load the page again");
+  if (!own_masks_of(project).empty())
+    throw UsageError("the photos have masks of their own; change these");
+  const int orientation = orientation_of(project, photo);
+  const PhotoSize stored = read_photo_size(photo_folder_of(project) / photo);
+  if (!has_shape_of(size_in_png(png), turned_size(upright_size(stored, orientation), degrees)))
+    throw UsageError(
+        fmt::format("the mask has another shape than {}; load the page again", shown_word(photo)));
+  const Image8 seen = decoded(png, mask_file(project, photo));
+  if (hides_nothing(seen)) return {};
+  return as_stored(turned(seen, (360 - degrees) % 360), orientation);
+}
+
+void keep_mask(const Project& project, const std::string& photo, const Image8& mask) {
+  const fs::path file = mask_file(project, photo);
+  if (!mask.empty())
+    write_png(file, mask);
+  else
+    fs::remove(file);
+}
+
+std::string masks_for_job(const Project& project, const std::string& scene,
+                          const std::vector<ScenePhoto>& photos, int job) {
+  const bool is_own = is_own_scene(project, scene), is_absolute = fs::path(scene).is_absolute();
+  const auto behind_flag = [&](const fs::path& folder) {
+    return is_absolute || folder.is_absolute() ? (project.folder / folder).string()
+                                               : (fs::path("..") / folder).generic_string();
+  };
+  if (const fs::path own = own_masks_of(project); !own.empty())
+    return is_own ? "" : behind_flag(own);
+  const auto painted = painted_masks(project);
+  const auto turns = turns_of_scene(project, scene);
+  std::vector<ScenePhoto> masked;
+  for (const ScenePhoto& photo : photos)
+    if (painted.contains(photo.photo)) masked.push_back(photo);
+  if (masked.empty()) return "";
+  if (std::ranges::any_of(photos, &ScenePhoto::has_own_mask))
+    throw UsageError(
+        "the scene's own file names masks, and others were painted; clear the painted ones");
+  const std::string folder = fmt::format("masks-{}", job);
+  fs::remove_all(project.folder / folder);
+  parallel_for(masked.size(), 1, [&](std::size_t i) {
+    const auto& [name, photo, none] = masked[i];
+    const fs::path file = photo_folder_of(project) / photo;
+    Image8 mask = with_alpha_of(file, gray_of(read_photo(mask_file(project, photo))));
+    if (!is_own) {
+      const auto turn = turns.find(photo);
+      mask = turned(upright(mask, orientation_of(project, photo)),
+                    turn == turns.end() ? 0 : turn->second);
+    }
+    write_png(project.folder / folder / (name + ".png"), mask);
+  });
+  return behind_flag(folder);
+}
+
+void give_photos(const Project& project, StudioJob& job) {
+  const std::string source = job.words.size() > 1 ? job.words[1] : "-";
+  if (job.verb() == "reconstruct" && source == fmt::format("chosen-{}", job.id)) {
+    choose_photos(project, job.id);
+    job.turned = project.turned;
+  }
+  const bool has_masks = !own_masks_of(project).empty() || !painted_masks(project).empty();
+  if (source.starts_with('-') || (!has_masks && project.left_out.empty())) return;
+  if (job.verb() == "train") give_scene(project, source, job);
+  if (job.verb() != "doctor" || !has_masks) return;
+  try {
+    if (!holds_only_photos(project.folder / source)) give_scene(project, source, job);
+  } catch (const Error&) {  // which doctor finds, too, and explains
+  }
+}
+
+}  // namespace gs
