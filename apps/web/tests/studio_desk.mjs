@@ -74,7 +74,7 @@ export const projectOf = (folder, id) =>
   JSON.parse(readFileSync(join(folder, id, 'project.json'), 'utf8'));
 // What a page says whose studio was killed, or whose run has ended with its live view.
 const isAboutTheEnd = text =>
-  /status of (404|502)|net::ERR_|The server does not answer|this run does not show itself/.test(
+  /status of (404|502)|net::ERR_|The server does not answer|this run does not show itself|this view has ended/.test(
     text,
   );
 
