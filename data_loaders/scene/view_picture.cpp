@@ -16,30 +16,6 @@ namespace {
 
 namespace fs = std::filesystem;
 
-/// The mask in a file, as one channel: see read_mask().
-Image8 mask_channel(const fs::path& file) {
-  PhotoWithAlpha read = read_photo_with_alpha(file);
-  const auto is_below_full = [](std::uint8_t value) { return value < 255; };
-  if (std::any_of(read.alpha.pixels.begin(), read.alpha.pixels.end(), is_below_full))
-    return std::move(read.alpha);
-  Image8 mask(read.photo.width, read.photo.height, 1);
-  for (std::size_t i = 0; i < mask.pixels.size(); ++i) {
-    const std::uint8_t* pixel = &read.photo.pixels[3 * i];
-    mask.pixels[i] = std::max({pixel[0], pixel[1], pixel[2]});
-  }
-  const std::uint8_t highest = *std::max_element(mask.pixels.begin(), mask.pixels.end());
-  if (highest == 1)
-    for (std::uint8_t& value : mask.pixels) value = std::uint8_t(255 * value);
-  return mask;
-}
-
-/// Pixels outside of `kept` do not train.
-void leave_out(const Image8& kept, Image8& mask) {
-  if (mask.empty()) mask = kept;
-  for (std::size_t i = 0; i < mask.pixels.size(); ++i)
-    mask.pixels[i] = std::min(mask.pixels[i], kept.pixels[i]);
-}
-
 // Pixels: bicubic weights of the mask reach 2 beyond its edge, those of the photo 2 more.
 constexpr int kReach = 4;
 
@@ -84,6 +60,28 @@ void fit_to_camera(Picture& picture, const Photo& photo) {
 
 }  // namespace
 
+Image8 read_mask_file(const fs::path& file) {
+  PhotoWithAlpha read = read_photo_with_alpha(file);
+  const auto is_below_full = [](std::uint8_t value) { return value < 255; };
+  if (std::any_of(read.alpha.pixels.begin(), read.alpha.pixels.end(), is_below_full))
+    return std::move(read.alpha);
+  Image8 mask(read.photo.width, read.photo.height, 1);
+  for (std::size_t i = 0; i < mask.pixels.size(); ++i) {
+    const std::uint8_t* pixel = &read.photo.pixels[3 * i];
+    mask.pixels[i] = std::max({pixel[0], pixel[1], pixel[2]});
+  }
+  const std::uint8_t highest = *std::max_element(mask.pixels.begin(), mask.pixels.end());
+  if (highest == 1)
+    for (std::uint8_t& value : mask.pixels) value = std::uint8_t(255 * value);
+  return mask;
+}
+
+void leave_out(const Image8& kept, Image8& mask) {
+  if (mask.empty()) mask = kept;
+  for (std::size_t i = 0; i < mask.pixels.size(); ++i)
+    mask.pixels[i] = std::min(mask.pixels[i], kept.pixels[i]);
+}
+
 Picture make_picture(const Photo& photo) {
   if (photo.is_frame) return make_picture(photo, {read_frame(photo.file, photo.frame), {}});
   return make_picture(photo, read_photo_with_alpha(photo.file));
@@ -105,7 +103,7 @@ Picture make_picture(const Photo& photo, PhotoWithAlpha read) {
 Image8 read_mask(const MaskUse& use, const fs::path& file, const PhotoWithAlpha& photo) {
   Image8 mask;
   if (!file.empty()) {
-    mask = mask_channel(file);
+    mask = read_mask_file(file);
     if (use.invert)
       for (std::uint8_t& value : mask.pixels) value = std::uint8_t(255 - value);
     mask = area_resized(mask, photo.photo.width, photo.photo.height);

@@ -23,11 +23,17 @@ Picture make_picture(const Photo& photo);
 /// The same from the decoded file.
 Picture make_picture(const Photo& photo, PhotoWithAlpha read);
 
+/// The mask in a file, (height, width, 1) of the file's size: its alpha if that is not 255
+/// everywhere, and else the brightest channel; in a file without values above 1, 1 stands for 255.
+/// Throws Error like read_photo().
+Image8 read_mask_file(const std::filesystem::path& file);
+
+/// Pixels outside of `kept` do not train. An empty mask becomes `kept`.
+void leave_out(const Image8& kept, Image8& mask);
+
 /// The mask of a photo, (height, width, 1) of its size, 255 where it trains: from the file, or else
-/// (`mask` empty) from the photo's alpha. Empty if there is neither, and if all of it is 255. In a
-/// mask file, alpha counts if it is not 255 everywhere, and else the brightest channel; in a file
-/// without values above 1, 1 stands for 255. A file of the photo's shape and another size is
-/// resized. Throws Error like read_photo().
+/// (`mask` empty) from the photo's alpha. Empty if there is neither, and if all of it is 255. A file
+/// of the photo's shape and another size is resized. Throws Error like read_photo().
 Image8 read_mask(const MaskUse& use, const std::filesystem::path& mask,
                  const PhotoWithAlpha& photo);
 

@@ -10,6 +10,7 @@
 #include "data_loaders/photos/photo_fit.h"
 #include "data_loaders/photos/photo_names.h"
 #include "data_loaders/reconstruct/photo_folder.h"
+#include "data_loaders/scene/view_picture.h"
 #include "gs_core/error.h"
 #include "gs_core/system/files/access.h"
 #include "gs_core/system/files/atomic_file.h"
@@ -43,15 +44,6 @@ PhotoSize size_in_png(const std::string& png) {
   return {int(width), int(height)};
 }
 
-// The brightest channel, as of all masks.
-Image8 gray_of(const Image8& picture) {
-  Image8 gray(picture.width, picture.height, 1);
-  for (std::size_t i = 0; i < gray.pixels.size(); ++i)
-    gray.pixels[i] =
-        *std::max_element(&picture.pixels[3 * i], &picture.pixels[3 * i] + picture.channels);
-  return gray;
-}
-
 // Decoders read files.
 Image8 decoded(const std::string& png, const fs::path& beside) {
   fs::create_directories(beside.parent_path());
@@ -69,7 +61,7 @@ Image8 decoded(const std::string& png, const fs::path& beside) {
     whole.commit(AtomicFile::Durability::unsynced);
   }
   try {
-    return gray_of(read_photo(file.path));
+    return read_mask_file(file.path);
   } catch (const AccessError&) {
     throw;
   } catch (const Error&) {
@@ -93,8 +85,7 @@ Image8 with_alpha_of(const fs::path& photo, Image8 mask) {
   const Image8 alpha = read_photo_with_alpha(photo).alpha;
   if (alpha.empty()) return mask;
   mask = area_resized(mask, alpha.width, alpha.height);
-  for (std::size_t i = 0; i < mask.pixels.size(); ++i)
-    mask.pixels[i] = std::min(mask.pixels[i], alpha.pixels[i]);
+  leave_out(alpha, mask);
   return mask;
 }
 
@@ -146,7 +137,7 @@ std::map<std::string, std::int64_t> painted_masks(const Project& project) {
 Image8 mask_as_seen(const Project& project, const std::string& photo, int degrees) {
   const fs::path file = mask_file(project, photo);
   if (!is_turn(degrees) || !is_file(file)) throw UsageError("this photo has no mask");
-  return turned(upright(gray_of(read_photo(file)), orientation_of(project, photo)), degrees);
+  return turned(upright(read_mask_file(file), orientation_of(project, photo)), degrees);
 }
 
 Image8 read_painted_mask(const Project& project, const std::string& photo, int degrees,
@@ -197,7 +188,7 @@ std::string masks_for_job(const Project& project, const std::string& scene,
   parallel_for(masked.size(), 1, [&](std::size_t i) {
     const auto& [name, photo, none] = masked[i];
     const fs::path file = photo_folder_of(project) / photo;
-    Image8 mask = with_alpha_of(file, gray_of(read_photo(mask_file(project, photo))));
+    Image8 mask = with_alpha_of(file, read_mask_file(mask_file(project, photo)));
     if (!is_own) {
       const auto turn = turns.find(photo);
       mask = turned(upright(mask, orientation_of(project, photo)),

@@ -45,7 +45,8 @@ class Studio {
   /// Makes a project, with the photos in a folder of this machine where one is named. Returns its
   /// identity, the name of its folder.
   std::string create(const std::string& name, const std::string& typed);
-  /// Changes "name", "left_out", "turned" or "model". The folder keeps its name, which runs have written down.
+  /// Changes "name", "left_out", "turned" or "model". The folder keeps its name, which runs have
+  /// written down.
   void change(const std::string& project, const Json& changes);
   /// Moves the project's folder to removed/, and returns where it is now. It is a project again where
   /// it is moved back. Throws UsageError while a job of it, or a command in it, runs.

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // The studio: project.json, what its server answers to whom, and jobs of a studio that was killed.
-// studio_photos_test.cpp has photos, and studio_uploads_test.cpp uploads. apps/web/tests/studio_test.mjs drives its page in a browser.
+// studio_photos_test.cpp has photos, and studio_uploads_test.cpp uploads.
+// apps/web/tests/studio_test.mjs drives its page in a browser.
 #include "gs_app/studio/studio.h"
 
 #include <gmock/gmock.h>
