@@ -88,8 +88,10 @@ class App {
 
   async poll() {
     const state = await askForState();
+    // What goes on in other projects does not make a project's screen anew.
     const marks = ({projects}) =>
       projects
+        .filter(({id}) => !this.id || id === this.id)
         .map(({id, name, jobs}) => id + name + jobs.map(({id, state}) => `${id}${state}`).join())
         .join();
     const hasChanged = this.state && marks(state) !== marks(this.state);

@@ -21,28 +21,35 @@ const shownValue = value =>
     ? String(Number(value.toPrecision(7)))
     : String(value ?? '');
 
-// A field of the form. words(): --set for a value that was changed.
-function settingField(key, {value, meaning, unit, words}) {
+// A field of the form. typed: the values of the user where they are not the preset's, by key.
+function settingField(key, {value, meaning, unit, words}, typed, changed) {
   const id = `setting-${key}`,
     title = [meaning, unit && `in ${unit}`].filter(Boolean).join('; '),
     all = words?.split(', ') ?? [],
     choices = all.includes(value) && !words.includes(':N') ? all : null;
-  const isSwitch = typeof value === 'boolean';
+  const isSwitch = typeof value === 'boolean',
+    usual = shownValue(value),
+    text = typed[key] ?? usual;
   const field = choices
     ? el(
         'select',
         {id, title},
-        choices.map(word => el('option', {value: word, selected: word === value}, word)),
+        choices.map(word => el('option', {value: word, selected: word === text}, word)),
       )
     : el('input', {
         id,
         title,
         type: isSwitch ? 'checkbox' : 'text',
-        checked: isSwitch && value,
-        value: isSwitch ? null : shownValue(value),
+        checked: isSwitch && text === 'true',
+        value: isSwitch ? null : text,
         spellcheck: 'false',
       });
-  const now = () => (isSwitch ? String(field.checked) : field.value.trim());
+  field.addEventListener('input', () => {
+    const now = isSwitch ? String(field.checked) : field.value.trim();
+    if (now === usual) delete typed[key];
+    else typed[key] = now;
+    changed();
+  });
   const node = el(
     'div.setting',
     {},
@@ -50,45 +57,65 @@ function settingField(key, {value, meaning, unit, words}) {
     field,
     el('small', {}, title),
   );
-  return {
-    key,
-    node,
-    text: `${key} ${meaning}`.toLowerCase(),
-    words: () => (now() === shownValue(value) ? [] : ['--set', `${key}=${now()}`]),
-  };
+  return {node, text: `${key} ${meaning}`.toLowerCase()};
 }
 
-// All settings of a preset, with a field to search them.
+// All settings of a preset, with a field to search them. What the user types outlives the form, which is
+// made anew whenever a job of the project begins or ends, and holds for the other presets, too.
 function settingsForm(app) {
+  const {memory} = app,
+    typed = (memory.settings ??= {}),
+    answers = (app.configs ??= {});
   const holder = el('div'),
+    summary = el('summary'),
     search = el('input', {
+      id: 'search-settings',
       type: 'search',
       placeholder: 'search settings',
       'aria-label': 'search settings',
     });
-  const node = el('details.settings', {}, el('summary', {}, 'All settings'), search, holder);
+  const node = el('details.settings', {open: memory.showsSettings}, summary, search, holder);
   let fields = [],
     shown = null;
-  const load = async preset => {
-    if (!node.open || shown === preset) return;
-    shown = preset;
-    const json = await app.server.question(['config', ...(preset ? ['-c', preset] : [])]);
-    fields = Object.entries(json)
-      .filter(([section]) => section !== 'reconstruct')
-      .flatMap(([section, settings]) =>
-        Object.entries(settings).map(([name, setting]) =>
-          settingField(`${section}.${name}`, setting),
-        ),
-      );
-    holder.replaceChildren(...fields.map(field => field.node));
-    filter();
+  const count = () => {
+    const {length} = Object.keys(typed);
+    summary.textContent = `All settings${length ? `, ${length} changed` : ''}`;
   };
   const filter = () => {
     const wanted = search.value.trim().toLowerCase();
     for (const field of fields) field.node.hidden = !field.text.includes(wanted);
   };
+  const fill = json => {
+    fields = Object.entries(json)
+      .filter(([section]) => section !== 'reconstruct')
+      .flatMap(([section, settings]) =>
+        Object.entries(settings).map(([name, setting]) =>
+          settingField(`${section}.${name}`, setting, typed, count),
+        ),
+      );
+    holder.replaceChildren(...fields.map(field => field.node));
+    filter();
+  };
+  const load = async () => {
+    const preset = memory.preset ?? '';
+    if (!node.open || shown === preset) return;
+    answers[preset] ??= await app.server.question(['config', ...(preset ? ['-c', preset] : [])]);
+    if (preset !== (memory.preset ?? '')) return; // another one was chosen meanwhile
+    shown = preset;
+    fill(answers[preset]);
+  };
+  node.addEventListener('toggle', () => {
+    memory.showsSettings = node.open;
+    load().catch(app.fail);
+  });
   search.addEventListener('input', filter);
-  return {node, load, words: () => fields.flatMap(field => field.words())};
+  count();
+  load().catch(app.fail);
+  return {
+    node,
+    load,
+    words: () => Object.entries(typed).flatMap(([key, text]) => ['--set', `${key}=${text}`]),
+  };
 }
 
 // "about 0.2 million Gaussians (at most ...); photos take ...; training on the CPU takes about 0.3 GiB
@@ -113,8 +140,11 @@ function presetCards(app, chosen, choose) {
     );
     return {name, node, forecast};
   });
-  const press = name => {
+  const mark = name => {
     for (const card of cards) card.node.setAttribute('aria-pressed', String(card.name === name));
+  };
+  const press = name => {
+    mark(name);
     choose(name);
   };
   const ask = async () => {
@@ -126,18 +156,18 @@ function presetCards(app, chosen, choose) {
         .then(({findings}) => findings.find(({topic}) => topic === 'forecast')?.text ?? '')
         .catch(error => error.message);
       forecast.textContent = shortForecast(app.forecasts[key]);
-      if (!name && !app.memory.preset && /on the CPU/.test(app.forecasts[key])) press('cpu_tiny');
+      if (!name && app.memory.preset === undefined && /on the CPU/.test(app.forecasts[key]))
+        press('cpu_tiny');
       forecast.title = app.forecasts[key];
     }
   };
-  press(chosen);
+  mark(chosen);
   return {
     node: el(
       'div.presets',
       {role: 'group', 'aria-label': 'presets'},
       cards.map(({node}) => node),
     ),
-    press,
     ask,
   };
 }
@@ -204,9 +234,8 @@ export function showTrain(app) {
   const settings = settingsForm(app);
   const presets = presetCards(app, memory.preset ?? '', name => {
     memory.preset = name;
-    settings.load(name).catch(app.fail);
+    settings.load().catch(app.fail);
   });
-  settings.node.addEventListener('toggle', () => settings.load(memory.preset).catch(app.fail));
   const steps = numberField('steps', 'Steps', 'by the photos'),
     width = numberField('width', 'Width of the photos', 'up to 1600');
   const measures = el('input', {type: 'checkbox', id: 'eval'});

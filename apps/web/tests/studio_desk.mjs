@@ -78,8 +78,8 @@ const isAboutTheEnd = text =>
     text,
   );
 
-// The step of the newest checkpoint of a run; 0: there is none.
-function newestCheckpoint(run) {
+/// The step of the newest checkpoint of a run; 0: there is none.
+export function newestCheckpoint(run) {
   const folder = join(run, 'checkpoints'),
     names = existsSync(folder) ? readdirSync(folder) : [];
   return Math.max(0, ...names.map(name => Number(name.match(/^step_(\d+)\.ckpt$/)?.[1] ?? 0)));
