@@ -15,7 +15,7 @@ import campaign
 import scenarios
 
 VERBS = ("train", "export", "reconstruct", "experiment", "edit", "merge", "partition", "georef",
-         "tiles", "levels", "undistort", "view", "control")  # fmt: skip
+         "tiles", "mesh", "undistort", "view", "control")  # fmt: skip
 CALLS = ("open", "write", "rename", "sync", "folder", "spawn")  # a kill in place of one
 MOST_KILLS = 4  # of one run, before it may end
 

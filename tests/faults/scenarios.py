@@ -229,6 +229,8 @@ VERBS = {verb.name: verb for verb in [
                    "100", "--device", "cpu", "--force"),
          ("scene", "run"), ("out/tiles/tileset.json", "out/tiles/notes.txt", "out/notes.txt"),
          before=((*PLACE, "-o", "place.json"),)),
+    Verb("mesh", ("mesh", "run", "-o", "out/m.glb", "--device", "cpu", "--force"), ("scene", "run"),
+         ("out/m.glb", "out/notes.txt")),
     Verb("undistort", ("undistort", "scene", "-o", "flat"), ("scene", "lens"), ("notes.txt",),
          again=("--force",)),
     Verb("view", ("view", "run", "--port", "0", "--no-open", "--stream-from", "1"),
