@@ -123,10 +123,11 @@ Image8 decode_photo(const std::filesystem::path& path) {
 MapFile decode_map(const MapKind& kind, const std::filesystem::path& path) {
   const OpenPhoto photo = open_photo(path);
   const OIIO::ImageSpec& spec = photo.input->spec();
-  const auto [first, count] = kind.channels(spec.channelnames);
-  MapFile map{ImageF(spec.width, spec.height, count), true, 8 * int(spec.format.size())};
+  const std::pair<int, int> channels = kind.channels(spec.channelnames);
+  MapFile map{ImageF(spec.width, spec.height, channels.second), true, 8 * int(spec.format.size())};
   const auto read = [&]<class T>(OIIO::TypeDesc type) {
-    map.values.pixels = values_of<T>(*photo.input, kind, path, type, first, count);
+    map.values.pixels =
+        values_of<T>(*photo.input, kind, path, type, channels.first, channels.second);
   };
   switch (spec.format.basetype) {
     case OIIO::TypeDesc::UINT8: read.operator()<std::uint8_t>(OIIO::TypeDesc::UINT8); break;
