@@ -4,7 +4,9 @@
 // has no limit of time.
 #include <gmock/gmock.h>
 #include <netdb.h>
+#include <sys/resource.h>
 #include <sys/stat.h>
+#include <unistd.h>
 
 #include <chrono>
 #include <deque>
@@ -304,6 +306,17 @@ TEST(HttpLimits, AnAnswerThatIsComputedIsWaitedForByTheOthers) {
 }
 
 // ---- the end
+
+TEST(HttpServer, ItsThreadsYieldToOthersOnlyWhereTheyAreToldTo) {
+  const auto priority = [](const HttpRequest&) {
+    return http_text(std::to_string(getpriority(PRIO_PROCESS, id_t(gettid()))), "text/plain");
+  };
+  const int own = getpriority(PRIO_PROCESS, id_t(gettid()));
+  const HttpServer usual({"127.0.0.1", 0}, priority);
+  EXPECT_THAT(small_answer(usual), EndsWith("\r\n\r\n" + std::to_string(own)));
+  const HttpServer beside_training({"127.0.0.1", 0}, priority, {.yields_to_others = true});
+  EXPECT_THAT(small_answer(beside_training), EndsWith("\r\n\r\n19"));
+}
 
 TEST(HttpServer, EndsAtOnceWhateverItsConnectionsDo) {
   std::optional<HttpServer> server;

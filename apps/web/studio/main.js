@@ -39,6 +39,15 @@ class App {
       this.fail(event.reason);
     });
     addEventListener('beforeunload', event => this.uploading && event.preventDefault());
+    // What is replaced between a press and its release gets no click.
+    this.released = Promise.resolve();
+    const press = () => {
+      this.released = new Promise(done => {
+        for (const kind of ['pointerup', 'pointercancel'])
+          addEventListener(kind, () => setTimeout(done), {capture: true, once: true});
+      });
+    };
+    addEventListener('pointerdown', press, {capture: true});
     // A file that is dropped beside its place would replace the page.
     for (const kind of ['dragover', 'drop'])
       addEventListener(kind, event => event.preventDefault());
@@ -101,7 +110,9 @@ class App {
   async loop() {
     for (;;) {
       try {
-        if (await this.poll()) await this.reload();
+        const hasChanged = await this.poll();
+        await this.released;
+        if (hasChanged || this.isStale) await this.reload();
         else this.screen?.update();
         this.isGone = false;
       } catch (error) {
@@ -114,6 +125,7 @@ class App {
   }
 
   async reload() {
+    this.isStale = true;
     const {expected} = this;
     const made = expected?.id === this.id && this.project.jobs.find(({id}) => id === expected.job);
     if (made && !isActive(made)) {
@@ -123,36 +135,39 @@ class App {
     await this.show();
   }
 
+  /// Shows the screen of the page's address. Where the studio does not answer, loop() tries again.
   async show() {
-    const route = new URLSearchParams(location.hash.slice(1)),
+    const {hash} = location,
       turn = (this.turn = (this.turn ?? 0) + 1);
-    this.route = route;
+    this.route = new URLSearchParams(hash.slice(1));
     this.keys = null;
-    if (!this.id) {
-      this.showHead(null);
-      return this.put(showStart(this), 'gemsplat studio');
+    this.isStale = true;
+    let details = null;
+    if (this.id) {
+      this.server = new ProjectServer(this.id);
+      try {
+        details = await this.server.details();
+      } catch (error) {
+        this.fail(error);
+        if (!error.isGone && turn === this.turn) location.hash = '';
+        return;
+      }
     }
-    this.server = new ProjectServer(this.id);
-    let details;
-    try {
-      details = await this.server.details();
-    } catch (error) {
-      this.fail(error);
-      if (!error.isGone) location.hash = '';
-      return undefined;
-    }
-    if (turn !== this.turn) return undefined; // another screen was chosen meanwhile
+    await this.released;
+    if (turn !== this.turn) return; // another screen was chosen meanwhile
     this.details = details;
-    this.showHead(this.step);
-    return this.put(STEPS[this.step][1](this), `${this.project.name} · ${STEPS[this.step][0]}`);
+    this.showHead(details && this.step);
+    const [title, screen] = details ? STEPS[this.step] : ['', showStart];
+    document.title = details ? `${this.project.name} · ${title}` : 'gemsplat studio';
+    this.put(screen(this), hash);
   }
-  put(screen, title) {
+  put(screen, hash) {
     this.head.querySelector('[aria-current]')?.scrollIntoView({block: 'nearest', inline: 'center'});
-    document.title = title;
-    const isSame = this.shown === location.hash,
+    const isSame = this.shown === hash,
       scroll = isSame ? scrollY : 0,
       entered = isSame ? this.entered() : () => {};
-    this.shown = location.hash;
+    this.shown = hash;
+    this.isStale = false;
     this.screen = screen;
     const main = this.holder.firstChild;
     if (!screen.view) this.holder.replaceChildren(screen.node);

@@ -60,8 +60,8 @@ function settingField(key, {value, meaning, unit, words}, typed, changed) {
   return {node, text: `${key} ${meaning}`.toLowerCase()};
 }
 
-// All settings of a preset, with a field to search them. What the user types outlives the form, which is
-// made anew whenever a job of the project begins or ends, and holds for the other presets, too.
+// All settings of a preset, with a field to search them. What the user types outlives the form,
+// which is made anew whenever a job of the project begins or ends, and holds for other presets, too.
 function settingsForm(app) {
   const {memory} = app,
     typed = (memory.settings ??= {}),
@@ -73,6 +73,7 @@ function settingsForm(app) {
       type: 'search',
       placeholder: 'search settings',
       'aria-label': 'search settings',
+      value: memory.search ?? '',
     });
   const node = el('details.settings', {open: memory.showsSettings}, summary, search, holder);
   let fields = [],
@@ -108,7 +109,10 @@ function settingsForm(app) {
     memory.showsSettings = node.open;
     load().catch(app.fail);
   });
-  search.addEventListener('input', filter);
+  search.addEventListener('input', () => {
+    memory.search = search.value;
+    filter();
+  });
   count();
   load().catch(app.fail);
   return {

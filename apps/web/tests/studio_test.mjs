@@ -235,6 +235,24 @@ const tests = {
     await desk.close();
   },
 
+  async 'a click counts whatever is shown anew meanwhile, and a lost answer is asked for again'(
+    browser,
+  ) {
+    const desk = new Desk(browser, 'press');
+    await desk.open();
+    await typeFolder(desk, scene);
+    await desk.finishJob('doctor', {kills: 0});
+    const {page} = desk;
+    await page.locator('.step', {hasText: 'Train'}).hover();
+    await page.mouse.down();
+    await page.evaluate(() => void gemsplatStudio.reload());
+    await pause(1000);
+    await page.mouse.up();
+    await page.waitForFunction(() => document.title.endsWith('Train'));
+    await page.route('**/p/*/', route => route.abort(), {times: 1});
+    await desk.step('Share');
+    await desk.close();
+  },
   async 'every screen fits a phone, is dark where the system is, and works with keys'(browser) {
     const desk = new Desk(browser, 'killed');
     desk.id = readdirSync(join(out, 'killed')).find(name => !name.startsWith('.'));

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// The studio in two browsers: runs of two projects at the same time, which are stopped; a project is renamed
-// and removed. studio_desk.mjs has the command line.
+// The studio in two browsers: runs of two projects at the same time, which are stopped; a project
+// is renamed and removed. studio_desk.mjs has the command line.
 import assert from 'node:assert/strict';
 import {existsSync} from 'node:fs';
 import {join} from 'node:path';
@@ -15,7 +15,8 @@ import {
   typeFolder,
 } from './studio_desk.mjs';
 
-const LONG = 100_000; // steps, so that neither run ends while the other one begins on a busy machine
+// Steps, so that neither run ends while the other one begins on a busy machine.
+const LONG = 100_000;
 const isAboutRemoval = text => text.includes('status of 400'); // there is no such project
 
 // Stops the run of the page, which is saved.

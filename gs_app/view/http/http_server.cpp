@@ -122,7 +122,7 @@ class HttpServer::Impl {
   }
 
   void accept_all() {
-    lower_priority_once();
+    if (limits_.yields_to_others) lower_priority_once();
     while (!ends_) {
       pollfd one{listener_, POLLIN, 0};
       if (::poll(&one, 1, int(kLongestWait.count())) <= 0) continue;
@@ -165,7 +165,7 @@ class HttpServer::Impl {
   }
 
   void serve_all() {
-    lower_priority_once();
+    if (limits_.yields_to_others) lower_priority_once();
     const SerialLoops beside_training;
     for (std::unique_lock lock(mutex_);;) {
       accepted_.wait(lock, [this] { return ends_ || !waiting_.empty(); });

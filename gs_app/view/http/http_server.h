@@ -60,6 +60,9 @@ struct HttpLimits {
   double head_seconds = 5;     // from the start of a connection to the end of its request's head
   double piece_seconds = 30;   // in which a reader has to take 64 KiB, or a writer to send them
   std::size_t body_bytes = 0;  // of a POST, at most
+  /// Whether the server's threads have the lowest priority, as beside the threads of a training. A
+  /// page of the studio, whose runs take every processor, would wait for seconds.
+  bool yields_to_others = false;
   /// Whether the body of a POST is read; it is not called for what another page has sent.
   std::function<bool(const HttpRequest&)> may_send_body;
 };
@@ -74,7 +77,7 @@ bool is_own_host(const std::string& named, const std::string& host);
 /// Whether only this machine can reach the address.
 bool is_loopback(const std::string& host);
 
-/// Serves from construction to destruction, on its own threads of low priority.
+/// Serves from construction to destruction, on its own threads.
 class HttpServer {
  public:
   /// Throws Error if the port is taken or the host is not an address of this machine.
