@@ -12,9 +12,9 @@ TrainViewer::TrainViewer(const RunFolder& folder, const Scene& scene, const Conf
                          const ViewerOptions& options)
     : view_(name_of(folder.root()), scene, config),
       control_(folder, [this](Trainer& trainer) { view_.show_now(trainer); }),
-      server_(options.place,
-              [this](const HttpRequest& request) { return view_answer(view_, request); },
-              HttpLimits{.yields_to_others = true}),
+      server_(
+          options.place, [this](const HttpRequest& request) { return view_answer(view_, request); },
+          HttpLimits{.yields_to_others = true}),
       waits_(options.waits) {
   view_.let_control(control_);
   warn_if_public(options.place, server_.port());
