@@ -66,9 +66,9 @@ std::vector<SplitImage> split_panoramas(ColmapModel& model) {
       image.name = name_of_half(image.name, false);
       share_observations(camera, image, back);
       add_to_frame(model, image.id, back.id);
-      split.push_back({std::move(back), {i, true}});
+      split.emplace_back(std::move(back), SplitImage{i, true});
     }
-    split.push_back({std::move(image), {i, false}});
+    split.emplace_back(std::move(image), SplitImage{i, false});
   }
   if (was_sorted)
     std::ranges::sort(

@@ -5,6 +5,7 @@
 #include <string>
 #include <vector>
 
+#include "gs_core/buffer.h"
 #include "gs_core/camera.h"
 #include "gs_core/geodesy/georeference.h"
 #include "gs_core/geodesy/utm.h"

@@ -149,7 +149,7 @@ UploadState Uploads::take(const std::string& name, std::uint64_t at, std::uint64
 }
 
 void Uploads::count() {
-  use_.emplace();
+  use_ = Use();
   for (const fs::path& folder : {input_, parts_}) {
     std::error_code none;
     for (const auto& entry : fs::recursive_directory_iterator(folder, none)) {
