@@ -14,7 +14,6 @@
 #include "gs_core/error.h"
 #include "gs_core/system/files/access.h"
 #include "gs_core/system/files/atomic_file.h"
-#include "gs_core/system/text/foreign_text.h"
 #include "gs_core/threads/parallel.h"
 
 namespace gs {
@@ -26,26 +25,10 @@ fs::path mask_file(const Project& project, const std::string& photo) {
   return project.folder / "masks" / (safe_path(photo).generic_string() + ".png");
 }
 
-// The size in the header of a PNG, which is read before anything is unpacked.
-PhotoSize size_in_png(const std::string& png) {
-  constexpr std::string_view kBegin("\x89PNG\r\n\x1a\n\0\0\0\rIHDR", 16);
-  constexpr std::size_t kHeader = 24;  // bytes, with the two numbers behind IHDR
-  if (png.size() < kHeader || !png.starts_with(kBegin))
-    throw UsageError("the mask is no PNG; load the page again");
-  const auto number = [&](std::size_t at) {
-    std::uint32_t value = 0;
-    for (std::size_t i = at; i < at + 4; ++i) value = value << 8 | std::uint8_t(png[i]);
-    return value;
-  };
-  const std::uint32_t width = number(16), height = number(20);
-  if (width < 1 || height < 1 || std::max(width, height) > kLongestMaskSide)
-    throw UsageError(fmt::format("a mask has 1 to {} pixels on a side, and this one is {}x{}",
-                                 kLongestMaskSide, width, height));
-  return {int(width), int(height)};
-}
-
-// Decoders read files.
-Image8 decoded(const std::string& png, const fs::path& beside) {
+// A mask that a page has sent, of the shape of the photo that it shows. Decoders read files; its size is
+// that of the header, before anything is unpacked.
+Image8 decoded(const std::string& png, const PhotoSize& photo, const fs::path& beside) {
+  if (!png.starts_with("\x89PNG")) throw UsageError("the mask is no PNG; load the page again");
   fs::create_directories(beside.parent_path());
   struct Temporary {
     fs::path path;
@@ -61,8 +44,16 @@ Image8 decoded(const std::string& png, const fs::path& beside) {
     whole.commit(AtomicFile::Durability::unsynced);
   }
   try {
+    const auto [width, height] = read_photo_size(file.path);
+    if (std::max(width, height) > kLongestMaskSide)
+      throw UsageError(fmt::format("a mask has at most {} pixels on a side, and this one is {}x{}",
+                                   kLongestMaskSide, width, height));
+    if (!has_shape_of({width, height}, photo))
+      throw UsageError("the mask has another shape than its photo; load the page again");
     return read_mask_file(file.path);
   } catch (const AccessError&) {
+    throw;
+  } catch (const UsageError&) {
     throw;
   } catch (const Error&) {
     throw UsageError("the mask is a damaged PNG; load the page again");
@@ -149,10 +140,8 @@ Image8 read_painted_mask(const Project& project, const std::string& photo, int d
     throw UsageError("the photos have masks of their own; change these");
   const int orientation = orientation_of(project, photo);
   const PhotoSize stored = read_photo_size(photo_folder_of(project) / photo);
-  if (!has_shape_of(size_in_png(png), turned_size(upright_size(stored, orientation), degrees)))
-    throw UsageError(
-        fmt::format("the mask has another shape than {}; load the page again", shown_word(photo)));
-  const Image8 seen = decoded(png, mask_file(project, photo));
+  const PhotoSize shown = turned_size(upright_size(stored, orientation), degrees);
+  const Image8 seen = decoded(png, shown, mask_file(project, photo));
   if (hides_nothing(seen)) return {};
   return as_stored(turned(seen, (360 - degrees) % 360), orientation);
 }
