@@ -243,11 +243,11 @@ TEST_F(Edit, ALassoHoldsWhatItsCameraShowsInsideOfTheLine) {
   EXPECT_GT(top, 0u);
   EXPECT_GT(bottom, 0u);
   EXPECT_EQ(painted("[[[-100,0],[300,0]],[[-100,80],[60,80],[300,80]]]", "40"), all);
-  for (const auto& [strokes, radius] :
+  for (const auto& damaged :
        {std::pair{"[[[60,40]]]", "0"}, {"[[]]", "3"}, {"[7]", "3"}, {"7", "3"}})
-    EXPECT_THAT(error_of([&] { painted(strokes, radius); }),
+    EXPECT_THAT(error_of([&] { painted(damaged.first, damaged.second); }),
                 HasSubstr("save the lasso in the viewer again"))
-        << strokes;
+        << damaged.first;
 }
 
 TEST_F(Edit, GeoJsonAndTextSayTheSameArea) {

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // gemsplat mesh: files, options and everything that it refuses.
 #include <gmock/gmock.h>
+#include <spdlog/fmt/fmt.h>
 
 #include "data_loaders/photos/photos.h"
 #include "gs_model/formats/formats.h"
