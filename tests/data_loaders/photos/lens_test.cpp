@@ -14,7 +14,6 @@ namespace {
 
 using testing::AllOf;
 using testing::HasSubstr;
-using testing::Not;
 
 Vec2d pixel(const LensCamera& camera, const Vec2d& landed) {
   const PinholeCamera<double>& photo = camera.pinhole;
