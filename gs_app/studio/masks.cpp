@@ -25,8 +25,8 @@ fs::path mask_file(const Project& project, const std::string& photo) {
   return project.folder / "masks" / (safe_path(photo).generic_string() + ".png");
 }
 
-// A mask that a page has sent, of the shape of the photo that it shows. Decoders read files; its size is
-// that of the header, before anything is unpacked.
+// A mask that a page has sent, of the shape of the photo that it shows. It goes through a file,
+// which decoders read. Its size comes from the header, before anything is unpacked.
 Image8 decoded(const std::string& png, const PhotoSize& photo, const fs::path& beside) {
   if (!png.starts_with("\x89PNG")) throw UsageError("the mask is no PNG; load the page again");
   fs::create_directories(beside.parent_path());

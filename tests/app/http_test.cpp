@@ -305,8 +305,6 @@ TEST(HttpLimits, AnAnswerThatIsComputedIsWaitedForByTheOthers) {
   EXPECT_THAT(other.answer(), EndsWith("answered"));
 }
 
-// ---- the end
-
 TEST(HttpServer, ItsThreadsYieldToOthersOnlyWhereTheyAreToldTo) {
   const auto priority = [](const HttpRequest&) {
     return http_text(std::to_string(getpriority(PRIO_PROCESS, id_t(gettid()))), "text/plain");
@@ -317,6 +315,8 @@ TEST(HttpServer, ItsThreadsYieldToOthersOnlyWhereTheyAreToldTo) {
   const HttpServer beside_training({"127.0.0.1", 0}, priority, {.yields_to_others = true});
   EXPECT_THAT(small_answer(beside_training), EndsWith("\r\n\r\n19"));
 }
+
+// ---- the end
 
 TEST(HttpServer, EndsAtOnceWhateverItsConnectionsDo) {
   std::optional<HttpServer> server;

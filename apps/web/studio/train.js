@@ -61,7 +61,7 @@ function settingField(key, {value, meaning, unit, words}, typed, changed) {
 }
 
 // All settings of a preset, with a field to search them. What the user types outlives the form,
-// which is made anew whenever a job of the project begins or ends, and holds for other presets, too.
+// which is made anew whenever a job of the project begins or ends; it holds for other presets, too.
 function settingsForm(app) {
   const {memory} = app,
     typed = (memory.settings ??= {}),

@@ -253,6 +253,7 @@ const tests = {
     await desk.step('Share');
     await desk.close();
   },
+
   async 'every screen fits a phone, is dark where the system is, and works with keys'(browser) {
     const desk = new Desk(browser, 'killed');
     desk.id = readdirSync(join(out, 'killed')).find(name => !name.startsWith('.'));

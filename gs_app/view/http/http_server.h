@@ -60,11 +60,11 @@ struct HttpLimits {
   double head_seconds = 5;     // from the start of a connection to the end of its request's head
   double piece_seconds = 30;   // in which a reader has to take 64 KiB, or a writer to send them
   std::size_t body_bytes = 0;  // of a POST, at most
+  /// Whether the body of a POST is read; it is not called for what another page has sent.
+  std::function<bool(const HttpRequest&)> may_send_body;
   /// Whether the server's threads have the lowest priority, as beside the threads of a training. A
   /// page of the studio, whose runs take every processor, would wait for seconds.
   bool yields_to_others = false;
-  /// Whether the body of a POST is read; it is not called for what another page has sent.
-  std::function<bool(const HttpRequest&)> may_send_body;
 };
 
 /// Whether a server that listens at `host` accepts a request whose Host header is `named`, with or
