@@ -187,7 +187,8 @@ Json models_of(const Project& project) {
   Json models = Json::array();
   for (auto& [time, model] : found) {
     for (const StudioJob& job : project.jobs)
-      if (job.verb() == "edit" && job.words.size() > 1 && job.output() == model["path"])
+      if (job.verb() == "edit" && job.words.size() > 1 &&
+          job.output() == model["path"].get<std::string>())
         model["from"] = job.words[1];
     models.push_back(std::move(model));
   }
