@@ -23,8 +23,11 @@ Gaussians all_around() {
   for (std::size_t i = 0; i < gaussians.count(); ++i) {
     Vec3f direction = draws.uniform3(-1, 1);
     direction /= std::sqrt(inner(direction, direction));
-    set_gaussian(gaussians, i, draws.uniform(2.0f, 3.0f) * direction, draws.uniform(0.08f, 0.2f),
-                 draws.uniform(0.5f, 0.95f), draws.uniform3(0, 1));
+    const Vec3f color = draws.uniform3(0, 1);
+    const float opacity = draws.uniform(0.5f, 0.95f);
+    const float size = draws.uniform(0.08f, 0.2f);
+    const Vec3f place = draws.uniform(2.0f, 3.0f) * direction;
+    set_gaussian(gaussians, i, place, size, opacity, color);
   }
   return gaussians;
 }

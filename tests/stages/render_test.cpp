@@ -182,8 +182,10 @@ TEST(Render, MatchesBruteForceWithMeansOnPixelCentersAndTileEdges) {
   Gaussians gaussians(300, host_memory());
   for (std::size_t i = 0; i < gaussians.count(); ++i) {
     const float x = 0.5f * float(draws.below(2 * 48)), y = 0.5f * float(draws.below(2 * 40));
-    set_gaussian(gaussians, i, behind_pixel(camera, x, y, 1), draws.log_uniform(1e-3f, 0.05f),
-                 draws.uniform(0.1f, 0.9f), draws.uniform3(0, 1));
+    const Vec3f color = draws.uniform3(0, 1);
+    const float opacity = draws.uniform(0.1f, 0.9f);
+    const float size = draws.log_uniform(1e-3f, 0.05f);
+    set_gaussian(gaussians, i, behind_pixel(camera, x, y, 1), size, opacity, color);
   }
   for (const BlendRule rule : kRules) expect_brute_force_picture(gaussians, camera, with(rule));
 }

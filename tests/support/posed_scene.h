@@ -24,7 +24,9 @@ inline Gaussians posed_truth(std::vector<ScenePoint>& points) {
     do place = draws.uniform3(-1, 1);
     while (inner(place, place) > 1);
     const Vec3f color = draws.uniform3(0, 1);
-    set_gaussian(truth, i, place, draws.uniform(0.05f, 0.16f), draws.uniform(0.6f, 0.97f), color);
+    const float opacity = draws.uniform(0.6f, 0.97f);
+    const float size = draws.uniform(0.05f, 0.16f);
+    set_gaussian(truth, i, place, size, opacity, color);
     points.push_back(
         {place,
          {std::uint8_t(255 * color.x), std::uint8_t(255 * color.y), std::uint8_t(255 * color.z)}});

@@ -335,7 +335,7 @@ TEST_F(ForeignScenes, Meshroom) {
       intrinsic.update(
           {{"pxFocalLength", text(kFocal)}, {"principalPoint", {text(kCenterX), text(kCenterY)}}});
     }
-    file["intrinsics"] = {intrinsic};
+    file["intrinsics"] = SortedJson::array({intrinsic});
     for (int i = 0; i < 2; ++i) {
       SortedJson rotation, center;
       for (const double number : by_columns(pose(i).cam_from_world))

@@ -255,7 +255,9 @@ Scene fine_scene() {
   scene.points.clear();
   for (std::size_t i = 0; i < truth.count(); ++i) {
     const Vec3f place = draws.uniform3(-0.8f, 0.8f);
-    set_gaussian(truth, i, place, draws.uniform(0.01f, 0.04f), 0.9f, draws.uniform3(0, 1));
+    const Vec3f color = draws.uniform3(0, 1);
+    const float size = draws.uniform(0.01f, 0.04f);
+    set_gaussian(truth, i, place, size, 0.9f, color);
     if (i % 2) scene.points.push_back({place, {128, 128, 128}});
   }
   const auto renderer = make_scalar_renderer();
