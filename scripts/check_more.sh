@@ -1,13 +1,13 @@
 #!/usr/bin/env bash
 # SPDX-License-Identifier: Apache-2.0
-# Checks that CI has no time for; they run before a release. All take some six hours on 2 cores.
+# Checks that CI has no time for; they run before a release. All take some five hours on 2 cores.
 #   scripts/check_more.sh [CHECK...]     only these; without names, all that `checks` lists below
 # The last result of each check stands in docs/develop/checks.csv, with its date and commit. A check of a tree
 # with changes is not written there.
 set -euo pipefail
 source "$(dirname "$0")/common.sh"
 
-readonly checks=(minimal threads sanitizers fuzz clang tidy cccl programs faults coverage)
+readonly checks=(minimal threads sanitizers fuzz clang tidy cccl programs faults)
 readonly results=docs/develop/checks.csv
 
 run_tests() { ctest --test-dir "build/$1" --output-on-failure --no-tests=error --progress -j"$(nproc)" "${@:2}"; }
@@ -85,8 +85,6 @@ check_faults() {
   tests/faults/inject.py "${campaign[@]}" --faults 1200 --json build/debug/faults.json
   tests/faults/kills.py "${campaign[@]}" --kills 500 --json build/debug/kills.json
 }
-
-check_coverage() { scripts/coverage.sh; }
 
 # record CHECK SECONDS: its row in the table of results, instead of an older one.
 record() {
