@@ -111,6 +111,16 @@ inline void set_gaussian(const Gaussians& gaussians, std::size_t i, const Vec3f&
   gaussians.sh_rest[i] = {};
 }
 
+/// One isotropic Gaussian of a random scale, opacity and color. Each has a statement of its own, since
+/// compilers differ in the order in which they evaluate the arguments of a call.
+inline void draw_gaussian(const Gaussians& gaussians, std::size_t i, const Vec3f& mean,
+                          float least_scale, float most_scale, Draws& draws) {
+  const Vec3f color = draws.uniform3(0, 1);
+  const float opacity = draws.uniform(0.5f, 0.95f);
+  const float scale = draws.uniform(least_scale, most_scale);
+  set_gaussian(gaussians, i, mean, scale, opacity, color);
+}
+
 /// A camera of 4096 x 4096 pixels, and Gaussians that each hit all of its 65,536 tiles: `count` of
 /// 65,537 makes 2^32 + 65,536 instances.
 inline Camera camera_of_65536_tiles() { return plain_camera(4096, 4096); }

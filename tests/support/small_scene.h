@@ -29,10 +29,7 @@ inline Gaussians small_truth(std::vector<ScenePoint>* points = nullptr) {
   Gaussians truth(40, host_memory());
   for (std::size_t i = 0; i < truth.count(); ++i) {
     const Vec3f place = draws.uniform3(-0.8f, 0.8f);
-    const Vec3f color = draws.uniform3(0, 1);
-    const float opacity = draws.uniform(0.5f, 0.95f);
-    const float size = draws.uniform(0.05f, 0.25f);
-    set_gaussian(truth, i, place, size, opacity, color);
+    draw_gaussian(truth, i, place, 0.05f, 0.25f, draws);
     const Vec3f near = place + draws.uniform3(-0.1f, 0.1f);
     if (points) points->push_back({near, {128, 128, 128}});
   }

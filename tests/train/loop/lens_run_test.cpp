@@ -23,10 +23,7 @@ Gaussians truth_around(std::vector<ColmapPoint>& points) {
     Vec3f direction = draws.uniform3(-1, 1);
     direction /= std::sqrt(inner(direction, direction));
     const Vec3f place = draws.uniform(1.6f, 2.6f) * direction;
-    const Vec3f color = draws.uniform3(0, 1);
-    const float opacity = draws.uniform(0.5f, 0.95f);
-    const float size = draws.uniform(0.2f, 0.5f);
-    set_gaussian(truth, i, place, size, opacity, color);
+    draw_gaussian(truth, i, place, 0.2f, 0.5f, draws);
     points.push_back({i + 1, Vec3d(place + draws.uniform3(-0.1f, 0.1f)), {128, 128, 128}});
   }
   return truth;

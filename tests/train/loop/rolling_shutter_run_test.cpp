@@ -164,10 +164,7 @@ TEST_F(RollingShutterRun, PicturesAreThoseOfStandingCamerasRowByRow) {
   const ColmapModel model = room_model(1, 96, room.count());
   for (std::size_t i = 0; i < room.count(); ++i) {
     const ColmapPoint& point = model.points[i];
-    const Vec3f color = draws.uniform3(0, 1);
-    const float opacity = draws.uniform(0.5f, 0.95f);
-    const float size = draws.uniform(0.04f, 0.1f);
-    set_gaussian(room, i, Vec3f(point.position), size, opacity, color);
+    draw_gaussian(room, i, Vec3f(point.position), 0.04f, 0.1f, draws);
   }
   const std::unique_ptr<Renderer> renderer = make_scalar_renderer();
   double worst = 1e9, worst_without = 1e9;
